@@ -1,4 +1,4 @@
-//! Links the firmware with the memory map of its board; nothing to do for a host.
+//! Links the firmware with the memory map of its board. Does nothing for a host.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -25,7 +25,7 @@ fn main() {
     } else {
         "memory-an500.x"
     };
-    // cortex-m-rt's script includes the workspace's memory.x, and that includes board.x.
+    // The script of cortex-m-rt includes the workspace's memory.x, which includes board.x.
     let folder = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     fs::copy(map, folder.join("board.x")).expect("the memory map can be copied");
     println!("cargo::rustc-link-search={}", folder.display());

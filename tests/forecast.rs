@@ -9,8 +9,8 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::rdbp::RangeDoppler;
-use subaperture::focus::{ImageFormer, Misses, Task};
+use subaperture::focus::rdbp::RangeDopplerBackprojection;
+use subaperture::focus::{BoundPolicy, ImageFormer, Task};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::planner::forecast::forecast;
@@ -32,13 +32,13 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {
         let told = forecast(former, &task).unwrap().expect("an estimate");
         let start = Instant::now();
-        former.form_asked(&task, Misses::Allowed).unwrap();
+        former.form_asked(&task, BoundPolicy::Allowed).unwrap();
         let taken_s = start.elapsed().as_secs_f64();
         let ratio = told.seconds / taken_s;
         println!(
@@ -72,7 +72,7 @@ fn estimates_are_within_a_factor_of_two() {
     let error_db = -60.0;
     within_a_factor_of_two(&Exact, "x=-10:10:0.3,y=-10:10:0.3");
     within_a_factor_of_two(&Backprojection { error_db }, "x=-40:40:0.4,y=-40:40:0.4");
-    let rdbp = RangeDoppler {
+    let rdbp = RangeDopplerBackprojection {
         mode: subaperture::focus::rdbp::Mode::Precise,
         error_db,
         sub_cpi: None,

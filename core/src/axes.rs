@@ -1,41 +1,40 @@
-//! Sizes and axes of a sub-CPI and its map.
+//! Dimensions and axes of a sub-CPI and its map.
 
 use core::fmt;
 
 use crate::fft;
 use crate::window::WindowError;
 
-/// Sizes of a sub-CPI and of its range-Doppler map.
+/// Dimensions of a sub-CPI and of its range-Doppler map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Pulses a sub-CPI, `M`; at least 1.
+    /// Pulses per sub-CPI, `M >= 1`.
     pub num_pulses: usize,
-    /// Frequency samples a pulse, `F`; at least 1.
+    /// Frequency samples per pulse, `F >= 1`.
     pub num_frequencies: usize,
-    /// Range bins of the map, `R`: a power of two, at least `F`, 2 to 4096.
+    /// Range bins of the map, `R`: a power of two from 2 to 4096, at least `F`.
     pub num_range_bins: usize,
-    /// Doppler bins of the map, `D`: a power of two, at least `M`, 2 to 4096.
+    /// Doppler bins of the map, `D`: a power of two from 2 to 4096, at least `M`.
     pub num_doppler_bins: usize,
 }
 
 impl Shape {
-    /// Samples of a sub-CPI, `F M`.
+    /// Number of samples of a sub-CPI, `F M`.
     pub const fn history_len(&self) -> usize {
         self.num_frequencies.saturating_mul(self.num_pulses)
     }
 
-    /// Samples of a map, `D R`.
+    /// Number of samples of a map, `D R`.
     pub const fn map_len(&self) -> usize {
         self.num_doppler_bins.saturating_mul(self.num_range_bins)
     }
 
-    /// Weights of the sinc Keystone's matrix, `F M M`.
+    /// Number of weights of the sinc keystone matrices, `F M M`.
     pub const fn sinc_len(&self) -> usize {
         self.history_len().saturating_mul(self.num_pulses)
     }
 
-    /// Shortest transform that the chirp-z Keystone can use: the power of two at or above
-    /// `M + D - 1`.
+    /// Minimum transform length of the chirp-z keystone: the smallest power of two at least `M + D - 1`.
     pub const fn chirp_length(&self) -> usize {
         let least = self
             .num_pulses
@@ -47,7 +46,7 @@ impl Shape {
         }
     }
 
-    /// Whether the sizes can be: the bounds stated at each.
+    /// Whether the dimensions satisfy the bounds stated at each field.
     pub const fn is_valid(&self) -> bool {
         self.num_pulses >= 1
             && self.num_frequencies >= 1
@@ -58,7 +57,7 @@ impl Shape {
     }
 }
 
-/// A checked shape with its frequency axis: what a map's bins mean.
+/// Validated dimensions with the frequency axis: the physical axes of a map.
 ///
 /// ```
 /// use subaperture_core::{Axes, SPEED_OF_LIGHT_M_S, Shape};
@@ -77,7 +76,7 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Checks `shape` and the frequencies `start_hz + k step_hz`.
+    /// Validate `shape` and the frequency axis `start_hz + k step_hz`.
     ///
     /// # Errors
     /// [`ParamError::Shape`] or [`ParamError::Band`].
@@ -96,58 +95,59 @@ impl Axes {
         })
     }
 
-    /// The sizes.
+    /// Dimensions.
     pub const fn shape(&self) -> Shape {
         self.shape
     }
 
-    /// Frequency step, hertz.
+    /// Frequency step in hertz.
     pub const fn step_hz(&self) -> f64 {
         self.step_hz
     }
 
-    /// Frequency of sample `k`, hertz.
+    /// Frequency of sample `k` in hertz.
     pub fn frequency_hz(&self, k: usize) -> f64 {
         self.start_hz + k as f64 * self.step_hz
     }
 
-    /// Reference frequency: that of sample `F / 2`, hertz.
+    /// Reference frequency in hertz: the frequency of sample `F / 2`.
     pub fn centre_hz(&self) -> f64 {
         self.frequency_hz(self.shape.num_frequencies / 2)
     }
 
-    /// Relative two-way path of a range bin, metres: `(bin - R/2) c / (R step_hz)`.
+    /// Relative two-way path of a range bin in metres: `(bin - R/2) c / (R step_hz)`.
     pub fn path_m(&self, range_bin: usize) -> f64 {
         (range_bin as f64 - (self.shape.num_range_bins / 2) as f64) / self.range_bins_per_metre()
     }
 
-    /// Range bins a metre of two-way path, `R step_hz / c`.
+    /// Range bins per metre of two-way path, `R step_hz / c`.
     pub fn range_bins_per_metre(&self) -> f64 {
         self.shape.num_range_bins as f64 * self.step_hz / crate::SPEED_OF_LIGHT_M_S
     }
 }
 
-/// Why a sub-CPI cannot be planned.
+/// Reason why a sub-CPI cannot be planned.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ParamError {
-    /// Sizes that cannot be; the bounds are stated at [`Shape`]'s fields.
+    /// Invalid dimensions; the bounds are stated at the fields of [`Shape`].
     Shape(Shape),
-    /// Frequencies must be positive and finite.
+    /// Start frequency or frequency step is not positive and finite.
     Band {
-        /// Frequency of sample 0, hertz.
+        /// Frequency of sample 0 in hertz.
         start_hz: f64,
-        /// Frequency step, hertz.
+        /// Frequency step in hertz.
         step_hz: f64,
     },
-    /// The fast-time window.
+    /// The fast-time window is invalid.
     FastWindow(WindowError),
-    /// The slow-time window.
+    /// The slow-time window is invalid.
     SlowWindow(WindowError),
-    /// The chirp-z Keystone's transform is too short, or no power of two up to 4096.
+    /// The transform length of the chirp-z keystone is too short, or not a power of two up to 4096.
     ChirpLength {
-        /// Shortest that would do.
+        /// Minimum length.
         least: usize,
-        /// Length given.
+        /// Requested length.
         got: usize,
     },
     /// A table has the wrong length.
@@ -159,27 +159,25 @@ impl fmt::Display for ParamError {
         match self {
             Self::Shape(s) => write!(
                 f,
-                "{} pulses x {} frequencies do not fit {} Doppler x {} range bins: bins are powers \
-                 of two from 2 to 4096, Doppler bins at least the pulses, range bins at least the \
-                 frequencies, none zero",
+                "invalid shape of {} pulses x {} frequencies and {} Doppler x {} range bins: expected bins in powers \
+                 of two from 2 to 4096, Doppler bins >= pulses >= 1, range bins >= frequencies >= 1",
                 s.num_pulses, s.num_frequencies, s.num_doppler_bins, s.num_range_bins
             ),
             Self::Band { start_hz, step_hz } => write!(
                 f,
-                "frequencies from {start_hz} Hz in steps of {step_hz} Hz: both must be positive \
-                 and finite"
+                "invalid band from {start_hz} Hz in steps of {step_hz} Hz: expected positive finite start and step"
             ),
             Self::FastWindow(error) => write!(f, "fast-time window: {error}"),
             Self::SlowWindow(error) => write!(f, "slow-time window: {error}"),
             Self::ChirpLength { least, .. } if *least > fft::MAX_LENGTH => write!(
                 f,
-                "pulses and Doppler bins together need chirp transforms of {least} points, more \
-                 than {}: take fewer, or the sinc Keystone",
+                "pulses and Doppler bins need chirp transforms of {least} points, more \
+                 than {}: reduce them or use the sinc keystone",
                 fft::MAX_LENGTH
             ),
             Self::ChirpLength { least, got } => write!(
                 f,
-                "chirp transforms of {got} points: a power of two from {least} to 4096 is needed"
+                "chirp transform length: expected a power of two from {least} to 4096, found {got}"
             ),
             Self::Table(error) => error.fmt(f),
         }

@@ -1,6 +1,7 @@
-//! Detection at a constant false-alarm rate: cells above the mean power of the cells around them.
+//! Cell-averaging CFAR (CA-CFAR) detector for range-Doppler maps.
 //!
-//! **Equation** (cell averaging). Of a cell of power `p`, with `N` training cells of powers `x_n` in a
+//! **Equation.** A cell of power `p` is compared with `N` training cells of powers `x_n` in a rectangular ring
+//! around it, outside the guard cells:
 //! rectangular ring around it, outside the guard cells:
 //!
 //! ```text
@@ -15,50 +16,50 @@
 //!              . . . . . . . . .
 //! ```
 //!
-//! Powers, not amplitudes: of complex Gaussian noise the power is exponentially distributed, a sum of
-//! `N` of them Gamma, and `P(p > k sum) = E exp(-k sum / mean) = (1 + k)^-N`, which is `Pfa` for the `k`
-//! above. For amplitudes, which are Rayleigh, no such factor holds; where the formula is printed with
-//! amplitudes (Chim 2018, (7.8)), power is what is meant.
+//! The detector uses power, not amplitude. The power of complex Gaussian noise is exponentially distributed and a
+//! sum of `N` such powers has a gamma distribution, so `P(p > k sum) = E exp(-k sum / mean) = (1 + k)^-N`, which
+//! equals `Pfa` for the `k` above. Amplitudes are Rayleigh distributed and no such factor exists for them. Where
+//! the formula is printed with amplitudes (Chim 2018, (7.8)), power is meant.
 //!
-//! At a map's edges, the cells that there are count, with the factor of their number. Cells that are
-//! no numbers, infinite or negative are as if they were not there.
+//! At the edges of a map the available training cells are used, with the factor for their number. Cells that are NaN,
+//! infinite or negative are ignored.
 //!
-//! Cells above the threshold that none of their eight neighbours exceeds become [`Detection`]s. Their
-//! place is refined, in each axis by itself, by the parabola through the logarithms of three powers
-//! (exact where the response is Gaussian), and their power is the parabola's at its top.
+//! A cell above the threshold that no neighbour of eight exceeds becomes a [`Detection`]. Its position is
+//! interpolated separately in each axis by a parabola through the logarithms of three powers (exact for a Gaussian
+//! response). Its power is that of the parabola's vertex.
 //!
-//! **Neglected**: neighbouring cells of an oversampled map are alike, so that training cells count for
-//! fewer than they are and there are more false alarms than asked for (how many: not measured). Power
-//! summed over several maps is closer to its mean than a single map's: there are fewer (below a tenth
-//! for four maps at 0.01). Targets in each other's training cells raise each other's threshold: take
-//! more guard cells than the response is wide, and fewer training cells than targets are apart. A cell
-//! at a map's edge may be the flank of a scatterer beyond; it is not refined across the edge.
+//! **Neglected**: neighbouring cells of an oversampled map are correlated. The effective number of training cells is
+//! then less than `N` and the false-alarm rate exceeds `Pfa` (by how much: not measured). Noncoherent integration of
+//! several maps reduces the variance, so the rate falls below `Pfa` (below a tenth for four maps at 0.01). Targets within
+//! each other's training cells raise each other's threshold (masking): use more guard cells than the response is wide,
+//! and fewer training cells than the target spacing. A detection in an edge cell may be the side of a scatterer outside
+//! the map; it is not interpolated across the edge.
 //!
-//! **Input** powers `[doppler][range]`, or a [`PatchMap`]. **Output** places in bins from the centre
-//! (that of `n` bins is `n / 2`, rounded down), strongest first. **Cost** 32 bytes of [`Column`] a range
-//! bin, lent; sums slide, so that a cell costs five powers and at most twelve float64 additions whatever
-//! the ring's size, and one `expm1` whenever `N` changes. **Accuracy** (`tests/stream/cfar.rs`): counted on
-//! 14 million cells of noise, false alarms are as many as asked for within the count's own error (2.7 % at
-//! `Pfa = 1e-4`), edges included. Sums carry the rounding of float64, `2^-53` of the strongest cell that
-//! slid through. A single point without noise is found within, in either axis and for both together:
+//! **Input**: powers `[doppler][range]`, or a [`PatchMap`]. **Output**: positions in bins from the centre bin
+//! (`n / 2`, rounded down, of `n` bins), strongest first. **Cost**: 32 bytes of borrowed [`Column`] per range bin.
+//! Sums slide, so a cell costs five powers and at most twelve float64 additions at any ring size, and one `expm1`
+//! whenever `N` changes. **Accuracy** (`tests/stream/cfar.rs`): over 14 million noise cells, edges included, the
+//! false-alarm rate equals `Pfa` within the statistical error of the count (2.7 % at `Pfa = 1e-4`). Sums carry
+//! float64 rounding, `2^-53` of the strongest cell that passed through. Maximum error for a single point scatterer without
+//! noise, for either axis and both together:
 //!
-//! | | place, bins | power, dB |
+//! | | position, bins | power, dB |
 //! |---|---|---|
 //! | `R = 2F`, `D = 2M`, no windows | 0.021 | 0.57 |
-//! | Hamming's windows | 0.0034 | 0.036 |
+//! | same, Hamming windows | 0.0034 | 0.036 |
 //! | `R = F`, `D = M`, no windows | 0.167 | 5.5 |
-//! | Hamming's windows | 0.017 | 0.80 |
+//! | same, Hamming windows | 0.017 | 0.80 |
 //!
-//! **Errors** settings that cannot be, and lengths that do not fit: [`CfarError`].
+//! **Errors**: invalid settings and mismatched lengths, see [`CfarError`].
 //!
 //! ```
-//! use subaperture_core::cfar::{Cfar, Column, Detection, Reach};
-//! // Noise of power 1 in 9 x 16 cells, and a target of 100 in Doppler bin +2, range bin -3.
+//! use subaperture_core::cfar::{Cfar, Column, Detection, TrainingWindow};
+//! // Noise of power 1 in 9 x 16 cells, and a target of power 100 in Doppler bin +2, range bin -3.
 //! let mut power = [1.0f32; 9 * 16];
 //! power[(4 + 2) * 16 + (8 - 3)] = 100.0;
 //! let cfar = Cfar {
-//!     range: Reach { guard: 1, training: 3 },
-//!     doppler: Reach { guard: 1, training: 1 },
+//!     range: TrainingWindow { guard: 1, training: 3 },
+//!     doppler: TrainingWindow { guard: 1, training: 1 },
 //!     false_alarm_probability: 1e-6,
 //! };
 //! let mut columns = [Column::default(); 16];
@@ -78,89 +79,90 @@ use heapless::Vec;
 use crate::LengthError;
 use crate::stream::PatchMap;
 
-/// How far guard and training cells reach along one axis, on either side of the cell.
+/// Half-widths of the guard and training regions along one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Reach {
-    /// Guard cells next to the cell.
+pub struct TrainingWindow {
+    /// Guard cells on each side of the cell under test.
     pub guard: u16,
-    /// Training cells next to those.
+    /// Training cells on each side, outside the guard cells.
     pub training: u16,
 }
 
-/// Settings of the detector.
+/// Settings of the CA-CFAR detector.
 ///
-/// With no reach in Doppler the training cells are those of the cell's own row.
+/// With `guard` and `training` 0 in Doppler the training cells lie in the row of the cell under test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Cfar {
-    /// Along range.
-    pub range: Reach,
-    /// Along Doppler.
-    pub doppler: Reach,
-    /// Wanted false alarms a tested cell, above 0 and below 1.
+    /// Guard and training cells in range.
+    pub range: TrainingWindow,
+    /// Guard and training cells in Doppler.
+    pub doppler: TrainingWindow,
+    /// Probability of false alarm per tested cell, between 0 and 1 exclusive.
     pub false_alarm_probability: f64,
 }
 
-/// A target in a map.
+/// Target detected in a map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Detection {
-    /// Range bins from the patch's centre.
+    /// Range position in bins from the patch centre.
     pub range_bin: f32,
-    /// Doppler bins from the patch's centre.
+    /// Doppler position in bins from the patch centre.
     pub doppler_bin: f32,
-    /// Power at that place.
+    /// Interpolated peak power.
     pub power: f32,
     /// Mean power of the training cells.
     pub noise: f32,
 }
 
-/// What was counted on the way.
+/// Cell counts of one CFAR run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Tally {
-    /// Cells that are numbers and have a training cell.
+pub struct CellCounts {
+    /// Cells tested: valid power and at least one training cell.
     pub tested: u32,
-    /// Of these, cells above the threshold; local maxima or not.
+    /// Tested cells above the threshold, local maxima or not.
     pub above: u32,
-    /// Detections for which there was no room, the weakest of all.
+    /// Detections dropped because the list was full. The weakest are dropped.
     pub dropped: u32,
 }
 
-/// Why a map was not searched. The list of detections is as it was.
+/// Reason why a map was not searched. The list of detections is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CfarError {
-    /// The probability is not above 0 and below 1.
+    /// The probability of false alarm is not between 0 and 1.
     Probability,
-    /// There are no training cells.
+    /// The settings have no training cells.
     NoTraining,
     /// A slice has the wrong length.
     Length(LengthError),
 }
 
-/// Sliding sums over one column of the ring; lent to the detector, one a range bin.
+/// Sliding sums over one column of the ring. The caller lends one per range bin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Column {
-    /// Over all rows of the ring.
+    /// Sum over all rows of the ring.
     all: Sum,
-    /// Over its training rows, those above and below the guard's.
+    /// Sum over the training rows only, above and below the guard rows.
     beyond_guard: Sum,
 }
 
 impl Column {
-    /// No sums: what fills a static.
+    /// Zero sums; initial value of a static buffer.
     pub const EMPTY: Self = Self {
         all: Sum::EMPTY,
         beyond_guard: Sum::EMPTY,
     };
 }
 
-/// Sum and number of the cells that count.
+/// Sum and number of the valid cells.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     power: f64,
@@ -180,7 +182,7 @@ impl Sum {
         }
     }
 
-    fn take_cell(&mut self, power: Option<f32>) {
+    fn subtract_cell(&mut self, power: Option<f32>) {
         if let Some(power) = power {
             self.power -= f64::from(power);
             self.cells = self.cells.wrapping_sub(1);
@@ -194,7 +196,7 @@ impl Sum {
         }
     }
 
-    fn take(&mut self, other: Option<Self>) {
+    fn subtract(&mut self, other: Option<Self>) {
         if let Some(other) = other {
             self.power -= other.power;
             self.cells = self.cells.wrapping_sub(other.cells);
@@ -203,7 +205,7 @@ impl Sum {
 }
 
 impl Cfar {
-    /// Whether the settings can be.
+    /// Check the settings.
     ///
     /// # Errors
     /// [`CfarError::Probability`] or [`CfarError::NoTraining`].
@@ -218,18 +220,18 @@ impl Cfar {
         Ok(())
     }
 
-    /// Searches `power`, `[doppler][range]` of `num_range_bins` a row, and replaces `detections`.
+    /// Detect targets in `power`, `[doppler][range]` with `num_range_bins` per row, and replace `detections`.
     ///
     /// # Errors
-    /// [`CfarError`] if the settings cannot be, if rows are not whole, or unless there is a column a
-    /// range bin.
+    /// [`CfarError`] if the settings are invalid, the last row is incomplete, or the number of columns differs from
+    /// `num_range_bins`.
     pub fn detect<const CAPACITY: usize>(
         &self,
         power: &[f32],
         num_range_bins: usize,
         columns: &mut [Column],
         detections: &mut Vec<Detection, CAPACITY>,
-    ) -> Result<Tally, CfarError> {
+    ) -> Result<CellCounts, CfarError> {
         let rows = power.len().checked_div(num_range_bins).unwrap_or(0);
         let whole = rows.wrapping_mul(num_range_bins);
         LengthError::check("power", whole, power.len()).map_err(CfarError::Length)?;
@@ -245,16 +247,16 @@ impl Cfar {
         self.search(&cells, columns, detections)
     }
 
-    /// Searches the power of a map, and replaces `detections`.
+    /// Detect targets in a patch map and replace `detections`.
     ///
     /// # Errors
-    /// [`CfarError`] if the settings cannot be, or unless there is a column a range bin.
+    /// [`CfarError`] if the settings are invalid or the number of columns differs from the range bins.
     pub fn detect_in_map<const CAPACITY: usize>(
         &self,
         map: &PatchMap<'_>,
         columns: &mut [Column],
         detections: &mut Vec<Detection, CAPACITY>,
-    ) -> Result<Tally, CfarError> {
+    ) -> Result<CellCounts, CfarError> {
         let patch = map.header.patch;
         let bin = |index: usize, reach: u16| (index as i32).wrapping_sub(i32::from(reach));
         let cells = Cells {
@@ -276,11 +278,11 @@ impl Cfar {
         cells: &Cells<P>,
         columns: &mut [Column],
         detections: &mut Vec<Detection, CAPACITY>,
-    ) -> Result<Tally, CfarError> {
+    ) -> Result<CellCounts, CfarError> {
         self.check()?;
         LengthError::check("columns", cells.columns, columns.len()).map_err(CfarError::Length)?;
         detections.clear();
-        let mut tally = Tally::default();
+        let mut tally = CellCounts::default();
         let mut factor = Factor::new(self.false_alarm_probability);
         self.before_first_row(cells, columns);
         for row in 0..cells.rows {
@@ -292,7 +294,7 @@ impl Cfar {
                     continue;
                 };
                 tally.tested = tally.tested.saturating_add(1);
-                // Rounding may leave less than nothing of cells that are all zero.
+                // Rounding can make the sum of all-zero cells slightly negative.
                 let sum = ring.power.max(0.0);
                 if f64::from(power) > factor.of(ring.cells) * sum {
                     tally.above = tally.above.saturating_add(1);
@@ -309,7 +311,7 @@ impl Cfar {
         Ok(tally)
     }
 
-    /// The columns as they would be for row -1: rows from 0 on that its ring holds.
+    /// Column sums for row -1: the rows from 0 on that its ring contains.
     fn before_first_row<P: Fn(usize, usize) -> Option<f32>>(
         &self,
         cells: &Cells<P>,
@@ -328,8 +330,7 @@ impl Cfar {
         }
     }
 
-    /// Moves the columns on by a row. What goes leaves before what comes enters, so that sums over a
-    /// single row carry no rounding.
+    /// Advance the columns by one row. Subtract before adding, so that sums over a single row carry no rounding.
     fn slide_to_row<P: Fn(usize, usize) -> Option<f32>>(
         &self,
         cells: &Cells<P>,
@@ -339,20 +340,20 @@ impl Cfar {
         let (guard, outer) = self.doppler.bounds();
         for (c, column) in columns.iter_mut().enumerate() {
             let at = |row: Option<usize>| row.and_then(|row| cells.at(row, c));
-            let gone = at(row.checked_sub(outer + 1));
-            let come = at(Some(row + outer));
-            column.all.take_cell(gone);
-            column.all.add_cell(come);
+            let leaving = at(row.checked_sub(outer + 1));
+            let entering = at(Some(row + outer));
+            column.all.subtract_cell(leaving);
+            column.all.add_cell(entering);
             if outer > guard {
-                column.beyond_guard.take_cell(gone);
-                column.beyond_guard.take_cell(at(Some(row + guard)));
+                column.beyond_guard.subtract_cell(leaving);
+                column.beyond_guard.subtract_cell(at(Some(row + guard)));
                 column.beyond_guard.add_cell(at(row.checked_sub(guard + 1)));
-                column.beyond_guard.add_cell(come);
+                column.beyond_guard.add_cell(entering);
             }
         }
     }
 
-    /// The ring as it would be for column -1.
+    /// Ring sum for column -1.
     fn before_first_column(&self, columns: &[Column]) -> Sum {
         let (guard, outer) = self.range.bounds();
         let mut ring = Sum::default();
@@ -365,8 +366,7 @@ impl Cfar {
         ring
     }
 
-    /// Moves the ring on by a column: all of it left and right of the guard, the training rows above
-    /// and below it.
+    /// Advance the ring by one column: full columns left and right of the guard, training rows above and below it.
     fn slide_to_column(&self, columns: &[Column], column: usize, ring: &mut Sum) {
         let (guard, outer) = self.range.bounds();
         let at = |column: Option<usize>| column.and_then(|column| columns.get(column));
@@ -374,10 +374,10 @@ impl Cfar {
         let beyond_guard = |column: Option<usize>| at(column).map(|column| column.beyond_guard);
         let passed = column.checked_sub(guard + 1);
         let reached = Some(column + guard);
-        ring.take(beyond_guard(passed));
+        ring.subtract(beyond_guard(passed));
         if outer > guard {
-            ring.take(all(column.checked_sub(outer + 1)));
-            ring.take(all(reached));
+            ring.subtract(all(column.checked_sub(outer + 1)));
+            ring.subtract(all(reached));
             ring.add(all(passed));
             ring.add(all(Some(column + outer)));
         }
@@ -385,15 +385,15 @@ impl Cfar {
     }
 }
 
-impl Reach {
-    /// Cells from the middle to the last guard cell, and to the last training cell.
+impl TrainingWindow {
+    /// Half-widths in cells: to the last guard cell, and to the last training cell.
     fn bounds(self) -> (usize, usize) {
         let guard = usize::from(self.guard);
         (guard, guard + usize::from(self.training))
     }
 }
 
-/// The powers, wherever they come from.
+/// Access to cell powers from a slice or a map.
 struct Cells<P> {
     rows: usize,
     columns: usize,
@@ -401,7 +401,7 @@ struct Cells<P> {
 }
 
 impl<P: Fn(usize, usize) -> Option<f32>> Cells<P> {
-    /// A cell's power, if there is such a cell and it counts.
+    /// Power of a cell, or `None` if the cell is outside the map or invalid.
     #[inline]
     fn at(&self, row: usize, column: usize) -> Option<f32> {
         if row >= self.rows || column >= self.columns {
@@ -410,10 +410,10 @@ impl<P: Fn(usize, usize) -> Option<f32>> Cells<P> {
         (self.power)(row, column).filter(|power| *power >= 0.0 && *power < f32::INFINITY)
     }
 
-    /// Whether none of the eight neighbours is above `power`; of equal ones the first is the peak.
+    /// Whether `power` is a local maximum of the eight neighbours. Of equal neighbours the first counts as the peak.
     fn is_peak(&self, row: usize, column: usize, power: f32) -> bool {
         let neighbour = |up: usize, right: usize| {
-            // Coordinates are one too high, so that 0 is the neighbour below; it wraps out of the map.
+            // Offsets are one too high, so that 0 means the neighbour before; it wraps out of the map.
             let (row, column) = (row.wrapping_add(up), column.wrapping_add(right));
             self.at(row.wrapping_sub(1), column.wrapping_sub(1))
         };
@@ -429,7 +429,7 @@ impl<P: Fn(usize, usize) -> Option<f32>> Cells<P> {
                 .any(|p| p > power))
     }
 
-    /// The detection at a peak.
+    /// Detection at a peak, interpolated in both axes.
     fn refine(&self, row: usize, column: usize, power: f32, noise: f32) -> Detection {
         let across = |before: Option<f32>, after: Option<f32>| match (before, after) {
             (Some(before), Some(after)) => parabola(before, power, after),
@@ -453,11 +453,11 @@ impl<P: Fn(usize, usize) -> Option<f32>> Cells<P> {
     }
 }
 
-/// Top of the parabola through the logarithms of three powers, of which the middle one is not
-/// exceeded: its place, within half a bin, and its height over the middle one.
+/// Vertex of the parabola through the logarithms of three powers whose middle one is the largest: offset within
+/// half a bin, and log height above the middle power.
 fn parabola(before: f32, peak: f32, after: f32) -> (f32, f32) {
-    /// Natural logarithm of `(pi / 2)^2`: 3.9 dB, the most that a point can lose between two bins of a
-    /// map of `R = F` or `D = M`. A neighbour near zero makes the parabola steep, and higher.
+    /// Natural logarithm of `(pi / 2)^2` = 3.9 dB, the maximum straddle loss of a map with `R = F` or `D = M`.
+    /// Limits the vertex when a neighbour near zero makes the parabola steep.
     const HIGHEST_LIFT: f32 = 0.903_165_4;
     let below = |power: f32| libm::logf((power / peak).max(f32::MIN_POSITIVE)).min(0.0);
     let (before, after) = (below(before), below(after));
@@ -470,7 +470,7 @@ fn parabola(before: f32, peak: f32, after: f32) -> (f32, f32) {
     }
 }
 
-/// `Pfa^(-1/N) - 1`, computed when `N` changes.
+/// Threshold factor `Pfa^(-1/N) - 1`, recomputed when `N` changes.
 struct Factor {
     /// `-ln Pfa`.
     exponent: f64,
@@ -496,7 +496,7 @@ impl Factor {
     }
 }
 
-/// Puts a detection into a list that falls in power; whether one, the weakest, had to be left out.
+/// Insert a detection into a list in descending power. Returns true if the weakest had to be dropped.
 fn keep<const CAPACITY: usize>(
     detections: &mut Vec<Detection, CAPACITY>,
     mut detection: Detection,
@@ -513,11 +513,11 @@ impl fmt::Display for CfarError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Probability => {
-                f.write_str("the probability of false alarm must be above 0 and below 1")
+                f.write_str("probability of false alarm must be between 0 and 1 (exclusive)")
             }
-            Self::NoTraining => f.write_str(
-                "there are no training cells: at least one is needed in range or Doppler",
-            ),
+            Self::NoTraining => {
+                f.write_str("no training cells: set at least one in range or Doppler")
+            }
             Self::Length(error) => error.fmt(f),
         }
     }

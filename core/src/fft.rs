@@ -1,14 +1,13 @@
-//! The discrete Fourier transform, forward and in place: the only module that knows microfft.
+//! Forward complex FFT in place. The only module that uses microfft.
 //!
 //! ```text
 //! X[q] = sum_p x[p] exp(-j 2 pi p q / N)
 //! ```
-//! Unscaled, input and output in natural order. There is no inverse: `X[-q mod N]` is `N` times the
-//! inverse transform, and every stage here can read its output backwards and fold `1/N` into a
-//! table.
+//! Unscaled, input and output in natural order. There is no inverse FFT: `X[-q mod N]` is `N` times the inverse
+//! transform, and every stage of this crate can read its output backwards and fold `1/N` into a table.
 //!
-//! **Cost** under QEMU's Cortex-M7, instructions: 64 points 3.0 k, 256 17.4 k, 1024 90.9 k, 4096
-//! 448 k. **Accuracy**: relative RMS error of -137 to -140 dB on noise.
+//! **Cost** in instructions under QEMU's Cortex-M7: 64 points 3.0 k, 256 points 17.4 k, 1024 points 90.9 k,
+//! 4096 points 448 k. **Accuracy**: relative RMS error of -137 to -140 dB on noise.
 //!
 //! ```
 //! use num_complex::Complex32;
@@ -20,19 +19,19 @@
 use microfft::complex as library;
 use num_complex::Complex32;
 
-/// Longest transform.
+/// Maximum transform length.
 pub const MAX_LENGTH: usize = 4096;
 
-/// Whether [`forward`] takes `length` points: a power of two from 2 to [`MAX_LENGTH`].
+/// Whether [`forward`] supports `length`: a power of two from 2 to [`MAX_LENGTH`].
 pub const fn supports(length: usize) -> bool {
     length.is_power_of_two() && length >= 2 && length <= MAX_LENGTH
 }
 
-/// Transforms `buffer` in place.
+/// Transform `buffer` in place.
 ///
-/// A buffer of a length that [`supports`] does not admit is left as it is: [`crate::Plan::new`] and
-/// the stream's `Setup::check` admit no others, and a target must not be able to panic here.
-// All lengths' code is tens of kilobytes: once, and not wherever it is called.
+/// A buffer whose length [`supports`] rejects is left unchanged. [`crate::Plan::new`] and the stream's
+/// `Setup::check` reject such lengths first, and this function must not panic on a target.
+// The code of all lengths is tens of kilobytes: never inlined, so that one copy exists.
 #[inline(never)]
 pub fn forward(buffer: &mut [Complex32]) {
     let length = buffer.len();
@@ -44,7 +43,7 @@ pub fn forward(buffer: &mut [Complex32]) {
                         let _ = library::$transform(array);
                     }
                 })*
-                _ => debug_assert!(false, "an FFT has 2 to 4096 points, a power of two"),
+                _ => debug_assert!(false, "FFT length: expected a power of two from 2 to 4096"),
             }
         };
     }

@@ -1,24 +1,26 @@
-//! Sub-CPI processing in bounded buffers: pulses in, range-Doppler maps and pixels out.
+//! Range-Doppler processing of short coherent processing intervals (sub-CPIs) in fixed memory.
 //!
-//! No standard library, no allocator, no `unsafe`. Stage code works on slices whose lengths are
-//! known at run time. What owns memory ([`stream::FloatBuffers`] and its parts,
-//! [`accumulate::CoherentGrid`], [`accumulate::PowerMap`], [`selftest::SelfTest`]) carries its sizes in
-//! its type and states its bytes as a constant, so that all memory is accounted for before the program
-//! runs; stream buffers of sizes that cannot be do not compile.
+//! Pulses go in; range-Doppler maps, detections and image pixels come out. The crate is `no_std`, allocates
+//! nothing and contains no `unsafe`. Processing stages work on slices whose lengths are checked at run time.
+//! Types that own memory ([`stream::FloatBuffers`] and its parts, [`accumulate::CoherentGrid`],
+//! [`accumulate::PowerMap`], [`selftest::SelfTest`]) carry their sizes as const generics and state their size in
+//! bytes as a constant, so the memory budget is known before the program runs. Stream buffers with invalid
+//! sizes do not compile.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the host's side is the crate `subaperture`.
+//! This crate is the embedded part of [Subaperture](https://docs.rs/subaperture), a library for radar image
+//! formation. The host side is the crate `subaperture`.
 //!
-//! # Two ways to a map
-//! - [`stream`]: pulses come one at a time and are stored raw; a bounded piece of work at a time, they
-//!   become a map of each patch of the scene, compensated to its centre with each pulse's antenna
-//!   positions, and only as large as the patch. For a processor that runs as the data come.
-//! - [`Plan`]: a whole sub-CPI in a slice becomes the whole map in another, by the thesis's sinc
-//!   Keystone or by the exact one ([`keystone`]), without knowledge of any geometry. For batches, for the
-//!   comparison of the two forms, and for checking another implementation against this one.
+//! # Two methods to form a range-Doppler map
+//! - [`stream`]: for a processor that runs while data arrive. Pulses are pushed one at a time and stored raw.
+//!   Calls of bounded duration turn each sub-CPI into one map per patch of the scene. Each map is
+//!   motion-compensated to its patch centre with the antenna positions of every pulse, and covers the patch only.
+//! - [`Plan`]: for batches, for comparing the two keystone transforms, and for verifying other implementations.
+//!   A whole sub-CPI in one slice becomes the whole map in another slice, by the sinc keystone resampling of the
+//!   thesis or by the exact chirp-z keystone ([`keystone`]). No geometry is needed.
 //!
-//! Maps of either way are read into pixels or summed as power by [`accumulate`]; those of the stream are
-//! also searched for targets by [`cfar`] and sent over a serial line by [`link`]. A radar that steps its carrier
-//! has range profiles of [`sweep`] instead.
+//! [`accumulate`] interpolates maps of either kind into complex pixels or sums their power. Maps of the stream
+//! can also be searched for targets by [`cfar`] and sent over a serial link by [`link`]. [`sweep`] computes range
+//! profiles of a stepped-frequency radar.
 //!
 //! # A plan's map
 //! `M` pulses of `F` frequencies, `f[k] = start_hz + k step_hz`, reference frequency
@@ -30,41 +32,41 @@
 //!             exp(-j 2 pi (f[k] / f_ref)(m - M/2)(d - D/2) / D)
 //! ```
 //!
-//! (Schone 2020, chapter 3: range compression, Keystone and Doppler transform in one sum.) `R` and
-//! `D` are powers of two, `R >= F`, `D >= M`. Samples have the phase `-2 pi f path / c`, so an
-//! approaching scatterer has positive Doppler; a unit scatterer on a bin reads 1. A range bin is
-//! `c / (R step_hz)` of two-way path, a Doppler bin `1 / D` cycles a pulse at `f_ref`. The stream's map
-//! is defined at [`stream`]; it counts bins from the patch's centre and pulses from the middle of the
-//! sub-CPI.
+//! This is range compression, keystone transform and Doppler transform in one sum (Schone 2020, chapter 3).
+//! `R` and `D` are powers of two, `R >= F`, `D >= M`. Samples have the phase `-2 pi f path / c`, so an
+//! approaching scatterer has positive Doppler. A scatterer of unit amplitude centred on a bin has the value 1. The range
+//! bin spacing is `c / (R step_hz)` of two-way path; the Doppler bin spacing is `1 / D` cycles per pulse at
+//! `f_ref`. The stream's map is defined in [`stream`]: its bins count from the patch centre and its pulses from
+//! the middle of the sub-CPI.
 //!
-//! # The way of the data
+//! # Data flow
 //! ```text
 //! Plan    window -> history [F][M] -> keystone -> map [D][F] -> range -> map [D][R] -> accumulate
 //! stream  push -> store [M][F] -> compensate, Doppler -> map [2Q+1][F] -> range, gate -> map out
 //! ```
-//! [`window`], [`keystone`], [`range`] and [`accumulate`] do not know each other; [`Plan`] knows their
-//! order, [`stream::SubCpiProcessor`] that of the stream. Only [`fft`] knows the FFT library.
+//! The modules [`window`], [`keystone`], [`range`] and [`accumulate`] are independent of each other. [`Plan`]
+//! sets their order; [`stream::SubCpiProcessor`] sets the order of the stream. Only [`fft`] uses the FFT library.
 //!
-//! [`Plan`] and [`stream`] have an example each.
+//! [`Plan`] and [`stream`] contain runnable examples.
 //!
 //! # Features
-//! The Keystone is always there: [`Plan`] and its stages, [`Map`], and [`accumulate`] for whole maps, on
-//! `num-complex`, `libm` and `microfft`. What more there is:
+//! Always compiled: the keystone transform ([`Plan`] and its stages), [`Map`], and [`accumulate`] for whole maps, on
+//! `num-complex`, `libm` and `microfft`. Optional:
 //!
 //! | feature | adds | needs | dependencies |
 //! |---|---|---|---|
 //! | `stream` | [`stream`] in float32, [`cfar`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
-//! | `fixed` | 16-bit samples, and the stream in fixed point without floating-point arithmetic: `fixed_point` | `stream` | `fixed` |
-//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent; `motion`: increments too; `sweep`: profiles too | `cobs`, `crc`, `postcard`, `serde` |
-//! | `selftest` | [`selftest`]: checksums that every machine must get; of the stream too if there is `link` | | |
-//! | `motion` | [`motion`]: a radar's motion from pulse to pulse, of the samples of its channels | | |
-//! | `sweep` | [`sweep`]: range profiles of a stepped-carrier radar, of the counts of its two receivers | | |
-//! | `defmt` | log formatting of everything that is logged on a target | | `defmt` |
+//! | `fixed` | 16-bit samples, and the stream in fixed-point arithmetic without floating-point operations: `fixed_point` | `stream` | `fixed` |
+//! | `link` | [`link`], the wire format of the embedded module; `serde` for the types it sends | `fixed` (both sample formats are sent), `motion` (increments are sent), `sweep` (range profiles are sent) | `cobs`, `crc`, `postcard`, `serde` |
+//! | `selftest` | [`selftest`]: checksums that must be equal on every machine; includes the stream if `link` is on | | |
+//! | `motion` | [`motion`]: pulse-to-pulse radar motion estimated from multichannel samples | | |
+//! | `sweep` | [`sweep`]: range profiles of a stepped-frequency radar from two receivers' samples | | |
+//! | `defmt` | `defmt::Format` for the types that a target logs | | `defmt` |
 //!
-//! The first six are on unless `default-features = false`: a program holds only what it calls, whatever
-//! the features, so that leaving one out saves compiling and dependencies, and makes no program smaller.
+//! All features except `defmt` are on by default. The linker drops what a program does not call, so disabling a
+//! feature saves compile time and dependencies but does not make a program smaller.
 //!
-// Names of what is not there lead to the table above.
+// Links to items that are compiled out lead to the feature table above.
 #![cfg_attr(
     not(feature = "stream"),
     doc = "[`cfar`]: crate#features",
@@ -122,10 +124,10 @@ pub use stream::fixed_point;
 pub use turns::Turns;
 pub use window::Window;
 
-/// Speed of light in vacuum, metres a second (exact by definition).
+/// Speed of light in vacuum in metres per second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
 
-/// The crate's page on crates.io, whose example is run with the others.
+/// Runs the example of the README as a doctest.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

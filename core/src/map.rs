@@ -1,10 +1,10 @@
-//! A range-Doppler map, read only.
+//! Read-only range-Doppler map.
 
 use num_complex::Complex32;
 
 use crate::{Axes, LengthError};
 
-/// A range-Doppler map: samples `[doppler][range]`, range contiguous, and what its bins mean.
+/// Range-Doppler map: samples `[doppler][range]`, range contiguous, with their axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Map<'a> {
     axes: Axes,
@@ -12,16 +12,16 @@ pub struct Map<'a> {
 }
 
 impl<'a> Map<'a> {
-    /// A view of `samples`, whoever computed them.
+    /// View `samples` as a map.
     ///
     /// # Errors
-    /// [`LengthError`] unless there are `D R` samples.
+    /// [`LengthError`] if the number of samples is not `D R`.
     pub fn new(axes: Axes, samples: &'a [Complex32]) -> Result<Self, LengthError> {
         LengthError::check("map", axes.shape().map_len(), samples.len())?;
         Ok(Self { axes, samples })
     }
 
-    /// What the bins mean.
+    /// Physical axes of the bins.
     pub fn axes(&self) -> &Axes {
         &self.axes
     }
@@ -31,22 +31,21 @@ impl<'a> Map<'a> {
         self.samples
     }
 
-    /// The sample at a bin.
+    /// Sample at a bin.
     ///
     /// # Panics
-    /// If there is no such bin.
+    /// Panics if the bin is outside the map.
     pub fn at(&self, doppler_bin: usize, range_bin: usize) -> Complex32 {
         let num_range_bins = self.axes.shape().num_range_bins;
         assert!(range_bin < num_range_bins, "range bin {range_bin}");
         self.samples[doppler_bin * num_range_bins + range_bin]
     }
 
-    /// Bilinear interpolation at fractional bins; nothing outside the map, which does not wrap.
+    /// Bilinear interpolation at fractional bins. `None` outside the map; the axes do not wrap.
     ///
-    /// On a map of a point scatterer with padding `P_r = R/F` and `P_d = D/M` the value between bins
-    /// is low by at most `pi^2 / 24 (1/P_r^2 + 1/P_d^2)` of the peak to leading order: linear
-    /// interpolation errs by `h^2/8` of the second derivative, which for a band of `F` of `R` cells
-    /// is at most `(pi/P_r)^2 / 3`.
+    /// For a point scatterer with oversampling `P_r = R/F` and `P_d = D/M` the value between bins is low by at most
+    /// `pi^2 / 24 (1/P_r^2 + 1/P_d^2)` of the peak to leading order: linear interpolation errs by `h^2/8` of the
+    /// second derivative, which for a band of `F` of `R` cells is at most `(pi/P_r)^2 / 3`.
     pub fn bilinear(&self, doppler_bin: f64, range_bin: f64) -> Option<Complex32> {
         let shape = self.axes.shape();
         let (d, fd) = split(doppler_bin, shape.num_doppler_bins)?;
@@ -58,7 +57,7 @@ impl<'a> Map<'a> {
     }
 }
 
-/// The lower of the two bins around `x` and the fraction above it, if `x` is within `0..=count-1`.
+/// Lower of the two bins around `x` and the fraction above it, if `x` is within `0..=count-1`.
 fn split(x: f64, count: usize) -> Option<(usize, f32)> {
     if !(x >= 0.0 && x <= (count - 1) as f64) {
         return None;

@@ -1,10 +1,9 @@
-//! A plan: everything about a sub-CPI that is known before its pulses, checked once.
+//! Batch plan of one sub-CPI: all parameters validated and all tables computed in advance.
 //!
-//! **What it does.** [`Plan::process`] turns a windowed sub-CPI into its range-Doppler map by the
-//! sum at the head of this crate: for each frequency the Keystone and Doppler transform, scattered
-//! into that frequency's column of the map; then range compression along each Doppler row in place.
-//! [`Plan::window`] is the step before: one pulse into frequency-major storage, fast and slow weight
-//! in one product. Nothing is copied between.
+//! [`Plan::process`] turns a windowed sub-CPI into its range-Doppler map by the sum in the crate documentation.
+//! For each frequency it applies the keystone and Doppler transform and writes the result to that frequency's
+//! column of the map; then it range-compresses each Doppler row in place. [`Plan::window`] precedes it: it stores one
+//! pulse in frequency-major order, multiplied by the fast-time and slow-time weights. No intermediate copies are made.
 //!
 //! **Folded into the weights**: the normalisation, `(-1)^(k - F/2)` which centres the range axis,
 //! and the `1/L` of the chirp transforms.
@@ -16,31 +15,31 @@ use num_complex::Complex32;
 use crate::keystone::{KeystoneTable, chirp_z, sinc};
 use crate::{Axes, ParamError, Shape, Turns, Window, fft, range};
 
-/// Values of a sub-CPI; its sizes are a [`Shape`].
+/// Frequency axis and windows of a sub-CPI. Its dimensions are a [`Shape`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Params<'a> {
-    /// Frequency of sample 0, hertz.
+    /// Frequency of sample 0 in hertz.
     pub start_hz: f64,
-    /// Step from sample to sample, hertz; positive.
+    /// Frequency step between samples in hertz; positive.
     pub step_hz: f64,
-    /// Window over the frequencies.
+    /// Fast-time window, over the frequencies.
     pub fast_window: Window<'a>,
-    /// Window over the pulses.
+    /// Slow-time window, over the pulses.
     pub slow_window: Window<'a>,
 }
 
-/// Tables that a plan fills and keeps; lent by the caller.
+/// Tables of a plan in memory lent by the caller.
 #[derive(Debug)]
 pub struct Tables<'a> {
-    /// `F` values.
+    /// Fast-time weights, `F` values.
     pub fast_weights: &'a mut [f32],
-    /// `M` values.
+    /// Slow-time weights, `M` values.
     pub slow_weights: &'a mut [f32],
-    /// The form of Keystone, with its table.
+    /// Keystone transform with its table.
     pub keystone: KeystoneTable<'a>,
 }
 
-/// A checked plan. `Sync`: one plan serves many sub-CPIs at once.
+/// Validated plan. It is `Sync`: one plan can process many sub-CPIs concurrently.
 ///
 /// ```
 /// use subaperture_core::keystone::KeystoneTable;
@@ -64,10 +63,10 @@ pub struct Tables<'a> {
 /// let mut scratch = vec![Complex32::ZERO; plan.scratch_len()];
 /// let mut map = vec![Complex32::ZERO; shape.map_len()];
 /// for m in 0..5 {
-///     plan.window(m, &[Complex32::ONE; 6], &mut history);
+///     plan.window(m, &[Complex32::ONE; 6], &mut history)?;
 /// }
 /// plan.process(&history, &mut scratch, &mut map)?;
-/// // Constant samples are a scatterer at path 0 that does not move: bins D/2 and R/2.
+/// // Constant samples are a stationary scatterer at path 0: bins D/2 and R/2.
 /// assert!((map[4 * 8 + 4] - 1.0).l1_norm() < 1e-6);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -82,9 +81,9 @@ pub struct Plan<'a> {
 #[derive(Clone, Debug)]
 enum Planned<'a> {
     Sinc(&'a [f32]),
-    /// The rate of frequency `k` is `centre + (k - F/2) step`: rates are linear in frequency, and
-    /// integer steps off by `2^-65` turns at most lead to `F/2 D^2 2^-65`, below `2^-30`, at the
-    /// largest sizes.
+    /// The chirp rate of frequency `k` is `centre + (k - F/2) step`, since rates are linear in frequency. The
+    /// integer step is off by at most `2^-65` turns, which causes a phase error of `F/2 D^2 2^-65`, below `2^-30`,
+    /// at the largest dimensions.
     ChirpZ {
         length: usize,
         centre: Turns,
@@ -93,10 +92,10 @@ enum Planned<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Checks everything and fills the tables.
+    /// Validate all parameters and fill the tables.
     ///
     /// # Errors
-    /// See [`ParamError`].
+    /// [`ParamError`] naming the invalid parameter or the table of wrong length.
     pub fn new(shape: Shape, params: &Params<'_>, tables: Tables<'a>) -> Result<Self, ParamError> {
         let axes = Axes::new(shape, params.start_hz, params.step_hz)?;
         let Tables {
@@ -151,12 +150,12 @@ impl<'a> Plan<'a> {
         })
     }
 
-    /// What the map's bins mean.
+    /// Physical axes of the map.
     pub fn axes(&self) -> &Axes {
         &self.axes
     }
 
-    /// Samples of scratch that [`Plan::process`] needs: `D` for the sinc form, `3 L` for chirp-z.
+    /// Number of scratch samples that [`Plan::process`] needs: `D` for the sinc keystone, `3 L` for chirp-z.
     pub fn scratch_len(&self) -> usize {
         match self.keystone {
             Planned::Sinc(_) => self.axes.shape().num_doppler_bins,
@@ -164,27 +163,41 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Windows pulse `m` into `history`, samples `[frequency][pulse]`.
+    /// Multiply pulse `m` by the window and store it in `history`, samples `[frequency][pulse]`.
     ///
-    /// Does nothing if the sub-CPI has no pulse `m`. Samples and frequencies are taken in pairs, as
-    /// far as `pulse` and `history` both go; the rest is left as it is.
-    pub fn window(&self, m: usize, pulse: &[Complex32], history: &mut [Complex32]) {
+    /// # Errors
+    /// [`LengthError`] if `m` is not below the number of pulses, `pulse` does not have one sample per frequency, or
+    /// the length of `history` is not [`Shape::history_len`]. Nothing is then written.
+    pub fn window(
+        &self,
+        m: usize,
+        pulse: &[Complex32],
+        history: &mut [Complex32],
+    ) -> Result<(), LengthError> {
+        let shape = self.axes.shape();
         let Some(slow) = self.slow_weights.get(m) else {
-            return;
+            return Err(LengthError {
+                what: "pulses of a sub-CPI",
+                expected: m.saturating_add(1),
+                got: self.slow_weights.len(),
+            });
         };
+        LengthError::check("samples of a pulse", shape.num_frequencies, pulse.len())?;
+        LengthError::check("history", shape.history_len(), history.len())?;
         let rows = history.chunks_exact_mut(self.slow_weights.len().max(1));
         for ((row, sample), fast) in rows.zip(pulse).zip(self.fast_weights) {
             if let Some(place) = row.get_mut(m) {
                 *place = *sample * (*fast * *slow);
             }
         }
+        Ok(())
     }
 
-    /// Computes the map, samples `[doppler][range]`, of a full windowed sub-CPI.
+    /// Compute the map `[doppler][range]` of a complete windowed sub-CPI.
     ///
     /// # Errors
-    /// [`LengthError`] unless the lengths are [`Shape::history_len`], [`Plan::scratch_len`] and
-    /// [`Shape::map_len`]; nothing is then written.
+    /// [`LengthError`] if the lengths are not [`Shape::history_len`], [`Plan::scratch_len`] and [`Shape::map_len`].
+    /// Nothing is then written.
     pub fn process(
         &self,
         history: &[Complex32],
@@ -196,7 +209,7 @@ impl<'a> Plan<'a> {
         LengthError::check("scratch", self.scratch_len(), scratch.len())?;
         LengthError::check("map", shape.map_len(), map.len())?;
 
-        // A checked shape has no zeros; `max` lets the compiler see it.
+        // A validated shape has no zeros; `max` lets the compiler know.
         let (num_pulses, bins) = (shape.num_pulses.max(1), shape.num_range_bins.max(1));
         let frequencies = shape.num_frequencies;
         for (k, pulses) in history.chunks_exact(num_pulses).enumerate() {
@@ -221,20 +234,34 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// A slice has the wrong length.
+/// Slice with a wrong length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LengthError {
-    /// Which slice.
+    /// Name of the slice.
     pub what: &'static str,
-    /// Elements needed.
+    /// Expected number of elements (the minimum, for buffers that may be longer).
     pub expected: usize,
-    /// Elements given.
+    /// Actual number of elements.
     pub got: usize,
 }
 
 impl LengthError {
     pub(crate) fn check(what: &'static str, expected: usize, got: usize) -> Result<(), Self> {
         if expected == got {
+            return Ok(());
+        }
+        Err(Self {
+            what,
+            expected,
+            got,
+        })
+    }
+}
+
+#[cfg(feature = "stream")]
+impl LengthError {
+    pub(crate) fn at_least(what: &'static str, expected: usize, got: usize) -> Result<(), Self> {
+        if got >= expected {
             return Ok(());
         }
         Err(Self {
@@ -252,7 +279,7 @@ impl fmt::Display for LengthError {
             expected,
             got,
         } = self;
-        write!(f, "{what}: {got} elements given, {expected} needed")
+        write!(f, "{what}: expected {expected} elements, found {got}")
     }
 }
 

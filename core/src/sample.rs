@@ -1,17 +1,17 @@
-//! 16-bit complex samples, as a converter delivers them.
+//! 16-bit complex samples (Q15), the output format of A/D converters.
 
 use fixed::types::I1F15;
 use num_complex::Complex32;
 
 use crate::stream::{Sample, Sealed};
 
-/// A complex sample of 16-bit parts in `[-1, 1)`: `sc16`, the converter's and the radio's own format.
+/// Complex sample with 16-bit parts in `[-1, 1)` (Q15), the `sc16` format of converters and radios.
 ///
 /// ```
 /// use subaperture_core::{Complex32, Sc16};
 /// let sample = Sc16::from_bits(16384, -32768);
 /// assert_eq!(sample.to_complex32(), Complex32::new(0.5, -1.0));
-/// // Out of range: the nearest that there is, and the caller is told.
+/// // Out of range: clamps to the nearest sample and returns true.
 /// assert_eq!(Sc16::from_complex32(Complex32::new(1.0, 0.0)), (Sc16::from_bits(32767, 0), true));
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -23,10 +23,10 @@ pub struct Sc16 {
 }
 
 impl Sc16 {
-    /// Zero.
+    /// Zero sample.
     pub const ZERO: Self = Self::from_bits(0, 0);
 
-    /// The sample of these integers, in units of `2^-15`.
+    /// Create a sample from integers in units of `2^-15`.
     pub const fn from_bits(re: i16, im: i16) -> Self {
         Self {
             re: I1F15::from_bits(re),
@@ -34,7 +34,7 @@ impl Sc16 {
         }
     }
 
-    /// Its value; exact.
+    /// Convert to float32. Exact.
     pub fn to_complex32(self) -> Complex32 {
         const UNIT: f32 = 1.0 / 32768.0;
         Complex32::new(
@@ -43,15 +43,15 @@ impl Sc16 {
         )
     }
 
-    /// The nearest sample, halves away from zero, and whether a part was out of range and was clamped
-    /// (not a number becomes zero, and counts).
+    /// Round to the nearest sample, halves away from zero. The flag is true if a part was out of range and was
+    /// clamped, or was NaN and became zero.
     pub fn from_complex32(value: Complex32) -> (Self, bool) {
         let (re, clamped_re) = nearest(value.re);
         let (im, clamped_im) = nearest(value.im);
         (Self::from_bits(re, im), clamped_re || clamped_im)
     }
 
-    /// Whether a part is at either end of its range, where a converter clips.
+    /// Whether a part is at a limit of its range, where a converter clips.
     pub fn at_limit(self) -> bool {
         let limit = |part: I1F15| part == I1F15::MAX || part == I1F15::MIN;
         limit(self.re) || limit(self.im)
@@ -72,10 +72,10 @@ impl Sample for Sc16 {
     }
 }
 
-/// `value` in units of `2^-15`, and whether it had to be clamped.
+/// `value` in units of `2^-15`, and whether it was clamped.
 fn nearest(value: f32) -> (i16, bool) {
     let scaled = libm::roundf(value * 32768.0);
-    // The cast saturates, and makes 0 of what is not a number.
+    // The cast saturates and maps NaN to 0.
     let bits = scaled as i16;
     (bits, f32::from(bits) != scaled)
 }

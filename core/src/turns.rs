@@ -1,15 +1,15 @@
-//! Phase as an integer fraction of a turn.
+//! Phase as a fixed-point fraction of a turn.
 
 use num_complex::Complex32;
 
-/// A phase modulo one turn: `Turns(t)` is `2 pi t / 2^64` radians.
+/// Phase modulo one turn: `Turns(t)` is `2 pi t / 2^64` radians.
 ///
-/// Integer addition and multiplication wrap exactly where phase does, so sums of any length and
-/// quadratics `rate * n * n` carry no rounding at all, and every machine gets the same bits.
+/// Integer addition and multiplication wrap exactly where phase does. Sums of any length and quadratics
+/// `rate * n * n` therefore carry no rounding and are bit-identical on every machine.
 ///
 /// ```
 /// use subaperture_core::Turns;
-/// // A quarter turn, taken five times, is a quarter turn.
+/// // Five quarter turns are one quarter turn.
 /// let quarter = Turns::from_f64(0.25);
 /// assert_eq!(quarter.times(5), quarter);
 /// assert_eq!(quarter.phasor(), num_complex::Complex32::new(0.0, 1.0));
@@ -18,14 +18,14 @@ use num_complex::Complex32;
 pub struct Turns(pub u64);
 
 impl Turns {
-    /// The fractional part of `turns`, exact to `2^-64` turns for what the argument itself resolves.
+    /// Fractional part of `turns`, exact to `2^-64` turns apart from the resolution of the argument.
     pub fn from_f64(turns: f64) -> Self {
         // A negative value closer to 0 than 2^-53 rounds up to 1.0; the cast saturates to the
         // largest fraction, which is off by 2^-64.
         Self(((turns - libm::floor(turns)) * TWO_POW_64) as u64)
     }
 
-    /// Sum, modulo one turn.
+    /// Sum modulo one turn.
     pub const fn plus(self, other: Self) -> Self {
         Self(self.0.wrapping_add(other.0))
     }
@@ -35,12 +35,11 @@ impl Turns {
         Self(self.0.wrapping_mul(factor as u64))
     }
 
-    /// `exp(+j 2 pi t)`.
+    /// Phasor `exp(+j 2 pi t)`.
     ///
-    /// The phase is reduced to the nearest quarter turn by integers, so the argument of sine and
-    /// cosine is within `pi/4` and known to `2^-33` turns, where short polynomials do (S. L. Moshier's,
-    /// of the Cephes library); the error of each part is at most 1.6e-7 (`tests/stream/stages.rs`), at
-    /// quarter turns none.
+    /// Integer arithmetic reduces the phase to the nearest quarter turn. The argument of sine and cosine is then within
+    /// `pi/4` and known to `2^-33` turns, where short polynomials suffice (S. L. Moshier's, of the Cephes library).
+    /// The error of each part is at most 1.6e-7 (`tests/stream/stages.rs`); quarter turns are exact.
     pub fn phasor(self) -> Complex32 {
         let quadrant = self.0.wrapping_add(1 << 61) >> 62;
         let residue = self.0.wrapping_sub(quadrant << 62) as i64; // within 2^61 of zero

@@ -1,14 +1,14 @@
-//! Windows over fast time and slow time.
+//! Window functions for fast time and slow time.
 //!
 //! **Definition.** Weight `i` of `n` is `w(u)` at the centre of the `i`-th of `n` equal cells,
 //! `u = (i + 1/2) / n - 1/2`, divided by the sum of all, so that the weights of any window sum to 1:
 //! - rectangular `1`; Hamming `0.54 + 0.46 cos(2 pi u)`;
 //! - Taylor `1 + 2 sum_{i=1}^{n_bar-1} F_i cos(2 pi i u)`, coefficients of T. T. Taylor 1955 (Carrara,
-//!   Goodman and Majewski, appendix D), with the least `n_bar >= 2 A^2 + 1/2`, where
+//!   Goodman and Majewski, appendix D), with the smallest `n_bar >= 2 A^2 + 1/2`, where
 //!   `cosh(pi A) = 10^(side_lobe_db / 20)`.
 //!
-//! **Cost.** Planning only; nothing is kept but the weights. **Accuracy.** Computed in float64 and
-//! rounded once; side lobes are measured in `tests/stream/stages.rs`.
+//! **Cost**: planning only; only the weights are stored. **Accuracy**: computed in float64 and rounded once.
+//! `tests/stream/stages.rs` measures the sidelobes.
 //!
 //! ```
 //! use subaperture_core::Window;
@@ -21,46 +21,47 @@
 use core::f64::consts::{PI, TAU};
 use core::fmt;
 
-/// A window, by formula or by its weights.
+/// Window function, or explicit weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Window<'a> {
-    /// All weights alike.
+    /// Uniform weights.
     Rectangular,
-    /// Hamming: first side lobes near -43 dB.
+    /// Hamming window, first sidelobes near -43 dB.
     Hamming,
-    /// Taylor, with first side lobes this many dB below the peak.
+    /// Taylor window.
     Taylor {
-        /// Side-lobe suppression, dB, 15 to 100.
+        /// Sidelobe level below the peak in dB, 15 to 100.
         side_lobe_db: f64,
     },
-    /// The caller's own weights, one a sample; their sum must not vanish.
+    /// Explicit weights, one per sample. Their sum must be positive.
     Weights(&'a [f32]),
 }
 
-/// Why a window has no weights.
+/// Reason why a window cannot be computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum WindowError {
-    /// A Taylor window of side lobes outside 15 to 100 dB.
+    /// The Taylor sidelobe level is outside 15 to 100 dB.
     SideLobe(f64),
-    /// The caller's weights are not one a sample.
+    /// The number of explicit weights differs from the number of samples.
     Length {
-        /// Samples to be weighted.
+        /// Number of samples.
         expected: usize,
-        /// Weights given.
+        /// Number of weights.
         got: usize,
     },
-    /// The weights' sum is zero, negative, infinite or not a number.
+    /// The sum of the weights is zero, negative, infinite or NaN.
     Sum(f64),
 }
 
-/// `n_bar` is 31 at 100 dB.
+/// Bound on `n_bar`, which is 31 at 100 dB.
 const MAX_COEFFICIENTS: usize = 32;
 
 impl Window<'_> {
-    /// Writes one weight a sample to `weights`; they sum to 1.
+    /// Write one weight per sample to `weights`. They sum to 1.
     ///
     /// # Errors
-    /// See [`WindowError`]; `weights` is then unchanged.
+    /// [`WindowError`]; `weights` is then unchanged.
     pub fn fill(&self, weights: &mut [f32]) -> Result<(), WindowError> {
         let n = weights.len();
         let (taylor, orders) = match *self {
@@ -100,7 +101,7 @@ impl Window<'_> {
     }
 }
 
-/// `F_1 .. F_{n_bar - 1}`, and how many they are.
+/// Coefficients `F_1 .. F_{n_bar - 1}` and their number.
 fn taylor_coefficients(side_lobe_db: f64) -> Result<([f64; MAX_COEFFICIENTS], usize), WindowError> {
     if !(15.0..=100.0).contains(&side_lobe_db) {
         return Err(WindowError::SideLobe(side_lobe_db));
@@ -111,7 +112,7 @@ fn taylor_coefficients(side_lobe_db: f64) -> Result<([f64; MAX_COEFFICIENTS], us
     let orders = (1..n_bar as u32).map(f64::from);
     let mut coefficients = [0.0; MAX_COEFFICIENTS];
     for (coefficient, m) in coefficients.iter_mut().zip(orders.clone()) {
-        // The pattern's zeros: moved ones above the line, the sinc's own below.
+        // Zeros of the pattern: moved ones in the numerator, those of the sinc in the denominator.
         let mut f = if m % 2.0 == 1.0 { 0.5 } else { -0.5 };
         for i in orders.clone() {
             f *= 1.0 - m * m / (zero_scale * (a * a + (i - 0.5) * (i - 0.5)));
@@ -130,13 +131,19 @@ impl fmt::Display for WindowError {
             Self::SideLobe(db) => {
                 write!(
                     f,
-                    "a Taylor window has side lobes of 15 to 100 dB, not {db}"
+                    "Taylor window: expected a sidelobe level of 15 to 100 dB, found {db} dB"
                 )
             }
             Self::Length { expected, got } => {
-                write!(f, "{got} window weights were given for {expected} samples")
+                write!(
+                    f,
+                    "window weights: expected one per sample ({expected}), found {got}"
+                )
             }
-            Self::Sum(sum) => write!(f, "window weights sum to {sum}; the sum must be positive"),
+            Self::Sum(sum) => write!(
+                f,
+                "window weights: expected a positive finite sum, found {sum}"
+            ),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Greets, then sends back what it gets.
+//! Logs a greeting, then echoes received bytes.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -11,7 +11,7 @@ mod target {
     #[entry]
     fn main() -> ! {
         let Some(mut board) = Current::take() else {
-            fault::die(format_args!("the board was taken before the program began"));
+            fault::die(format_args!("board already taken at program start"));
         };
         board.log(format_args!(
             "subaperture on {}, {} resets",
@@ -20,7 +20,7 @@ mod target {
         ));
         let mut buffer = [0; 64];
         loop {
-            // An overrun has lost bytes: nothing to send back for them.
+            // Bytes lost to an overrun cannot be echoed.
             let Ok(count) = board.link().read(&mut buffer) else {
                 continue;
             };
@@ -35,5 +35,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

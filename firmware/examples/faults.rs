@@ -1,4 +1,4 @@
-//! Dies in every way there is, one after the other: a fault, the watchdog, a panic; each must end in a reset.
+//! Causes every kind of failure in turn: a fault, a watchdog expiry, a panic. Each must end in a reset.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -29,5 +29,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

@@ -1,4 +1,4 @@
-//! Can panic: with the feature `no-panic` it must not link.
+//! Contains a possible panic: with the feature `no-panic` it must not link.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -11,7 +11,7 @@ mod target {
         let Some(board) = Current::take() else {
             end(false);
         };
-        // An index that the compiler cannot know.
+        // An index unknown to the compiler.
         let table = [1u32, 2, 3];
         let value = table[core::hint::black_box(board.ticks() as usize & 3)];
         end(value > 0)
@@ -20,5 +20,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

@@ -1,7 +1,7 @@
-//! Shows that named sections are zero when the program starts, whatever the memory held before.
+//! Verifies that named sections are zero when the program starts, whatever the memory contained before.
 //!
-//! The first run fills them with ones and resets, which leaves memory as it is (or the resets could not be
-//! counted); the second looks. The first also measures the stack that a call of 10 000 bytes uses.
+//! The first run fills them with ones and resets, which preserves memory (as the reset count shows). The second run checks
+//! them. The first also measures the stack usage of a call that needs 10 000 bytes.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -10,7 +10,7 @@ mod target {
     use subaperture_firmware::board::{Board, Current, end};
     use subaperture_firmware::{fault, memory, place};
 
-    // Odd sizes: the ends of the sections are rounded up.
+    // Odd sizes, since the ends of the sections are rounded up.
     place!(axi static IN_AXI: [u8; 300_001] = [0; 300_001]);
     place!(sram static IN_SRAM: [u8; 200_003] = [0; 200_003]);
 
@@ -31,7 +31,7 @@ mod target {
         }
         axi.fill(0xff);
         sram.fill(0xff);
-        // Keep the compiler from leaving out writes that nobody reads.
+        // Keep the compiler from removing writes that are never read.
         core::hint::black_box((&axi, &sram));
 
         let before = memory::stack_high_water_bytes();
@@ -49,5 +49,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

@@ -1,4 +1,4 @@
-//! Sends back what it gets, but rests for a millisecond after every 64 bytes: a program that is busy.
+//! Echoes received bytes, but pauses for a millisecond after every 64 bytes, like a busy program.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -26,5 +26,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

@@ -1,4 +1,4 @@
-//! The arithmetics as the link sees them.
+//! Interface between the link and the core's arithmetic engines.
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{Arithmetic, Encoding, complex32s, sc16s};
@@ -6,15 +6,14 @@ use subaperture_core::stream::{
     Engine, FixedEngine, FloatEngine, PulseError, Sample, SubCpiProcessor,
 };
 
-/// An engine that can be fed from the wire.
+/// Engine that accepts samples in the link's encodings.
 pub trait WireEngine: Engine<Sample: Sample> + Sized {
-    /// What the host is told.
+    /// Arithmetic reported to the host.
     const ARITHMETIC: Arithmetic;
-    /// How its maps are sent.
+    /// Encoding of the maps sent.
     const MAP_ENCODING: Encoding;
 
-    /// Pushes a pulse; none if this arithmetic takes no such samples: it is then counted as one that could
-    /// not be used.
+    /// Push a pulse. `None` if this arithmetic does not accept the encoding; the pulse is then counted as refused.
     fn push(
         processor: &mut SubCpiProcessor<'_, Self>,
         pulse: &Pulse,
@@ -52,7 +51,7 @@ impl WireEngine for FixedEngine<'_> {
     ) -> Option<Result<(), PulseError>> {
         match encoding {
             Encoding::Complex32 => {
-                // Without samples it is refused, and its number is used up.
+                // Without samples it is refused and its number is consumed.
                 let _ = processor.push(pulse, core::iter::empty());
                 None
             }

@@ -1,7 +1,7 @@
-//! Panics and exceptions: a line of log, then a reset; resets are counted.
+//! Panic and exception handlers: log one line, count, reset.
 //!
-//! With the feature `no-panic` there are no panics: the handler calls a function that does not
-//! exist, so that a program in which the compiler could not rule out every panic does not link.
+//! With the feature `no-panic` the panic handler calls an undefined function, so a program in which the compiler cannot
+//! rule out every panic does not link.
 
 use core::panic::PanicInfo;
 
@@ -9,14 +9,14 @@ use cortex_m_rt::{ExceptionFrame, exception};
 
 use crate::board;
 
-/// Resets by [`die`] since the power came on.
+/// Number of resets by [`die`] since power-on.
 pub fn resets() -> u32 {
     // SAFETY: see `RESETS`.
     let [count, check] = unsafe { (&raw const RESETS).read_volatile() };
     if count == !check { count } else { 0 }
 }
 
-/// Logs `reason`, counts, resets.
+/// Log `reason`, count the reset, and reset the board.
 pub fn die(reason: core::fmt::Arguments<'_>) -> ! {
     board::log(reason);
     let count = resets().wrapping_add(1);
@@ -26,11 +26,10 @@ pub fn die(reason: core::fmt::Arguments<'_>) -> ! {
     board::reset()
 }
 
-/// The count and its complement, in memory that a reset leaves alone; anything else is what the memory
-/// held when the power came on. Touched only by volatile access of whole words: from the program, and
-/// from handlers that never return to it.
-// SAFETY: cortex-m-rt keeps sections of this name out of what is zeroed and out of the flash; any bits
-// are a value of this type.
+/// Reset count and its complement, in memory that a reset preserves; any other content dates from power-on. Accessed only
+/// by volatile access of whole words, by the program and by handlers that never return to it.
+// SAFETY: cortex-m-rt neither zeroes sections of this name nor places them in flash; any bits are a valid value of
+// this type.
 #[unsafe(link_section = ".uninit.resets")]
 static mut RESETS: [u32; 2] = [0; 2];
 
@@ -43,7 +42,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 #[cfg(feature = "no-panic")]
 #[panic_handler]
 fn panic(_info: &PanicInfo<'_>) -> ! {
-    // SAFETY: nothing is ever called by this name, for a program that refers to it does not link.
+    // SAFETY: nothing is ever called by this name, because a program that refers to it does not link.
     unsafe extern "C" {
         /// Undefined on purpose.
         safe fn panic_is_reachable() -> !;
@@ -51,8 +50,8 @@ fn panic(_info: &PanicInfo<'_>) -> ! {
     panic_is_reachable()
 }
 
-// SAFETY: `unsafe` is what cortex-m-rt asks of a handler that may interrupt anything; this one touches no
-// state of the program but `RESETS`, and does not return.
+// SAFETY: cortex-m-rt requires `unsafe` for a handler that may interrupt anything. This one touches no program state
+// except `RESETS`, and does not return.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     die(format_args!(
@@ -62,7 +61,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     ))
 }
 
-/// Every other exception and interrupt that nobody handles; -14 is the watchdog's.
+/// Handler for every other exception and unhandled interrupt. Number -14 is the watchdog.
 // SAFETY: as above.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {

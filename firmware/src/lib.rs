@@ -1,30 +1,30 @@
-//! What the programs for a board share.
+//! Embedded module firmware: the library shared by the programs for a board.
 //!
-//! | module | what it is |
+//! | module | content |
 //! |---|---|
-//! | [`station`] | the module's end of the link, without input or output |
-//! | [`engine`] | the arithmetics as the link sees them |
-//! | [`odometer`] | an odometer as the link sees it |
-//! | [`profiler`] | a profiler as the link sees it |
-//! | [`products`] | detections and chips |
-//! | [`sizes`] | what the application is built for |
-//! | `serve` | the application's loop |
-//! | `board` | `Board` and the two boards that there are |
-//! | `memory` | where statics lie; how much of the stack was used |
-//! | `fault` | panics and exceptions: a line of log, then a reset, counted |
-//! | `module` | the buffers, and the station in them |
-//! | `meter` | instructions on the emulated board, cycles on a real one |
-//! | `riscv_virt` | start, output and end on QEMU's RISC-V machine |
+//! | [`endpoint`] | the module's end of the link, without input or output |
+//! | [`engine`] | interface between the link and the arithmetic engines |
+//! | [`odometer`] | interface between the link and an odometer |
+//! | [`profiler`] | interface between the link and a range profiler |
+//! | [`products`] | detections and image chips |
+//! | [`sizes`] | buffer sizes of the application |
+//! | `serve` | main loop of the application |
+//! | `board` | trait `Board` and the two boards that implement it |
+//! | `memory` | placement of statics; stack high-water mark |
+//! | `fault` | panic and exception handlers: log, count, reset |
+//! | `module` | static buffers and the endpoint that uses them |
+//! | `meter` | instruction count on the emulated board, cycle count on a real one |
+//! | `riscv_virt` | start-up, output and exit on QEMU's RISC-V machine |
 //!
-//! The last seven are for a target only (six for ARM, one for RISC-V); the others run on a host too.
+//! The last seven compile for a target only (six for ARM, one for RISC-V); the others also run on a host.
 #![no_std]
 
+pub mod endpoint;
 pub mod engine;
 pub mod odometer;
 pub mod products;
 pub mod profiler;
 pub mod sizes;
-pub mod station;
 
 #[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod board;

@@ -1,14 +1,14 @@
-//! Where statics lie, and how much of the stack was used.
+//! Placement of statics in memory, and stack high-water mark.
 //!
-//! Statics without more are in the memory next to the core, with the stack (`memory.x`). Large ones are
-//! put elsewhere with [`place!`](crate::place): `axi` (512K on the STM32H743) or `sram` (288K). Their
-//! initial value must be zero, bit by bit: they are in no flash. A value that is not stops the
-//! compiler, because the sections' names are those of zeroed memory.
+//! By default statics are in the tightly coupled memory next to the core, with the stack (`memory.x`). Large ones are placed
+//! with [`place!`](crate::place) in `axi` (512K on the STM32H743) or `sram` (288K). Their initial value must be all zero
+//! bytes, since no copy is stored in flash. Another value is a compile error, because the section names are those of zeroed
+//! memory.
 //!
-//! `__pre_init`, which runs before anything else, gives the memory in domain 2 its clocks and
-//! zeroes both sections. It is assembly because no Rust may run before statics have their values.
+//! `__pre_init` runs before anything else, enables the clocks of the memory in domain 2, and zeroes both sections. It is
+//! written in assembly because no Rust code may run before statics are initialised.
 
-/// Puts a static into a section of `memory.x`; once taken, it is the taker's for good.
+/// Place a static in a section of `memory.x`. It can be taken once, as `&'static mut`.
 ///
 /// ```ignore
 /// place!(axi static BUFFERS: SelfTest = SelfTest::new());
@@ -17,7 +17,7 @@
 #[macro_export]
 macro_rules! place {
     (axi static $name:ident: $type:ty = $value:expr) => {
-        // SAFETY: `memory.x` keeps the section and `memory.rs` zeroes it.
+        // SAFETY: `memory.x` reserves the section and `memory.rs` zeroes it.
         #[unsafe(link_section = ".bss.axi")]
         static $name: $crate::memory::Placed<$type> = $crate::memory::Placed::new($value);
     };
@@ -36,26 +36,25 @@ unsafe extern "C" {
     static _stack_start: u32;
 }
 
-/// The most bytes of stack in use so far: from the first word, counted from the stack's far end, that no
-/// longer has the value that cortex-m-rt painted it with. A frame that never wrote its lowest words is
-/// counted without them.
+/// Stack high-water mark in bytes: from the first word, counted from the far end of the stack, that differs from the value
+/// cortex-m-rt painted it with. A frame that did not write its lowest words is counted without them.
 pub fn stack_high_water_bytes() -> usize {
     let (mut word, start) = (&raw const _stack_end, &raw const _stack_start);
-    // SAFETY: the linker's symbols bound the stack; every word was painted, and no reference to any of
-    // them is made. Volatile, because the words above the stack pointer change.
+    // SAFETY: the linker's symbols bound the stack; every word was painted, and no reference to any of them is created.
+    // Volatile, because the words above the stack pointer change.
     while word < start && unsafe { word.read_volatile() } == cortex_m_rt::STACK_PAINT_VALUE {
         word = word.wrapping_add(1);
     }
     start as usize - word as usize
 }
 
-/// Bytes that the stack has.
+/// Size of the stack in bytes.
 pub fn stack_bytes() -> usize {
     &raw const _stack_start as usize - &raw const _stack_end as usize
 }
 
-// Clocks of SRAM1, SRAM2 and SRAM3: bits 29, 30 and 31 of RCC_AHB2ENR (RM0433, 8.7.40); the read
-// after the write is the wait that the manual asks for.
+// Clocks of SRAM1, SRAM2 and SRAM3: bits 29, 30 and 31 of RCC_AHB2ENR (RM0433, 8.7.40). The read after the write is
+// the delay that the manual requires.
 #[cfg(feature = "board-h743")]
 macro_rules! clocks {
     () => {

@@ -1,22 +1,22 @@
-//! Instructions on the emulated board, cycles on a real one.
+//! Execution cost: instruction count on the emulated board, cycle count on a real one.
 //!
-//! The emulator has no cycle counter. Under `-icount shift=5` it lets 32 ns pass with each instruction, and the
-//! board's timer counts them at 25 MHz: 1.25 ticks an instruction. The meter does not rely on that: it
-//! first times a loop whose instructions it knows, and turns ticks into instructions by it. Without
-//! `-icount` ticks are the host's time and mean nothing. Interrupts are none, so that two runs agree.
+//! The emulator has no cycle counter. Under `-icount shift=5` each instruction takes 32 ns, and the board's timer counts at
+//! 25 MHz: 1.25 ticks per instruction. The meter does not rely on this ratio: it calibrates ticks against a loop with a
+//! known number of instructions. Without `-icount` ticks measure host time and are meaningless. No interrupts are taken, so
+//! repeated measurements agree.
 
 use core::arch::asm;
 
 use crate::board::{Board, Current};
 
-/// What the meter counts.
+/// Unit of the meter's counts.
 pub const UNIT: &str = if cfg!(feature = "board-an500") {
     "instructions"
 } else {
     "cycles"
 };
 
-/// `2 rounds` instructions and those of a call.
+/// Execute `2 rounds` instructions plus those of the call.
 #[inline(never)]
 pub fn spin(rounds: u32) {
     // SAFETY: counts a register down; touches no memory.
@@ -25,7 +25,7 @@ pub fn spin(rounds: u32) {
     }
 }
 
-/// Ticks to instructions (cycles, where the counter counts them).
+/// Converts timer ticks to instructions, or to cycles where the timer counts them.
 #[derive(Clone, Copy, Debug)]
 pub struct Meter {
     known_instructions: u64,
@@ -34,7 +34,7 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// A meter that knows what it costs itself.
+    /// Create a meter and calibrate its own overhead.
     pub fn new(board: &Current) -> Self {
         let mut meter = Self {
             known_instructions: 1,
@@ -57,7 +57,7 @@ impl Meter {
         (ticks.saturating_sub(self.empty_ticks), result)
     }
 
-    /// What `work` costs, and gives.
+    /// Measure the cost of `work`. Returns the count and the result of `work`.
     #[inline(never)]
     pub fn measure<T>(&self, board: &Current, work: impl FnOnce() -> T) -> (u64, T) {
         let (ticks, result) = self.ticks(board, work);

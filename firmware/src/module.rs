@@ -1,4 +1,4 @@
-//! The module's buffers, and the station made of them: what the application runs and `cycles` measures.
+//! Static buffers of the module and the endpoint that uses them; run by the application and measured by `cycles`.
 
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
@@ -17,6 +17,7 @@ use subaperture_core::{
     stream::{FixedEngine, FixedMap, FixedScratch as Scratch},
 };
 
+use crate::endpoint::{Endpoint, LinkBuffers};
 use crate::memory::Placed;
 use crate::place;
 use crate::products::{ChipKernel, ProductBuffers};
@@ -26,12 +27,11 @@ use crate::sizes::{
     CARRIERS, CHANNELS, CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS,
     ODOMETER_FREQUENCIES, PATCHES, PROFILER_BINS, PROFILER_PERIOD, PULSES, RANGE_BINS, TARGETS,
 };
-use crate::station::{LinkBuffers, Station};
 
-/// The arithmetic that this program is built for.
+/// Arithmetic that this program is built for.
 #[cfg(feature = "fixed")]
 pub type Engine<'a> = FixedEngine<'a>;
-/// The arithmetic that this program is built for.
+/// Arithmetic that this program is built for.
 #[cfg(not(feature = "fixed"))]
 pub type Engine<'a> = FloatEngine<'a>;
 
@@ -40,10 +40,10 @@ type Map = FixedMap<FREQUENCIES, DOPPLER_BINS, BLOCKS>;
 #[cfg(not(feature = "fixed"))]
 type Map = FloatMap<FREQUENCIES, DOPPLER_BINS>;
 
-// The stores are written once a sample and read once a map: the slower, larger memory.
+// Stores are written once per sample and read once per map: placed in the slower, larger memory.
 place!(axi static STORES: PulseStores<Sample, PULSES, FREQUENCIES> = PulseStores::new());
 place!(sram static MAP: Map = Map::new());
-// What every piece of work goes through: the memory next to the core.
+// Used by every processing step: placed in the memory next to the core.
 static SCRATCH: Placed<Scratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>> =
     Placed::new(Scratch::new());
 static RECEIVED: Placed<[u8; max_received_bytes(FREQUENCIES)]> =
@@ -58,8 +58,8 @@ static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
 static CHIP: Placed<[Complex32; CHIP_PIXELS]> = Placed::new([Complex32::ZERO; CHIP_PIXELS]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 
-/// The station, in all of the module's buffers; `None` if they were taken before.
-pub fn station(kernel: &ChipKernel) -> Option<Station<'_, Engine<'_>>> {
+/// Create the endpoint on all of the module's buffers. `None` if they were taken before.
+pub fn endpoint(kernel: &ChipKernel) -> Option<Endpoint<'_, Engine<'_>>> {
     let (stores, map, scratch) = (STORES.try_take()?, MAP.try_take()?, SCRATCH.try_take()?);
     #[cfg(not(feature = "fixed"))]
     let processor = SubCpiProcessor::float(stores, map, scratch);
@@ -76,7 +76,7 @@ pub fn station(kernel: &ChipKernel) -> Option<Station<'_, Engine<'_>>> {
         columns: COLUMNS.try_take()?,
     };
     let version = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
-    let station = Station::new(processor, buffers, products, version);
-    let station = station.with_odometer(ODOMETER.try_take()?);
-    Some(station.with_profiler(PROFILER.try_take()?))
+    let endpoint = Endpoint::new(processor, buffers, products, version);
+    let endpoint = endpoint.with_odometer(ODOMETER.try_take()?);
+    Some(endpoint.with_profiler(PROFILER.try_take()?))
 }

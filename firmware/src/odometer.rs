@@ -1,9 +1,9 @@
-//! The odometer as the link sees it, whatever its sizes.
+//! Interface between the link and an odometer of any size.
 
 use subaperture_core::link::{Encoding, complex32s, sc16s};
 use subaperture_core::motion::{Antennas, Odometer, Progress, SampleError, Setup, SetupError};
 
-/// An odometer that can be fed from the wire.
+/// Odometer that accepts samples in the link's encodings.
 pub trait WireOdometer: Send {
     /// As [`Odometer::configure`].
     ///
@@ -23,7 +23,7 @@ pub trait WireOdometer: Send {
     /// As [`Odometer::incomplete`].
     fn incomplete(&self) -> u32;
 
-    /// As [`Odometer::push`], of a message's bytes; a part of a sample at their end is a sample too many.
+    /// Like [`Odometer::push`], from the bytes of a message. An incomplete sample at the end is an error of length.
     ///
     /// # Errors
     /// [`SampleError`].

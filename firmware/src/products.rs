@@ -1,4 +1,4 @@
-//! What is made of a map besides sending it: detections, and a part of a chip.
+//! Map products other than the map itself: detections and an image chip.
 
 use subaperture_core::Complex32;
 use subaperture_core::accumulate::{Kernel, PixelGrid, add_patch_map};
@@ -6,39 +6,39 @@ use subaperture_core::cfar::{Cfar, Column, Detection};
 use subaperture_core::link::{ChipGrid, Refusal};
 use subaperture_core::stream::{PatchMap, Setup};
 
-/// Most detections of a map.
+/// Maximum number of detections per map.
 pub const DETECTIONS: usize = 32;
 
-/// How chips read maps: 8 taps.
+/// Interpolation kernel for image chips: 8 taps.
 pub type ChipKernel = Kernel<8, 64>;
 
-/// Buffers of the products.
+/// Buffers of the map products.
 #[derive(Debug)]
 pub struct ProductBuffers<'a> {
-    /// The chip's pixels; as many as a chip may have.
+    /// Pixels of the chip. The length limits the size of a chip.
     pub chip: &'a mut [Complex32],
-    /// How maps are read for the chip.
+    /// Interpolation kernel of the chip.
     pub kernel: &'a ChipKernel,
-    /// One a range bin of the widest map that is to be searched.
+    /// Column sums for CFAR: one per range bin of the widest map to be searched.
     pub columns: &'a mut [Column],
 }
 
-/// The products of a run.
+/// Map products of a run.
 #[derive(Debug)]
 pub(crate) struct Products<'a> {
     buffers: ProductBuffers<'a>,
     pub(crate) cfar: Option<Cfar>,
     pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
     pub(crate) chip: Option<Chip>,
-    /// What is still to be done with the map in hand.
+    /// Next step for the current map.
     next: Next,
 }
 
-/// A chip in the making.
+/// Image chip being accumulated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chip {
     pub(crate) grid: ChipGrid,
-    /// Maps added so far, and the sum of their pulses' weights.
+    /// Number of maps added so far, and the sum of their pulse weights.
     pub(crate) maps: u32,
     pub(crate) weight_sum: f32,
 }
@@ -61,14 +61,14 @@ impl<'a> Products<'a> {
         }
     }
 
-    /// No products are wanted.
-    pub(crate) fn forget(&mut self) {
+    /// Disable all products.
+    pub(crate) fn clear(&mut self) {
         self.cfar = None;
         self.chip = None;
         self.begin_run();
     }
 
-    /// Nothing has been added up yet.
+    /// Reset the products for a new run.
     pub(crate) fn begin_run(&mut self) {
         self.detections.clear();
         self.next = Next::Nothing;
@@ -79,7 +79,7 @@ impl<'a> Products<'a> {
         }
     }
 
-    /// A chip is wanted. Rows of more than `most_columns` pixels could not be sent.
+    /// Enable an image chip. Rows of more than `most_columns` pixels could not be sent.
     pub(crate) fn set_chip(&mut self, grid: &ChipGrid, most_columns: usize) -> Result<(), Refusal> {
         let wanted = u32::from(grid.num_columns) * u32::from(grid.num_rows);
         let most = self.buffers.chip.len() as u32;
@@ -106,7 +106,7 @@ impl<'a> Products<'a> {
         Ok(())
     }
 
-    /// A map is there.
+    /// Start the products of a map.
     pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
         self.detections.clear();
         let wanted = self
@@ -123,7 +123,7 @@ impl<'a> Products<'a> {
         };
     }
 
-    /// Does a row of the chip, or searches the map. False if nothing is left to do.
+    /// Do one step: add one row to the chip, or search the map. Returns false if nothing is left.
     pub(crate) fn work(&mut self, setup: &Setup, map: &PatchMap<'_>) -> bool {
         match self.next {
             Next::ChipRow(row) => {
@@ -140,7 +140,7 @@ impl<'a> Products<'a> {
                 if let Some(cfar) = &self.cfar {
                     let bins = map.header.patch.num_range_bins();
                     let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
-                    // Too wide a map finds no columns, and so no detections.
+                    // A map that is too wide gets no columns and thus no detections.
                     if cfar
                         .detect_in_map(map, columns, &mut self.detections)
                         .is_err()
@@ -171,13 +171,13 @@ impl<'a> Products<'a> {
             num_columns: columns,
             num_rows: 1,
         };
-        // The map is divided by its pulses; the chip will be by all of their weights.
+        // The map is normalised by its number of pulses; the chip will be by the sum of all weights.
         let weight = f32::from(map.header.num_pulses);
-        // Cannot fail: the pixels are the line's.
+        // Cannot fail: the pixels have the length of the row.
         let _ = add_patch_map(pixels, &line, setup, map, self.buffers.kernel, weight);
     }
 
-    /// A row of the chip as it is sent, into `out`: divided by the weights.
+    /// Encode a row of the chip into `out`, normalised by the weights.
     pub(crate) fn chip_row<'b>(
         &self,
         chip: &Chip,

@@ -1,9 +1,9 @@
-//! The profiler as the link sees it, whatever its sizes.
+//! Interface between the link and a range profiler of any size.
 
 use subaperture_core::link::pairs;
 use subaperture_core::sweep::{BurstError, Profiler, Setup, SetupError, SweepProfile};
 
-/// A profiler that can be fed from the wire.
+/// Range profiler that accepts samples in the link's encoding.
 pub trait WireProfiler: Send {
     /// As [`Profiler::configure`].
     ///
@@ -11,7 +11,7 @@ pub trait WireProfiler: Send {
     /// [`SetupError`].
     fn configure(&mut self, setup: &Setup) -> Result<(), SetupError>;
 
-    /// As [`Profiler::set_weights`], of a message's bytes.
+    /// Like [`Profiler::set_weights`], from the bytes of a message.
     ///
     /// # Errors
     /// [`SetupError`].
@@ -29,7 +29,7 @@ pub trait WireProfiler: Send {
     /// As [`Profiler::left_out`].
     fn left_out(&self) -> u32;
 
-    /// As [`Profiler::push`], of a message's bytes; a part of a sample at their end is a sample too many.
+    /// Like [`Profiler::push`], from the bytes of a message. An incomplete sample at the end is an error of length.
     ///
     /// # Errors
     /// [`BurstError`].

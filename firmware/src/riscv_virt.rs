@@ -1,13 +1,13 @@
-//! QEMU's machine `virt` for 32-bit RISC-V: start, a line of output, the end. No board, only bits to compare.
+//! QEMU's `virt` machine for 32-bit RISC-V: start-up, output and exit. Not a board; used to compare results bit by bit.
 //!
-//! The UART (16550) is at 0x10000000 and takes a byte at any time; the emulator ends when its test device
-//! at 0x100000 is told to (0x5555: success, 0x3333 and a code in the upper half: failure).
+//! The UART (16550) is at 0x10000000 and accepts a byte at any time. The emulator exits when its test device at 0x100000 is
+//! written (0x5555: success; 0x3333 with a code in the upper half: failure).
 
 use core::fmt::{self, Write};
 use core::panic::PanicInfo;
 
-// A stack, the floating-point unit where there is one (mstatus.FS = 1; the bits read as 0 where there is
-// none), then the program's `riscv_main`.
+// Set up the stack and the floating-point unit if present (mstatus.FS = 1; the bits read as 0 otherwise), then call
+// the program's `riscv_main`.
 core::arch::global_asm!(
     ".section .text.start, \"ax\"
      .global _start
@@ -27,24 +27,24 @@ struct Uart;
 impl Write for Uart {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for byte in text.bytes() {
-            // SAFETY: the machine's transmit register.
+            // SAFETY: transmit register of the machine.
             unsafe { UART.write_volatile(byte) };
         }
         Ok(())
     }
 }
 
-/// Writes a line.
+/// Write a line.
 pub fn log(message: fmt::Arguments<'_>) {
-    // Cannot fail: the UART takes everything.
+    // Cannot fail: the UART accepts everything.
     let _ = Uart.write_fmt(message);
     let _ = Uart.write_str("\n");
 }
 
-/// Ends the emulator.
+/// Exit the emulator with success or failure.
 pub fn end(success: bool) -> ! {
     let word = if success { 0x5555 } else { 0x1_3333 };
-    // SAFETY: the machine's test device.
+    // SAFETY: test device of the machine.
     unsafe { TEST_DEVICE.write_volatile(word) };
     loop {
         core::hint::spin_loop();

@@ -1,21 +1,21 @@
-//! The loop of the application: a station on a board's serial link.
+//! Main loop of the application: an endpoint on a board's serial link.
 
 use embedded_hal::digital::OutputPin;
 use embedded_io::{Read, ReadReady, Write, WriteReady};
 
 use crate::board::Board;
+use crate::endpoint::Endpoint;
 use crate::engine::WireEngine;
 use crate::memory;
-use crate::station::Station;
 use subaperture_core::link::State;
 
-/// Reads of the link between two writes, at most, so that neither waits for the other.
+/// Maximum number of reads between two writes, so that neither direction starves.
 const READS: usize = 16;
 
-/// Serves the link for good. Every turn reads what has come, writes what the line takes, and does one
-/// piece of work, so that none of the three waits for another; a program that hangs is found by the
-/// watchdog, which is fed once a turn. The light is on while there is work.
-pub fn serve<B: Board, E: WireEngine>(mut board: B, mut station: Station<'_, E>) -> ! {
+/// Serve the link forever. Each iteration reads what was received, writes what the line accepts, and does one processing
+/// step, so none of the three blocks another. The watchdog is fed once per iteration and detects a hang. The light is on
+/// while there is work.
+pub fn serve<B: Board, E: WireEngine>(mut board: B, mut endpoint: Endpoint<'_, E>) -> ! {
     let mut bytes = [0; 64];
     let (mut was, mut lit) = (State::Idle, false);
     loop {
@@ -24,26 +24,26 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut station: Station<'_, E>)
             let Ok(true) = board.link().read_ready() else {
                 break;
             };
-            // What an overrun loses is found by the frame's checksum.
+            // Bytes lost to an overrun are detected by the frame's checksum.
             if let Ok(count) = board.link().read(&mut bytes) {
-                station.receive(bytes.get(..count).unwrap_or(&[]));
+                endpoint.receive(bytes.get(..count).unwrap_or(&[]));
             }
         }
-        let pending = station.pending();
+        let pending = endpoint.pending();
         if !pending.is_empty()
             && let Ok(true) = board.link().write_ready()
         {
-            // A line that refuses bytes loses the frame's rest; the host finds that out.
+            // If the line rejects bytes, the rest of the frame is lost; the host detects it.
             let sent = board.link().write(pending).unwrap_or(pending.len());
-            station.sent(sent);
+            endpoint.sent(sent);
         }
-        let busy = station.work();
+        let busy = endpoint.work();
         if busy != lit {
             lit = busy;
-            // A light that cannot be switched is no reason to stop.
+            // A light that cannot be switched is not a reason to stop.
             let _ = board.light().set_state(busy.into());
         }
-        let state = station.state();
+        let state = endpoint.state();
         if state != was && state == State::Done {
             board.log(format_args!(
                 "run done, {} of {} bytes of stack used",

@@ -11,17 +11,19 @@ use divan::counter::ItemsCount;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::signal::kaiser_bessel::KaiserBessel;
 use subaperture::signal::scaled_dft::Shape;
-use subaperture_kernels::blurred::{self, Blurred, Scale};
 use subaperture_kernels::ceiling;
 use subaperture_kernels::compensation::{self, GroupRamp, Ramp};
+use subaperture_kernels::decimation::{
+    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, halved,
+};
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
-use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
+use subaperture_kernels::gridding::{Band, Line};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::{self, Antennas, Points};
 use subaperture_kernels::power;
-use subaperture_kernels::spreading::{Band, Line};
+use subaperture_kernels::range_migration_blur::{self, Scale, SmearedPosition};
 use subaperture_kernels::tile::{Pieces, Raster, TilePulse, TileScratch, add_points};
 
 /// Seconds for one line of the table.
@@ -261,14 +263,14 @@ fn halving(
     let (num_pulses, num_samples) = (way.num_pulses, way.num_samples);
     let layout = Layout::new(num_samples);
     let values = vec![0.5; num_pulses * layout.values()];
-    let turning = Turning {
+    let turning = PhaseRamp {
         start: 0.3,
         step: 0.01,
     };
-    let turnings = vec![turning; num_pulses];
+    let phase_ramps = vec![turning; num_pulses];
     let recorded = vec![Complex32::ONE; num_pulses * num_samples];
     let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
-    let halving = Halving {
+    let halving = Decimation {
         pulses: way.pulses,
         samples: way.samples,
         layout,
@@ -281,14 +283,14 @@ fn halving(
             _ => Rows::Planes(&values),
         },
         first: 0,
-        turnings: &turnings,
+        phase_ramps: &phase_ramps,
     };
     let count = match way.pulses {
         true => halved(num_pulses, 8),
         false => num_pulses,
     };
     let mut out = vec![0.0; count * halving.after(8).values()];
-    let mut scratch = HalvingScratch::default();
+    let mut scratch = DecimationScratch::default();
     bencher
         .counter(ItemsCount::new(num_pulses * num_samples))
         .bench_local(|| halving.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
@@ -358,16 +360,16 @@ fn blurred_points(bencher: Bencher) {
         cycles_m: CARRIER_CYCLES_M,
         weight: 1.0,
     };
-    let point = |i: usize| Blurred {
+    let point = |i: usize| SmearedPosition {
         path_m: i as f64 * PIXEL_M,
         turns: i as f64 * 1e-4,
         level: 0.5,
     };
-    let points: Vec<Blurred> = (0..POINTS).map(point).collect();
+    let points: Vec<SmearedPosition> = (0..POINTS).map(point).collect();
     let mut sums = vec![Complex32::ZERO; POINTS];
     bencher
         .counter(ItemsCount::new(POINTS))
-        .bench_local(|| blurred::add(&profiles, BINS, &scale, &points, &mut sums));
+        .bench_local(|| range_migration_blur::add(&profiles, BINS, &scale, &points, &mut sums));
 }
 
 #[divan::bench(max_time = LONGEST_S)]

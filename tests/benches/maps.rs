@@ -4,8 +4,8 @@
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
+use subaperture::module::range_doppler::RangeDopplerMapper;
 use subaperture::num_complex::Complex32;
-use subaperture::onboard::range_doppler::RangeDopplerMapper;
 use subaperture::phase_history::Band;
 use subaperture::signal::window::Window;
 use subaperture_core::keystone::KeystoneTable;
@@ -72,7 +72,7 @@ fn of_the_core(bencher: Bencher, size: usize) {
         .counter(ItemsCount::new(samples.len()))
         .bench_local(|| {
             for (m, pulse) in samples.chunks_exact(shape.num_frequencies).enumerate() {
-                plan.window(m, pulse, &mut history);
+                plan.window(m, pulse, &mut history).unwrap();
             }
             plan.process(&history, &mut scratch, &mut map)
                 .expect("buffers of the lengths it states");

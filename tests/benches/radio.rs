@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use subaperture::describe::Description;
-use subaperture::radio::capture::{Ended, Queues, capture};
+use subaperture::radio::capture::{EndReason, Queues, capture};
 use subaperture::radio::plan::Plan;
 use subaperture::radio::simulated::{Analogue, SimulatedRadio, Wiring};
 use subaperture::simulate::scenario::Scenario;
@@ -82,7 +82,7 @@ fn main() {
         let summary =
             capture(&mut radio, &plan, &path, queues, None, &stop).expect("the capture begins");
         let took_s = began.elapsed().as_secs_f64();
-        assert!(matches!(summary.ended, Ended::Done), "{summary:?}");
+        assert!(matches!(summary.ended, EndReason::Done), "{summary:?}");
         assert_eq!((summary.lost_samples, summary.flagged), (0, [0; 5]));
         let work_s = processor::seconds(Of::Own)
             .zip(work_s)

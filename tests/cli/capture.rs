@@ -130,9 +130,9 @@ fn an_experiment_is_captured_calibrated_shown_and_replayed() {
     ];
     assert!(command(at, louder).output().unwrap().status.success());
     run(at, "profile louder --calibration calibration.json")
-        .failed(1, &["40 dB", "43", "calibrate anew"]);
+        .failed(1, &["40 dB", "43", "calibrate again"]);
     let before = listing(at);
-    run(at, "capture thesis.toml -o walk").failed(1, &["not written over"]);
+    run(at, "capture thesis.toml -o walk").failed(1, &["never overwritten"]);
     assert_eq!(listing(at), before);
 }
 
@@ -204,7 +204,7 @@ fn faults_are_told_marked_and_left_out_of_profiles() {
     .unwrap();
     run(at, "capture gone.toml -o gone").failed(
         1,
-        &["the radio is gone", "gone.sigmf-meta", "check its cable"],
+        &["radio disconnected", "gone.sigmf-meta", "check its cable"],
     );
     let recording = Recording::open(&at.join("gone")).unwrap();
     assert!(!recording.interrupted() && recording.steps().len() > 100);
@@ -350,8 +350,16 @@ fn what_is_typed_or_written_wrongly_is_said_with_what_to_do() {
     ] {
         run(at, line).failed(code, &parts);
     }
-    // A build without UHD, as this one is, says how to get one.
-    run(at, "radio list").failed(1, &["libuhd-dev", "feature uhd", "GPL"]);
+    // A build without UHD, as this one is, lists the simulated radio and says how to get the others.
+    let listed = run(at, "radio list");
+    assert!(listed.succeeded().contains("simulated"), "{listed:?}");
+    for word in ["libuhd-dev", "feature uhd", "GPL"] {
+        assert!(listed.stderr.contains(word), "{listed:?}");
+    }
+    let listed = run(at, "radio list --json");
+    let listed: serde_json::Value = serde_json::from_str(listed.succeeded()).unwrap();
+    assert_eq!(listed["radios"].as_array().unwrap().len(), 1, "{listed}");
+    run(at, "radio list --serial 31F0A2B").failed(1, &["libuhd-dev", "feature uhd", "GPL"]);
     let keys = run(at, "capture --keys");
     for key in [
         "[plan]",

@@ -4,11 +4,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use subaperture::image::Parts;
+use subaperture::image::ImageSource;
 use subaperture::io::npy;
 use subaperture::io::product;
 use subaperture::monitor::Silent;
-use subaperture::sicd::{Formed, Placing, Projection, Sicd, SicdFile};
+use subaperture::sicd::{Formed, Georeference, Projection, Sicd, SicdFile};
 use subaperture_tests::subap::run;
 
 /// Three points seen from 600 km by a satellite of the X band that looks ahead, in a frame of the Earth whose axes are turned.
@@ -90,7 +90,7 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
     // What an image over 10 GB is parted into, at a size that can be tested; sarkit reads its samples below, and would check that segments are as large as may be.
     let stored = product::open(&at.join("fine")).unwrap();
     let formed = Formed::of_record(&stored.grid, &stored.metadata).unwrap();
-    let sicd = Sicd::in_segments(&formed, &Placing::default(), 0, 10_000).unwrap();
+    let sicd = Sicd::in_segments(&formed, &Georeference::default(), 0, 10_000).unwrap();
     let parted = at.join("parted.nitf");
     sicd.write(&parted, &stored.pixels, &Silent).unwrap();
     let segments: usize = String::from_utf8_lossy(&fs::read(&parted).unwrap()[360..363])
@@ -161,8 +161,18 @@ fn detected_images_are_sidd_that_sarkit_reads_and_places() {
     run(at, "export image --format sicd -o complex.nitf").succeeded();
     run(at, "picture complex.nitf -o again.png --top -3 --span 40").succeeded();
     assert!(at.join("again.png").exists());
-    // What is detected is no complex image.
-    run(at, "quality density.nitf").failed(1, &["density.nitf", "SICD"]);
+    // What is detected has statistics, and no responses of points.
+    let measured = run(at, "quality density.nitf");
+    assert!(
+        measured.succeeded().contains("12800 pixels"),
+        "{measured:?}"
+    );
+    assert!(
+        measured
+            .stderr
+            .contains("density.nitf: responses of points need complex values")
+    );
+    run(at, "quality density.nitf --at 0,0").failed(1, &["density.nitf", "complex values"]);
 }
 
 /// Real SICDs, if they are at hand.
@@ -304,7 +314,7 @@ fn anyones_sicd_lies_where_sarkit_projects_it() {
         ("<Type>PLANE<", "<Type>PLAIN<", "'PLAIN'"),
         ("MONOSTATIC", "BISTATIC", "bistatic"),
         ("ARPPoly", "ARPPolx", "Position/ARPPoly"),
-        ("<SS>", "<SS>-", "not positive"),
+        ("<SS>", "<SS>-", "expected a positive number in Grid/Row/SS"),
     ] {
         let error = Projection::of(&own.xml().replace(from, to)).unwrap_err();
         assert!(error.to_string().contains(wanted), "{error}");
@@ -334,7 +344,7 @@ fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
             file.set_len(length as u64).unwrap();
             let error = read(&cut).unwrap_err();
             assert!(
-                error.contains("cut.nitf: ") && error.contains("cut short"),
+                error.contains("cut.nitf: ") && error.contains("truncated"),
                 "{} at {length}: {error}",
                 path.display()
             );
@@ -359,16 +369,16 @@ fn what_cannot_be_told_of_is_refused_with_a_word() {
             &format!("export {image} --format sicd -o out.nitf {more}"),
         )
     };
-    export("coarse", "").failed(1, &["undersampled", "at the most"]);
+    export("coarse", "").failed(1, &["undersampled", "at most"]);
     export("coarse", "--place here").failed(2, &["52.1,4.3,43"]);
     export("nothing", "").failed(1, &["nothing"]);
     // A record of before antennas were told.
     let path = at.join("coarse/image.json");
     let record = fs::read_to_string(&path).unwrap();
     fs::write(&path, record.replace("\"antennas\"", "\"other\"")).unwrap();
-    export("coarse", "").failed(1, &["when and where the antennas were", "form it again"]);
+    export("coarse", "").failed(1, &["antenna times and positions", "form the image again"]);
     fs::write(&path, record.replace("\"earth\"", "\"local\"")).unwrap();
-    export("coarse", "").failed(1, &["where on the Earth", "--place"]);
+    export("coarse", "").failed(1, &["position on the Earth", "--place"]);
     assert!(!at.join("out.nitf").exists());
 }
 

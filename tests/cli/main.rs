@@ -1,14 +1,22 @@
 //! The command `subap` as its users run it, and the benches' program.
 
+mod accuracy_table;
+mod any_file;
 mod autofocus;
 mod bad_input;
+mod beam;
 mod bench;
 mod capture;
+mod cases;
 mod channels;
+mod compare;
 #[path = "../../host/viewer/tests/driver.rs"]
 mod driver;
 mod echoes;
+mod every_command;
 mod export;
+mod guide;
+mod hostile;
 mod json;
 mod killed;
 mod live;
@@ -32,6 +40,8 @@ mod sources;
 mod spaceborne;
 mod statistics;
 mod surface;
+#[cfg(target_os = "linux")]
+mod thread_limits;
 mod tiles;
 mod track;
 mod usage;

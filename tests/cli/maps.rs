@@ -7,20 +7,20 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
+use subaperture::module::maps::{Arithmetic, Run, RunTotals};
+use subaperture::module::maps_file::MapWriter;
+use subaperture::module::plan::{ModuleCapacity, ModulePlan, Requirements};
 use subaperture::monitor::Silent;
-use subaperture::onboard::maps::{Arithmetic, Closing, Run};
-use subaperture::onboard::maps_file::MapWriter;
-use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Variation};
 use subaperture_tests::error_db;
 use subaperture_tests::maps::{fast_weights, maps};
 use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "x=-10:10:1,y=-10:10:1";
 
-fn simulated() -> (Simulated, Weights) {
+fn simulated() -> (PointTargetHistory, Weights) {
     let history = Preset::Table41.simulate(&Variation::default());
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     (history, weights)
@@ -32,10 +32,10 @@ fn write(path: &Path, keep: impl Fn(u32) -> bool) {
     let collection = history.collection();
     let requirements = Requirements {
         error_db: -60.0,
-        room: Room::Ram { bytes: 1 << 20 },
+        room: ModuleCapacity::Ram { bytes: 1 << 20 },
         arithmetic: Arithmetic::Float,
     };
-    let plan = OnboardPlan::new(collection, &GRID.parse().unwrap(), &requirements).unwrap();
+    let plan = ModulePlan::new(collection, &GRID.parse().unwrap(), &requirements).unwrap();
     let fast = fast_weights(&weights.fast);
     let setup = Run {
         name: "bench run".to_owned(),
@@ -52,7 +52,7 @@ fn write(path: &Path, keep: impl Fn(u32) -> bool) {
             writer.append(&map.view()).unwrap();
         }
     }
-    let closing = Closing {
+    let closing = RunTotals {
         num_pulses: collection.pulses.len() as u64,
         weight_sum: weights.slow.iter().sum(),
         counters: Map::new(),
@@ -85,7 +85,7 @@ fn image_from_maps_is_a_product_like_any_other() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let measured_db = error_db(&image, &Exact.form(&task).unwrap().image);
     println!("{measured_db:.1} dB");
@@ -252,12 +252,8 @@ fn a_plan_says_what_fits_and_what_would() {
         folder.path(),
         &format!("plan module --ram 2K {grid} a.cphd"),
     );
-    least.failed(1, &["nothing that keeps -66 dB fits", "least memory"]);
-    let bytes = least
-        .stderr
-        .split("least memory that would is ")
-        .nth(1)
-        .unwrap();
+    least.failed(1, &["no plan that keeps -66 dB fits", "least memory"]);
+    let bytes = least.stderr.split("least memory: ").nth(1).unwrap();
     let bytes = bytes.split(' ').next().unwrap();
     run(
         folder.path(),

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use subaperture_tests::subap::{command, listing, run};
 
 /// Few pulses, so that large images are quick.
-const SCENARIO: &str = r#"
+pub(super) const SCENARIO: &str = r#"
 name = "a few pulses"
 
 [scene]
@@ -74,10 +74,26 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
     Some(peak)
 }
 
-/// Runs `line` within `mib` and returns the most that it took as the system counts it, from outside (`VmHWM`), MiB, and
-/// whether it was done: else it was refused for its memory.
-#[track_caller]
-fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
+/// A run that was watched from outside.
+#[derive(Debug)]
+pub(super) struct Watched {
+    /// Exit status; `None` if a signal ended it.
+    pub(super) code: Option<i32>,
+    pub(super) stderr: String,
+    /// The most that it took as the system counts it (`VmHWM`), MiB.
+    pub(super) peak_mib: f64,
+}
+
+/// The most memory that a process has taken so far, MiB; `None` once it has ended.
+pub(super) fn peak_of(process: u32) -> Option<f64> {
+    let text = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let told = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = told.trim().strip_suffix(" kB")?.parse().ok()?;
+    Some(kib / 1024.0)
+}
+
+/// Runs `line` with `--memory` and 2 threads, and measures it. The last of its life may be missed, 2 ms.
+pub(super) fn measured(at: &Path, line: &str, mib: u32) -> Watched {
     let words = format!("{line} --threads 2 --memory {mib}M -q");
     let begun = Instant::now();
     let mut child = command(at, words.split_whitespace())
@@ -85,37 +101,40 @@ fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let status = format!("/proc/{}/status", child.id());
-    let mut peak_kib = 0.0f64;
+    let mut peak_mib = 0.0f64;
     let ended = loop {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let told = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        if let Some(kib) = told.and_then(|told| told.trim().strip_suffix(" kB")) {
-            peak_kib = peak_kib.max(kib.parse().unwrap());
-        }
+        peak_mib = peak_mib.max(peak_of(child.id()).unwrap_or(0.0));
         match child.try_wait().unwrap() {
             Some(ended) => break ended,
             None => sleep(Duration::from_millis(2)),
         }
     };
-    let mut told = String::new();
-    child
-        .stderr
-        .take()
-        .unwrap()
-        .read_to_string(&mut told)
-        .unwrap();
-    let done = match ended.code() {
-        // Status 3: with an error above the bound.
-        Some(0 | 3) => true,
-        Some(1) if told.contains("--memory") => false,
-        _ => panic!("{line}: {ended}: {told}"),
-    };
-    let peak_mib = peak_kib / 1024.0;
+    let mut stderr = String::new();
+    let mut told = child.stderr.take().unwrap();
+    told.read_to_string(&mut stderr).unwrap();
     println!(
-        "{mib:5} MiB: {peak_mib:6.1} MiB, {done}, {:.1} s: {line}",
+        "{mib:5} MiB: {peak_mib:6.1} MiB, {ended}, {:.1} s: {line}",
         begun.elapsed().as_secs_f64()
     );
+    Watched {
+        code: ended.code(),
+        stderr,
+        peak_mib,
+    }
+}
+
+/// Runs `line` within `mib` and returns the most that it took as the system counts it, from outside (`VmHWM`), MiB, and
+/// whether it was done: else it was refused for its memory.
+#[track_caller]
+fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
+    let ran = measured(at, line, mib);
+    let done = match ran.code {
+        // Status 3: with an error above the bound.
+        Some(0 | 3) => true,
+        Some(1) if ran.stderr.contains("--memory") => false,
+        _ => panic!("{line}: {ran:?}"),
+    };
+    let peak_mib = ran.peak_mib;
     assert!(
         peak_mib > 1.0 && peak_mib <= f64::from(mib),
         "{line}: {peak_mib} MiB of {mib}"

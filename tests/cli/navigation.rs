@@ -97,6 +97,61 @@ fn a_damaged_log_says_what_is_lost_and_leaves_a_track() {
 }
 
 #[test]
+fn southern_origins_are_taken_with_or_without_equals_sign() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let rows: String = (0..5)
+        .map(|n| format!("{n},-33.5,{:.6},100\n", 151.5 + f64::from(n) * 1e-5))
+        .collect();
+    fs::write(
+        at.join("south.csv"),
+        format!("time_s,lat_deg,lon_deg,height_m\n{rows}"),
+    )
+    .unwrap();
+    for typed in ["--origin -33.5,151.5,0", "--origin=-33.5,151.5,0"] {
+        run(at, &format!("navigation south.csv {typed} -o t.csv")).succeeded();
+        let track = fs::read_to_string(at.join("t.csv")).unwrap();
+        let rows: Vec<&str> = track
+            .lines()
+            .filter(|line| line.starts_with(|c: char| c.is_ascii_digit()))
+            .collect();
+        assert_eq!(rows.len(), 5);
+        let first: Vec<f64> = rows[0].split(',').map(|x| x.parse().unwrap()).collect();
+        assert!(first[1].abs() + first[2].abs() < 1e-3 && (first[3] - 100.0).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn repeated_times_and_assumed_heights_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let rows: String = (0..8)
+        .map(|n| format!("{},44.25,-121.5,100\n", n / 2))
+        .collect();
+    fs::write(
+        at.join("twice.csv"),
+        format!("time_s,lat_deg,lon_deg,height_m\n{rows}"),
+    )
+    .unwrap();
+    let ran = run(at, "navigation twice.csv -o t.csv");
+    ran.succeeded();
+    assert!(
+        ran.stderr
+            .contains("4 records have times that do not ascend")
+            && !ran.stderr.contains("damaged"),
+        "{}",
+        ran.stderr
+    );
+    let plain: String = (40..48)
+        .map(|s| format!("$GPGGA,1106{s}.00,4415.0,N,12130.0,W,4,12,0.8,50.000,M,,M,,\r\n"))
+        .collect();
+    fs::write(at.join("plain.nmea"), plain).unwrap();
+    let ran = run(at, "navigation plain.nmea");
+    assert!(ran.succeeded().contains("NMEA      8 records"));
+    assert!(ran.stderr.contains("0 m is taken"), "{}", ran.stderr);
+}
+
+#[test]
 fn what_is_no_log_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

@@ -9,7 +9,7 @@ use subaperture::io::cphd::{self, Channel, WriteOptions};
 use subaperture::io::product;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "--grid x=-8:8:0.28,y=-16:16:0.35";
@@ -23,7 +23,7 @@ fn a_product_is_measured_and_shown() {
         amplitude: Complex64::cis(0.5),
     };
     let table = Preset::Table41.simulate(&Variation::default());
-    let history = Simulated::new(table.collection().clone(), vec![scatterer], None);
+    let history = PointTargetHistory::new(table.collection().clone(), vec![scatterer], None);
     let channels = [Channel::new("1", &history)];
     cphd::write(
         at.join("t.cphd"),
@@ -159,7 +159,11 @@ fn bad_requests_say_what_is_wrong() {
             1,
             vec!["--extent", "no pixel lies within"],
         ),
-        ("quality a --at 0,0 --against b", 1, vec!["different size"]),
+        (
+            "quality a --at 0,0 --against b/image.npy",
+            1,
+            vec!["different size"],
+        ),
         ("quality a --at 7.5,0", 1, vec!["too close to the border"]),
         ("quality t.cphd", 1, vec!["t.cphd", "no image"]),
     ] {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::fs;
 
 use serde_json::Value;
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{command, run};
 
 /// Two points, the nearer the stronger. The receiving antenna is 10 cm above the one that sends, which the attitude does not move.
 const SCENE: &str = r#"
@@ -86,9 +86,48 @@ fn a_rail_scan_is_captured_converted_and_focused() {
         let off_m = (place[0].as_f64().unwrap() - x_m).hypot(place[1].as_f64().unwrap() - y_m);
         assert!(off_m < 0.05, "{place}");
     }
-    // A track of another time: no sweep is within it.
+    // The scene is where the phases are referred to: geometry, resolution and the default grid are those around 0, 5, 0.
+    let told: Value = serde_json::from_str(run(at, "info walk.cphd --json").succeeded()).unwrap();
+    assert_eq!(
+        told["scene_centre_m"].as_array().unwrap()[1]
+            .as_f64()
+            .unwrap()
+            .round(),
+        5.0
+    );
+    // Transmitter at the rail, receiver 0.2 m aside.
+    let slant_m = told["slant_range_m"].as_f64().unwrap();
+    assert!((slant_m - 5.0).abs() < 0.15, "{slant_m}");
+    // c / (2 B) of 600 MHz is 0.25 m; the sides of 31 degrees' aperture add their projection, so that range resolves less than twice as well.
+    let range_m = told["range_resolution_m"].as_f64().unwrap();
+    assert!((0.125..0.26).contains(&range_m), "{range_m}");
+    // lambda R / (2 L) with 0.214 m, 5 m and 2.7 m.
+    let cross_m = told["cross_range_resolution_m"].as_f64().unwrap();
+    assert!((0.15..0.25).contains(&cross_m), "{cross_m}");
+    let told: Value =
+        serde_json::from_str(run(at, "focus walk.cphd --out default --json").succeeded()).unwrap();
+    let place = &told["brightest"]["position_m"];
+    let near = |x_m: f64, y_m: f64| {
+        (place[0].as_f64().unwrap() - x_m).hypot(place[1].as_f64().unwrap() - y_m) < 0.1
+    };
+    assert!(near(0.4, 5.0) || near(-0.7, 6.5), "{place}");
+    // Without a track there is no aperture, which is said.
+    let ran = command(
+        at,
+        "radio convert walk --reference 0,5,0 -o standing.cphd".split(' '),
+    )
+    .output()
+    .unwrap();
+    let said = String::from_utf8_lossy(&ran.stderr).into_owned();
+    assert!(
+        ran.status.success()
+            && said.contains("warning: no --track")
+            && said.contains("no aperture"),
+        "{said}"
+    );
+    // Track with another time origin: no sweep lies within it.
     let line = "radio convert walk --track track.csv --zero 100 --reference 0,5,0 -o other.cphd";
-    run(at, line).failed(1, &["no sweep is within the track", "time 0"]);
+    run(at, line).failed(1, &["no sweep lies within the track", "time 0"]);
     // The leakage as the reference wants two receivers where the plan says.
     let line = "capture rail.toml -o two --set plan.reference=leakage";
     run(at, line).failed(1, &["receiver 0's antenna"]);

@@ -136,7 +136,7 @@ fn messages_say_what_is_meant() {
     let info = |setting: &str| run(at, &format!("info raw/recording.toml --set {setting}"));
     // No guess where nothing is near.
     let far = info("radar.foo=3");
-    far.failed(1, &["no key 'radar.foo'", "[radar] has kind, pri"]);
+    far.failed(1, &["unknown key 'radar.foo'", "[radar] has kind, pri"]);
     assert!(!far.stderr.contains("did you mean"), "{far:?}");
     info("radar.slop=3").failed(1, &["did you mean 'radar.slope'?"]);
     info("radra.slope=3").failed(1, &["did you mean 'radar.slope'?"]);
@@ -156,7 +156,6 @@ fn messages_say_what_is_meant() {
     }
     // A scenario for a recording, and a recording for a scenario.
     for line in [
-        "info scene.toml",
         "focus scene.toml --out d",
         "tune scene.toml --at 0,4 --vary radar.pri=1:2:1s",
     ] {
@@ -182,7 +181,7 @@ fn a_pulse_is_not_longer_than_its_record() {
     fs::write(at.join("echoes.npy"), echoes).unwrap();
     let text = |pulse: &str| {
         format!(
-            "[recording]\nformat = \"npy\"\nfile = \"echoes.npy\"\n[radar]\nkind = \"pulsed\"\ncentre = \"10 GHz\"\n\
+            "[recording]\nformat = \"npy\"\nfile = \"echoes.npy\"\nphase = \"minus\"\n[radar]\nkind = \"pulsed\"\ncentre = \"10 GHz\"\n\
              sample_rate = \"100 MHz\"\nwindow_start = \"1 us\"\n[radar.pulse]\n{pulse}\n\
              [platform]\nkind = \"rail\"\nfrom = \"-1, 0, 0 m\"\nto = \"1, 0, 0 m\"\n"
         )
@@ -193,11 +192,11 @@ fn a_pulse_is_not_longer_than_its_record() {
     for (pulse, place) in [
         (
             "kind = \"lfm\"\nbandwidth = \"50 MHz\"\nduration = \"7 s\"",
-            "r.toml:12:",
+            "r.toml:13:",
         ),
         (
             "kind = \"code\"\ncode = \"barker-13\"\nchip = \"1 s\"",
-            "r.toml:12:",
+            "r.toml:13:",
         ),
     ] {
         fs::write(at.join("r.toml"), text(pulse)).unwrap();
@@ -215,7 +214,7 @@ fn samples_that_do_not_come_out_even_are_explained() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("a.bin"), vec![1u8; 4 * 4 * 100 * 10]).unwrap();
-    let text = "[recording]\nformat = \"dca1000\"\nfile = \"a.bin\"\nsamples = 96\nreceivers = 4\n\
+    let text = "[recording]\nformat = \"dca1000\"\nfile = \"a.bin\"\nsamples = 96\nreceivers = 4\nphase = \"plus\"\n\
                 [radar]\nkind = \"fmcw\"\nstart = \"77 GHz\"\nslope = \"40 MHz/us\"\nsample_rate = \"2 MHz\"\n\
                 [platform]\nkind = \"rail\"\nfrom = \"-1, 0, 0 m\"\nto = \"1, 0, 0 m\"\n";
     fs::write(at.join("r.toml"), text).unwrap();
@@ -230,7 +229,23 @@ fn samples_that_do_not_come_out_even_are_explained() {
             "100",
         ],
     );
-    run(at, "info r.toml --set recording.samples=100").succeeded();
+    // It says nothing of its scene, and the origin is on the rail: neither geometry nor a grid is taken from there in silence.
+    let ran = run(at, "info r.toml --set recording.samples=100");
+    ran.succeeded();
+    assert!(
+        ran.stderr
+            .contains("warning: resolution and geometry are those at x 0 m"),
+        "{ran:?}"
+    );
+    assert!(ran.stderr.contains("lies at the antennas"), "{ran:?}");
+    run(at, "focus r.toml --set recording.samples=100 --out image").failed(
+        1,
+        &[
+            "no default grid",
+            "does not say where its scene is",
+            "--grid",
+        ],
+    );
 }
 
 /// NovAtel's CRC-32: reflected 0xEDB88320 from 0, without a final complement.
@@ -313,4 +328,12 @@ fn echoes_outside_the_window_name_keys_that_there_are() {
         "{said}"
     );
     assert!(!said.contains("num_samples"), "{said}");
+}
+
+#[test]
+fn a_recording_given_twice_is_named_by_its_files() {
+    let folder = folder();
+    let at = folder.path();
+    fs::copy(at.join("scene.cphd"), at.join("twin.cphd")).unwrap();
+    run(at, "info scene.cphd twin.cphd").failed(1, &["scene.cphd", "twin.cphd", "share 81 pulses"]);
 }

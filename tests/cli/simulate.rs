@@ -90,12 +90,12 @@ fn every_kind_of_error_points_at_its_place() {
     refuse("\"1 ms\"", "0.001", (14, 7), "without a unit");
     refuse("\"1 ms\"", "\"0 ms\"", (14, 7), "must be above 0");
     refuse("\"1 ms\"", "\"-1 ms\"", (14, 7), "must be above 0");
-    refuse("\"1 ms\"", "true", (14, 7), "a time is wanted");
+    refuse("\"1 ms\"", "true", (14, 7), "expected a time");
     refuse(
         "pulses = 32",
         "pulses = 0",
         (13, 10),
-        "must be a whole number, 1 to",
+        "expected a whole number, 1 to",
     );
     refuse(
         "pulses = 32",
@@ -115,15 +115,15 @@ fn every_kind_of_error_points_at_its_place() {
         "\"-20, 20 m\"",
         "\"20, -20 m\"",
         (5, 5),
-        "ends before it begins",
+        "expected the lower limit before the upper one",
     );
-    refuse("x = \"-20, 20 m\"\n", "", (5, 5), "there is y but no x");
+    refuse("x = \"-20, 20 m\"\n", "", (5, 5), "y is given without x");
     refuse("[[scene.point]]", "[scene.point]", (8, 8), "two brackets");
     refuse(
         "samples = 64",
         "samples = 64\nsweep = \"up\"",
         (18, 1),
-        "says nothing with kind = \"ideal\"",
+        "does not apply to kind = \"ideal\"",
     );
     refuse("seed = 7", "seed = 1979-05-27", (2, 8), "'seed' is a date");
     refuse(
@@ -141,7 +141,7 @@ fn every_kind_of_error_points_at_its_place() {
 }
 
 #[test]
-fn several_errors_are_told_at_once() {
+fn all_errors_are_reported_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let text = SOUND
         .replace("\"1 ms\"", "\"1 m\"")
@@ -249,7 +249,7 @@ fn examples_and_keys_are_printed_and_examples_run() {
     let keys = run(folder.path(), "simulate --keys");
     for part in [
         "[radar]",
-        "pulses (required, as 64)",
+        "pulses (required, for example 64)",
         "[[scene.mover]]",
         "default \"stop-and-go\"",
     ] {

@@ -180,7 +180,7 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
     // Elsewhere there is no ground.
     let away =
         "focus hill.cphd --grid x=-50000:-49990:0.5,y=0:10:0.5 --surface dem:ground --out away";
-    run(at, away).failed(1, &["ground", "covers any of the scene"]);
+    run(at, away).failed(1, &["ground", "overlaps the scene"]);
 
     // On the map, at a twentieth of a metre: within half a pixel of the image.
     for (name, expected_m) in [

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use subaperture_tests::subap::{command, run};
+use subaperture_tests::subap::{command, listing, run};
 
 /// A straight track, so that every former takes it.
 const SCENE: &str = r#"
@@ -126,6 +126,45 @@ const FORMERS: [(&str, &str); 8] = [
     ),
 ];
 
+/// Hidden files and locks anywhere in a folder.
+fn hidden(folder: &Path) -> Vec<std::path::PathBuf> {
+    let is_hidden = |path: &std::path::PathBuf| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().starts_with('.')
+    };
+    listing(folder).into_keys().filter(is_hidden).collect()
+}
+
+/// A grid of 4e16 pixels, by options and by a plan that somebody has edited.
+#[test]
+fn grids_larger_than_any_image_are_refused_before_they_are_planned() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let huge = [
+        "200000000 x 200000000 pixels",
+        "a smaller or coarser --grid",
+    ];
+    for (_, former) in FORMERS {
+        let former = former
+            .split("--grid")
+            .next()
+            .unwrap()
+            .replace("--allow-error", "");
+        let line =
+            format!("plan focus a.cphd {former} --grid x=-1e8:1e8:1,y=-1e8:1e8:1 -o huge.json");
+        run(folder, &line).failed(1, &huge);
+        let line = format!("plan focus a.cphd {former} --grid x=-10:10:1,y=-10:10:1 -o plan.json");
+        run(folder, &line).succeeded();
+        let plan = fs::read_to_string(folder.join("plan.json")).unwrap();
+        let edited = plan.replace("\"count\": 20,", "\"count\": 200000000,");
+        let edited = edited.replace("\"count\": 20\n", "\"count\": 200000000\n");
+        assert_ne!(edited, plan, "{plan}");
+        fs::write(folder.join("edited.json"), edited).unwrap();
+        run(folder, "focus a.cphd --plan edited.json -o image").failed(1, &huge[..1]);
+    }
+}
+
 /// Kills each former's run twenty times; what the last run leaves is what one that nobody disturbed leaves.
 #[test]
 fn killed_runs_go_on_to_the_same_bits() {
@@ -181,6 +220,9 @@ fn killed_runs_go_on_to_the_same_bits() {
             assert!(*bytes == got[file], "{name}: {file}");
         }
         assert!(folder.join(format!("{name}/image.png")).is_file());
+        // What killed runs had begun to write is gone.
+        let left = hidden(&folder.join(name));
+        assert!(left.is_empty(), "{name}: {left:?}");
     }
 }
 

@@ -14,6 +14,8 @@ use subaperture_tests::subap::{command, listing, run};
 struct Served {
     child: Child,
     address: String,
+    /// What paths begin with.
+    secret: String,
 }
 
 impl Served {
@@ -27,8 +29,12 @@ impl Served {
         let mut lines = BufReader::new(child.stdout.take().unwrap());
         lines.read_line(&mut url).unwrap();
         let address = url.trim().strip_prefix("http://").unwrap_or_default();
-        let address = address.trim_end_matches('/').to_owned();
-        Self { child, address }
+        let (address, secret) = address.trim_end_matches('/').split_once('/').unwrap();
+        Self {
+            address: address.to_owned(),
+            secret: format!("/{secret}"),
+            child,
+        }
     }
 
     fn ask(&self, path: &str) -> String {
@@ -38,8 +44,8 @@ impl Served {
             .unwrap();
         write!(
             stream,
-            "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
-            self.address
+            "GET {}{path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+            self.secret, self.address
         )
         .unwrap();
         let mut all = Vec::new();
@@ -295,6 +301,80 @@ fn memory_does_not_follow_the_image() {
     let kib: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
     println!("{kib} KiB at the most");
     assert!(kib < 80 << 10, "{line}");
+}
+
+/// Fifty clients at a time, each with requests of every kind, of images in one array and in tiles, within 64 MiB and the least that is taken.
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_holds_under_fifty_clients() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    run(at, "simulate --preset table-4-1 -o table.cphd").succeeded();
+    let grid = "--grid x=-6:6:0.006,y=-5:5:0.006 -a ffbp --allow-error";
+    run(at, &format!("focus table.cphd {grid} -o image"));
+    run(at, &format!("focus table.cphd {grid} --tiled -o tiled"));
+    for mib in [26, 64] {
+        let line = format!("view image tiled --maps table.cphd --memory {mib}M --threads 2");
+        let served = Served::begin(at, &line);
+        served.settled();
+        std::thread::scope(|scope| {
+            for client in 0..50 {
+                let served = &served;
+                scope.spawn(move || {
+                    for n in 0..12 {
+                        let image = (client + n) % 2;
+                        let path = match (client + n) % 7 {
+                            0 => format!("/tile/{image}/3/0/0"),
+                            1 => format!("/tile/{image}/{}/{}/1", n % 3, client % 3),
+                            2 => format!("/phase/{image}/{}/2", client % 5),
+                            3 => format!("/point/{image}/833/1000/20"),
+                            4 => format!("/look/{image}/0/500/1/1/1"),
+                            5 => format!("/doppler/0/{n}/{image}/800/900"),
+                            _ => format!("/cut/{image}/0/0/1600/1900"),
+                        };
+                        served.ask(&path);
+                    }
+                });
+            }
+        });
+        let peak = crate::memory::peak_of(served.child.id()).unwrap();
+        println!("{mib} MiB: {peak:.1} MiB at the most");
+        assert!(peak <= f64::from(mib), "{peak} MiB of {mib}");
+    }
+}
+
+/// Slow clients, more than may be connected, that begin a request and never end it.
+#[test]
+fn slow_clients_do_not_close_the_viewer() {
+    let folder = folder();
+    let served = Served::begin(folder.path(), "view image");
+    let mut slow = Vec::new();
+    for _ in 0..100 {
+        let mut stream = TcpStream::connect(&served.address).unwrap();
+        stream
+            .write_all(b"GET /state HTTP/1.1\r\nHost: loc")
+            .unwrap();
+        slow.push(stream);
+    }
+    assert_eq!(served.settled()["images"][0]["name"], "image");
+}
+
+/// Others on this machine reach the port, and without the secret see nothing.
+#[test]
+fn without_the_secret_nothing_is_shown() {
+    let folder = folder();
+    let mut served = Served::begin(folder.path(), "view image");
+    served.settled();
+    let secret = std::mem::take(&mut served.secret);
+    for path in ["/", "/state", "/tile/0/0/0/0", "/value/0/1/1"] {
+        let told = served.ask(path);
+        assert!(
+            told.contains("whole address") && told.len() < 200,
+            "{path}: {told}"
+        );
+    }
+    let again = Served::begin(folder.path(), "view image");
+    assert!(secret.len() > 16 && again.secret != secret);
 }
 
 #[test]

@@ -52,5 +52,5 @@ macro_rules! targets {
 
 targets! {
     job plan cphd crsd matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv motive
-    frames station session sigmf sicd terrain geojson
+    frames endpoint session sigmf sicd images terrain geojson
 }

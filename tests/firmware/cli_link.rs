@@ -33,7 +33,7 @@ fn wrong_usage_is_told_and_leaves_nothing() {
         (
             "link /dev/ttyACM0 a.cphd -o a.maps",
             2,
-            vec!["'/dev/ttyACM0' is no place", "tcp://HOST:PORT"],
+            vec!["'/dev/ttyACM0' is not a module address", "tcp://HOST:PORT"],
         ),
         (
             "link tcp://host a.cphd -o a.maps",
@@ -74,12 +74,12 @@ fn wrong_usage_is_told_and_leaves_nothing() {
         (
             "link emulate a.cphd -o a.maps --firmware none.elf",
             1,
-            vec!["none.elf is no file"],
+            vec!["none.elf is not a file"],
         ),
         (
             "link serial:/dev/none a.cphd -o a.maps",
             1,
-            vec!["/dev/none", "921600", "plugged in"],
+            vec!["/dev/none", "921600", "is connected"],
         ),
     ] {
         run(folder.path(), line).failed(code, &parts);

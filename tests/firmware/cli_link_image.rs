@@ -81,7 +81,7 @@ fn a_modules_maps_make_the_exact_sums_image() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let exact = Exact.form(&task).unwrap().image;
     for (arithmetic, elf) in ["float", "fixed"].iter().zip(application()) {

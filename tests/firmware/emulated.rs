@@ -8,7 +8,7 @@ use std::process::Child;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use subaperture::onboard::link::{self, Place, Transport};
+use subaperture::module::link::{self, ModuleAddress, Transport};
 
 use subaperture_tests::faults::Device;
 use subaperture_tests::firmware;
@@ -57,7 +57,7 @@ impl Drop for Process {
 /// A running emulator.
 struct Running {
     _process: Process,
-    place: Place,
+    place: ModuleAddress,
     /// Commands to the emulator itself, and its answers.
     console: BufReader<TcpStream>,
 }
@@ -114,7 +114,7 @@ impl Running {
         stream.set_read_timeout(Some(START_LIMIT))?;
         let mut running = Self {
             _process: process,
-            place: Place::Tcp {
+            place: ModuleAddress::Tcp {
                 host: "127.0.0.1".to_owned(),
                 port,
             },
@@ -130,7 +130,7 @@ impl Running {
         if wire == Wire::Terminal {
             let device = about.split_once("pty:").map(|(_, device)| device.trim());
             let device = device.ok_or_else(|| io::Error::other(about.clone()))?;
-            running.place = Place::Serial {
+            running.place = ModuleAddress::Serial {
                 device: device.into(),
                 baud: 921_600,
             };
@@ -197,7 +197,7 @@ impl Emulated {
     ///
     /// # Panics
     /// If it is not running.
-    pub(crate) fn place(&self) -> &Place {
+    pub(crate) fn place(&self) -> &ModuleAddress {
         &self.running.as_ref().expect("it is running").place
     }
 
@@ -233,7 +233,7 @@ impl Device for Emulated {
             Begin::Reset => running.command("system_reset", "(qemu)").map(drop),
             Begin::Power => {
                 let port = match running.place {
-                    Place::Tcp { port, .. } => Some(port),
+                    ModuleAddress::Tcp { port, .. } => Some(port),
                     _ => None,
                 };
                 self.running = None;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
+use subaperture::module::link::{Buffers, MotionRun, Session, Settings};
 use subaperture::monitor::Silent;
-use subaperture::onboard::link::{Buffers, Odometry, Session, Settings};
 use subaperture::phase_history::PhaseHistory;
 use subaperture_tests::odometer_scene::{Scene, between, pose, setup};
 
@@ -24,7 +24,7 @@ fn increments_of_the_module_are_the_cores() {
         ..Settings::default()
     };
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
-    let task = Odometry {
+    let task = MotionRun {
         setup: setup(),
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,

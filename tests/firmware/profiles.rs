@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
+use subaperture::module::link::{Buffers, ProfileRun, Session, Settings};
 use subaperture::monitor::Silent;
-use subaperture::onboard::link::{Buffers, Ranging, Session, Settings};
 use subaperture_tests::sweep_scene::SweepScene;
 
 use crate::emulated::{Begin, Emulated, Wire, application};
@@ -23,7 +23,7 @@ fn profiles_of_the_module_are_the_cores() {
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
     let weights = scene.weights();
     let mut source = scene.clone();
-    let mut task = Ranging {
+    let mut task = ProfileRun {
         setup: scene.setup,
         weights: &weights,
         sweeps: 2,

@@ -8,11 +8,11 @@ use std::io;
 use std::time::Duration;
 
 use crate::emulated::{Begin, Emulated, Wire, application};
-use subaperture::monitor::Silent;
-use subaperture::onboard::link::{
-    Buffers, Emulator, Ending, Firmware, HostCore, LinkError, Outcome, Session, Settings,
+use subaperture::module::link::{
+    Buffers, Emulator, Firmware, HostCore, LinkError, Outcome, Session, Settings, TransferEnd,
     Transport, Verified,
 };
+use subaperture::monitor::Silent;
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::firmware::{Build, build};
@@ -55,7 +55,7 @@ fn account(outcome: &Outcome, kept: &Kept) {
     assert_eq!(outcome.missing.len() + kept.len(), MAPS);
     assert!(outcome.missing.iter().all(|key| !kept.contains_key(key)));
     let broken = counts.restarts + counts.reconnects > 0;
-    if broken || matches!(outcome.ending, Ending::Failed(_)) {
+    if broken || matches!(outcome.ending, TransferEnd::Failed(_)) {
         // What the module counted in a run that broke off is not known.
         return;
     }
@@ -77,7 +77,10 @@ fn account(outcome: &Outcome, kept: &Kept) {
 
 #[track_caller]
 fn complete(outcome: &Outcome) {
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
 }
 
 /// A sub-CPI after one of which a map is missing came whole.
@@ -155,7 +158,10 @@ fn a_line_too_bad_for_any_map_ends_and_says_so() {
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
     // A pulse comes through with a chance of 0.2, four in a row with 0.001.
     let (outcome, _) = session(&mut module, settings(0));
-    assert!(!matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        !matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert!(outcome.counts.frames_from_module.damaged > 0);
     assert!(outcome.counts.frames_to_module.damaged > 0);
     // And the module is as it was.
@@ -178,7 +184,10 @@ fn lost_pulses_are_counted_and_sent_again() {
     };
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
     let (outcome, kept) = session(&mut module, settings(0));
-    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
     let counts = &outcome.counts;
     assert!(counts.module_pulses.lost > 0);
     assert_eq!(counts.maps_lost, 0, "pulses are lost and nothing else");
@@ -198,7 +207,10 @@ fn cut_frames_are_lost_and_their_maps_fetched() {
     };
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
     let (outcome, kept) = session(&mut module, settings(0));
-    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
     assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
     let (outcome, _) = session(&mut module, settings(100));
     complete(&outcome);
@@ -234,7 +246,10 @@ fn at_a_radars_rate_losses_stay_and_are_told() {
         ..settings(100)
     };
     let (outcome, kept) = session(&mut module, at_a_rate);
-    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
     let counts = &outcome.counts;
     assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
     assert!(counts.module_pulses.lost > 0, "{counts}");
@@ -268,7 +283,7 @@ fn a_host_that_dies_leaves_a_module_that_the_next_can_use() {
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
     let (outcome, _) = session(&mut NoWayBack(&mut module), settings(0));
     assert!(
-        matches!(outcome.ending, Ending::Failed(LinkError::Line(_))),
+        matches!(outcome.ending, TransferEnd::Failed(LinkError::Line(_))),
         "{outcome:?}"
     );
     // In mid-run, and the line dies once more.

@@ -66,6 +66,9 @@ fn nothing_else_may_be_unsafe() {
     let mut crates = vec!["core/src/lib.rs".to_owned(), "tests/src/lib.rs".to_owned()];
     for entry in fs::read_dir(root().join("host")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
+        if !root().join("host").join(&name).join("Cargo.toml").exists() {
+            continue;
+        }
         let root = if name == "subap" { "main" } else { "lib" };
         crates.push(format!("host/{name}/src/{root}.rs"));
     }

@@ -6,7 +6,9 @@ use glam::DVec3;
 use subaperture::focus::auto::{Auto, CANDIDATES};
 use subaperture::focus::formers::former;
 use subaperture::focus::plan::Request;
-use subaperture::focus::{FormError, ImageFormer, Means, Misses, Plan, SCRATCH_BYTES, TimeModel};
+use subaperture::focus::{
+    BoundPolicy, FormError, ImageFormer, Numerics, Plan, SCRATCH_BYTES, TimeModel,
+};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, Pulse, Sweep};
@@ -42,7 +44,7 @@ fn plan(
     former: &dyn ImageFormer,
     collection: &Collection,
     grid: &str,
-    misses: Misses,
+    bound_policy: BoundPolicy,
     model: &TimeModel,
 ) -> Result<Plan, FormError> {
     let grid: ImageGrid = grid.parse().unwrap();
@@ -52,10 +54,10 @@ fn plan(
         fast: Window::Hamming,
         slow: Window::Hamming,
         scratch_bytes: SCRATCH_BYTES,
-        misses,
-        means: Means {
+        bound_policy,
+        numerics: Numerics {
             model,
-            ..Means::default()
+            ..Numerics::default()
         },
     };
     Plan::new(former, &request, &Silent)
@@ -72,7 +74,7 @@ fn the_fastest_that_keeps_the_bound_is_taken() {
         let collection = collection(pulses, samples, length_m);
         let planned = |former: &dyn ImageFormer| {
             let model = &TimeModel::DEFAULT;
-            plan(former, &collection, grid, Misses::Refused, model)
+            plan(former, &collection, grid, BoundPolicy::Refused, model)
         };
         let own = planned(&Auto::default().error_db(-55.0)).unwrap();
         let name = own.summary["former"].as_str().unwrap().to_owned();
@@ -105,7 +107,13 @@ fn another_model_takes_another() {
         ..TimeModel::DEFAULT
     };
     let grid = "x=-20:20:0.2,y=-20:20:0.2";
-    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, &slow);
+    let plan = plan(
+        &Auto::default(),
+        &collection,
+        grid,
+        BoundPolicy::Refused,
+        &slow,
+    );
     assert_eq!(plan.unwrap().summary["former"], "bp");
 }
 
@@ -123,7 +131,14 @@ fn in_motion_only_those_are_taken_that_follow_it() {
     }
     let grid = "x=-20:20:0.2,y=-20:20:0.2";
     let model = &TimeModel::DEFAULT;
-    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, model).unwrap();
+    let plan = plan(
+        &Auto::default(),
+        &collection,
+        grid,
+        BoundPolicy::Refused,
+        model,
+    )
+    .unwrap();
     let name = plan.summary["former"].as_str().unwrap();
     let taken = former(name, &serde_json::json!({})).unwrap();
     assert!(taken.follows_sweeps() && name != "ffbp", "{name}");
@@ -135,13 +150,13 @@ fn what_all_refuse_is_refused() {
     let grid = "x=-4:4:0.2,y=-4:4:0.2";
     let asked = Auto::default().error_db(-150.0);
     let model = &TimeModel::DEFAULT;
-    let refused = plan(&asked, &collection, grid, Misses::Refused, model).unwrap_err();
+    let refused = plan(&asked, &collection, grid, BoundPolicy::Refused, model).unwrap_err();
     assert!(refused.to_string().contains("-150 dB asked"), "{refused}");
     // As good as can be.
-    let best = plan(&asked, &collection, grid, Misses::Allowed, model).unwrap();
+    let best = plan(&asked, &collection, grid, BoundPolicy::Allowed, model).unwrap();
     for candidate in CANDIDATES {
         let former = former(candidate, &asked.settings()).unwrap();
-        let other = plan(&*former, &collection, grid, Misses::Allowed, model).unwrap();
+        let other = plan(&*former, &collection, grid, BoundPolicy::Allowed, model).unwrap();
         assert!(other.planned_db > -150.0, "{candidate}");
     }
     assert!(best.planned_db > -150.0);
@@ -153,7 +168,14 @@ fn choices_of_others_are_refused() {
     let collection = collection(60, 64, 3.0);
     let model = &TimeModel::DEFAULT;
     let grid = "x=-4:4:0.2,y=-4:4:0.2";
-    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, model).unwrap();
+    let plan = plan(
+        &Auto::default(),
+        &collection,
+        grid,
+        BoundPolicy::Refused,
+        model,
+    )
+    .unwrap();
     let text = plan.to_text();
     let name = plan.summary["former"].as_str().unwrap();
     let weights = plan.weights(&collection).unwrap();

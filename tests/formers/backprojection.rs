@@ -5,25 +5,25 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::rdbp::{Mode, Plan, RangeDoppler, Request, Thesis};
+use subaperture::focus::rdbp::{Mode, Plan, RangeDopplerBackprojection, Request, Thesis};
 use subaperture::focus::{FormError, Formed, ImageFormer, Remedy, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Noise, Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{Noise, PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::error_db;
 
 /// A scene, a grid and windows: what formers are compared on.
 struct Bench {
-    history: Simulated,
+    history: PointTargetHistory,
     grid: ImageGrid,
     weights: Weights,
 }
 
 impl Bench {
-    fn new(history: Simulated, grid: &str, window: Window) -> Self {
+    fn new(history: PointTargetHistory, grid: &str, window: Window) -> Self {
         let weights = Weights::new(history.collection(), window, window);
         Self {
             history,
@@ -44,7 +44,7 @@ impl Bench {
             weights: &self.weights,
             memory_bytes,
             monitor,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         former.form_best(&task)
     }
@@ -74,8 +74,8 @@ impl Bench {
     }
 }
 
-fn precise(error_db: f64, sub_cpi: Option<usize>) -> RangeDoppler {
-    RangeDoppler {
+fn precise(error_db: f64, sub_cpi: Option<usize>) -> RangeDopplerBackprojection {
+    RangeDopplerBackprojection {
         mode: Mode::Precise,
         error_db,
         sub_cpi,
@@ -83,8 +83,8 @@ fn precise(error_db: f64, sub_cpi: Option<usize>) -> RangeDoppler {
     }
 }
 
-fn thesis(sub_cpi: usize) -> RangeDoppler {
-    RangeDoppler {
+fn thesis(sub_cpi: usize) -> RangeDopplerBackprojection {
+    RangeDopplerBackprojection {
         mode: Mode::Thesis(Thesis::default()),
         error_db: -60.0,
         sub_cpi: Some(sub_cpi),
@@ -141,7 +141,7 @@ fn the_plan_predicts_the_error() {
             memory_bytes: 1 << 30,
         };
         let plan = Plan::new(bench.history.collection(), &bench.grid, &request).unwrap();
-        let former = RangeDoppler {
+        let former = RangeDopplerBackprojection {
             patch_m: Some(patch_m),
             ..precise(-60.0, Some(sub_cpi))
         };
@@ -356,7 +356,7 @@ fn a_band_that_moves_suits_backprojection_only() {
     for (n, pulse) in collection.pulses.iter_mut().enumerate() {
         pulse.start_hz += 1e5 * n as f64;
     }
-    let history = Simulated::new(collection, bench.history.scatterers().to_vec(), None);
+    let history = PointTargetHistory::new(collection, bench.history.scatterers().to_vec(), None);
     let bench = Bench::new(history, "x=-10:10:1.37,y=-10:10:1.31", Window::None);
     let got = error_db(
         &bench.form(&Backprojection { error_db: -60.0 }),
@@ -411,7 +411,7 @@ fn work_can_be_stopped() {
 #[test]
 fn a_unit_scatterer_reads_one() {
     let history = Preset::Table41.simulate(&Variation::default());
-    let lone = Simulated::new(
+    let lone = PointTargetHistory::new(
         history.collection().clone(),
         vec![Scatterer {
             position_m: DVec3::new(3.0, -7.0, 0.0),

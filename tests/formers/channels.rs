@@ -9,7 +9,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
-use subaperture::focus::rdbp::RangeDoppler;
+use subaperture::focus::rdbp::RangeDopplerBackprojection;
 use subaperture::focus::{FormError, Formed, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
@@ -44,7 +44,7 @@ fn form(
         weights: &Weights::new(history.collection(), Window::None, slow),
         memory_bytes: 1 << 28,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     })
 }
 
@@ -113,7 +113,7 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
         assert_eq!(channels.len(), 2 * transmitters);
         let expected = sum_over_all(&channels, &grid);
         let one = form(
-            &RangeDoppler::default(),
+            &RangeDopplerBackprojection::default(),
             channels.channel(0),
             &grid,
             Window::None,
@@ -124,7 +124,7 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
         let omega_k = OmegaK::default();
         let [bp, rdbp] = [
             &Backprojection::default() as &dyn ImageFormer,
-            &RangeDoppler::default(),
+            &RangeDopplerBackprojection::default(),
         ];
         let ffbp = FastFactorised::default();
         let mut formers: Vec<&dyn ImageFormer> = vec![&Exact, bp, rdbp, &ffbp];
@@ -162,7 +162,7 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
         }
         // Sub-CPIs are as long as those of one channel; with channels in turn each would hold that many fewer moments.
         let pulses = |formed: &Formed| formed.settings["sub_cpi_pulses"].as_u64().unwrap();
-        let rdbp = RangeDoppler::default();
+        let rdbp = RangeDopplerBackprojection::default();
         let together = form(&rdbp, &sum, &grid, Window::None).unwrap();
         let mixed = form(&rdbp, &interleaved, &grid, Window::None);
         println!(
@@ -187,7 +187,7 @@ fn bounds_are_kept_where_channels_have_few_pulses() {
         let sum = channels.coherent_sum().unwrap();
         let formers: [&dyn ImageFormer; 3] = [
             &Backprojection::default(),
-            &RangeDoppler::default(),
+            &RangeDopplerBackprojection::default(),
             &FastFactorised::default(),
         ];
         for former in formers {
@@ -210,7 +210,10 @@ fn a_unit_scatterer_reads_1_with_any_number_of_channels() {
             .coherent_sum()
             .unwrap();
         for slow in [Window::None, Window::default(), Window::Hamming] {
-            for former in [&Exact as &dyn ImageFormer, &RangeDoppler::default()] {
+            for former in [
+                &Exact as &dyn ImageFormer,
+                &RangeDopplerBackprojection::default(),
+            ] {
                 let formed = form(former, &sum, &grid, slow).unwrap();
                 // Row 3 is y = -0.5, column 6 x = 1.
                 let got = formed.image.pixels[3 * grid.columns.count + 6];

@@ -2,11 +2,14 @@
 
 use serde_json::Value;
 use subaperture::focus::formers::FORMERS;
-use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{Aim, Decision, ImageFormer, Misses, Plan, SCRATCH_BYTES};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
+use subaperture::focus::{
+    BoundPolicy, Decision, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task,
+};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::planner::forecast::operations;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 
@@ -26,15 +29,15 @@ fn grid(side: usize) -> ImageGrid {
 fn decide(former: &dyn ImageFormer, grid: &ImageGrid) -> Decision {
     let history = Preset::Table41.simulate(&Variation::default());
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let aim = Aim {
+    let spec = ImageSpec {
         collection: history.collection(),
         grid,
         weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        means: Default::default(),
+        numerics: Default::default(),
     };
-    let asked = former.asked(Misses::Allowed);
-    former.decide(&aim, &asked, &Silent).unwrap()
+    let goal = former.goal(BoundPolicy::Allowed);
+    former.decide(&spec, &goal, &Silent).unwrap()
 }
 
 fn listed(name: &str) -> Box<dyn ImageFormer> {
@@ -86,6 +89,38 @@ fn a_pixel_takes_what_its_loop_does() {
         let pixels = (side * side) as f64;
         let own = (cost.operations - cost.shared_operations) / pixels;
         near(own, each * PULSES, 1e-9, "bp");
+    }
+}
+
+/// Both comparisons with the exact sum: 64 pixels spread evenly and 64 drawn, a complex product (6) and sum (2) for each pulse and frequency, and
+/// a range profile of each pulse. Of 10 x 10 pixels all are compared, once.
+#[test]
+fn forecast_counts_both_comparisons_with_the_exact_sum() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    for (side, by_hand) in [
+        (10, 100.0 * 8.0 * PULSES * SAMPLES),
+        (
+            200,
+            128.0 * 8.0 * PULSES * SAMPLES + PULSES * transform(SAMPLES),
+        ),
+    ] {
+        let grid = grid(side);
+        let task = Task {
+            history: &history,
+            grid: &grid,
+            weights: &weights,
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+            numerics: Default::default(),
+        };
+        for name in ["exact", "bp", "ffbp", "pfa"] {
+            let former = listed(name);
+            let cost = decide(&*former, &grid).cost;
+            let counted = operations(&task, &cost) - cost.operations;
+            near(counted, by_hand, 1e-6, name);
+            println!("{name}: {:.1} %", 100.0 * counted / cost.operations);
+        }
     }
 }
 
@@ -156,7 +191,7 @@ fn sub_cpis_take_maps_and_their_reading() {
 
 #[test]
 fn the_thesis_takes_maps_of_the_scene() {
-    let thesis = RangeDoppler::default()
+    let thesis = RangeDopplerBackprojection::default()
         .mode(Mode::Thesis(Thesis::default()))
         .sub_cpi(40);
     let decision = decide(&thesis, &grid(200));
@@ -203,8 +238,8 @@ fn plans_tell_what_they_take() {
             fast: Window::None,
             slow: Window::None,
             scratch_bytes: SCRATCH_BYTES,
-            misses: Misses::Allowed,
-            means: Default::default(),
+            bound_policy: BoundPolicy::Allowed,
+            numerics: Default::default(),
         };
         let plan = Plan::new(&*former, &request, &Silent).unwrap();
         let text: Value = serde_json::from_str(&plan.to_text()).unwrap();

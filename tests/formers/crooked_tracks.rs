@@ -6,13 +6,13 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::former::SCRATCH_BYTES;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::{Aim, FormError, ImageFormer, Task, Tile, Work};
+use subaperture::focus::{FormError, ImageFormer, ImageSpec, Task, Tile, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::Simulated;
+use subaperture::simulate::PointTargetHistory;
 use subaperture_tests::error_db;
 
 use crate::strip_scene::{
@@ -47,19 +47,19 @@ fn wandering(seed: u32, num_pulses: usize, cycles: f64, rms_m: DVec3) -> impl Fn
 /// The image without windows as one compensation forms it, whatever it errs by.
 fn compensated(
     former: &dyn ImageFormer,
-    history: &Simulated,
+    history: &PointTargetHistory,
     grid: &ImageGrid,
     compensation: &str,
 ) -> Result<Image, FormError> {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    let aim = Aim {
+    let spec = ImageSpec {
         collection: history.collection(),
         grid,
         weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        means: Default::default(),
+        numerics: Default::default(),
     };
-    let forming = former.open(aim, &json!({ "compensation": compensation }))?;
+    let forming = former.open(spec, &json!({ "compensation": compensation }))?;
     let work = Work {
         history,
         memory_bytes: 1 << 30,
@@ -76,13 +76,13 @@ fn compensated(
 }
 
 /// The strip map's radar, whose antenna wanders from its line by as much in RMS: along, across and up.
-fn wandering_stripmap(seed: u32, rms_m: DVec3) -> Simulated {
+fn wandering_stripmap(seed: u32, rms_m: DVec3) -> PointTargetHistory {
     let path = wandering(seed, STRIPMAP.num_pulses, 4.0, rms_m);
     let collection = STRIPMAP.collection_on(|n| {
         let at = (STRIPMAP.antennas)(n).0 + path(n);
         (at, at)
     });
-    Simulated::new(collection, twelve([30.0, 30.0]), None)
+    PointTargetHistory::new(collection, twelve([30.0, 30.0]), None)
 }
 
 /// The table in the documentation of motion compensation: surge, sway and heave, metres, and errors of omega-k that are at most and at
@@ -171,7 +171,7 @@ fn near_the_ground_it_is_told_what_directions_leave() {
         let at = DVec3::new(0.02 * n, -11.0, 2.0) + path(n);
         (at, at)
     });
-    let history = Simulated::new(collection, twelve([2.0, 3.0]), None);
+    let history = PointTargetHistory::new(collection, twelve([2.0, 3.0]), None);
     let [omega_k] = errors_db(
         "truck",
         &history,
@@ -250,7 +250,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
                 weights: &weights,
                 memory_bytes: 1 << 30,
                 monitor: &Silent,
-                means: Default::default(),
+                numerics: Default::default(),
             });
             let error = refused.unwrap_err();
             assert!(matches!(error, FormError::BoundMissed { .. }), "{error}");
@@ -280,7 +280,7 @@ fn gaps_and_stops_are_no_errors() {
             let at = DVec3::new(along_m(n), -3000.0, 0.0);
             (at, at)
         });
-        let history = Simulated::new(collection, twelve([30.0, 30.0]), None);
+        let history = PointTargetHistory::new(collection, twelve([30.0, 30.0]), None);
         let formers: [&dyn ImageFormer; 2] = [&OMEGA_K, &RDA];
         let [omega_k, rda] = errors_db(
             what,

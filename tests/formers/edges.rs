@@ -9,13 +9,13 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{FormError, Formed, ImageFormer, Remedy, Task};
 use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Scatterer, Simulated};
+use subaperture::simulate::{PointTargetHistory, Scatterer};
 use subaperture_tests::error_db;
 
 const ERROR_DB: f64 = -50.0;
@@ -25,7 +25,7 @@ fn formers() -> Vec<Box<dyn ImageFormer>> {
     vec![
         Box::new(Exact),
         Box::new(Backprojection { error_db }),
-        Box::new(RangeDoppler {
+        Box::new(RangeDopplerBackprojection {
             mode: Mode::Precise,
             error_db,
             sub_cpi: None,
@@ -45,7 +45,11 @@ fn formers() -> Vec<Box<dyn ImageFormer>> {
 }
 
 /// A radar at 1 GHz, 300 m from a scatterer at the origin's side.
-fn history(num_pulses: usize, num_samples: usize, place: impl Fn(f64) -> DVec3) -> Simulated {
+fn history(
+    num_pulses: usize,
+    num_samples: usize,
+    place: impl Fn(f64) -> DVec3,
+) -> PointTargetHistory {
     let pulses = (0..num_pulses)
         .map(|n| {
             let at = place(n as f64 - (num_pulses as f64 - 1.0) / 2.0);
@@ -73,7 +77,7 @@ fn history(num_pulses: usize, num_samples: usize, place: impl Fn(f64) -> DVec3) 
         position_m: DVec3::new(0.3, -0.2, 0.0),
         amplitude: Complex64::ONE,
     };
-    Simulated::new(collection, vec![scatterer], None)
+    PointTargetHistory::new(collection, vec![scatterer], None)
 }
 
 /// Along x, a metre a pulse.
@@ -83,7 +87,7 @@ fn line(n: f64) -> DVec3 {
 
 fn form(
     former: &dyn ImageFormer,
-    history: &Simulated,
+    history: &PointTargetHistory,
     grid: &ImageGrid,
 ) -> Result<Formed, FormError> {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
@@ -93,7 +97,7 @@ fn form(
         weights: &weights,
         memory_bytes: 64 << 20,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     })
 }
 

@@ -4,13 +4,13 @@
 use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::strip::{Stage, StageKind};
+use subaperture::focus::frequency_domain::{Stage, StageKind};
 use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
 use crate::strip_scene::{
     OMEGA_K, RAIL, RDA, RDA_WITHOUT_SRC, Radar, SQUINT, STRIPMAP, errors_db, others, try_form,
@@ -127,7 +127,7 @@ fn a_point_is_where_it_is_and_as_wide_as_it_should() {
             position_m: at_m,
             amplitude: Complex64::ONE,
         };
-        let history = Simulated::new(radar.collection(), vec![point], None);
+        let history = PointTargetHistory::new(radar.collection(), vec![point], None);
         let lobes = if along_m < 0.5 { 10.0 } else { 4.0 };
         let cut = |former: &dyn ImageFormer, along: bool| {
             let (centre_m, resolution_m) = if along {
@@ -206,10 +206,11 @@ fn slow_time_that_is_sampled_too_coarsely_is_as_ambiguous_as_it_is() {
 #[test]
 fn what_does_not_suit_is_refused() {
     let history = RAIL.over_many([2.0, 2.0]);
-    let refused = |history: &Simulated, grid: &str, memory_bytes, former: &dyn ImageFormer| {
-        let grid = grid.parse().unwrap();
-        try_form(history, &grid, Window::None, former, memory_bytes, &Silent).unwrap_err()
-    };
+    let refused =
+        |history: &PointTargetHistory, grid: &str, memory_bytes, former: &dyn ImageFormer| {
+            let grid = grid.parse().unwrap();
+            try_form(history, &grid, Window::None, former, memory_bytes, &Silent).unwrap_err()
+        };
     // Pixels on the track's line, next to it, far along it, and past the budget.
     for (grid, expected) in [
         ("x=-1:1:0.5,y=-9:-8:0.5", "too near"),
@@ -268,7 +269,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
         position_m: at,
         amplitude: Complex64::ONE,
     };
-    let history = Simulated::new(RAIL.collection(), vec![scatterer], None);
+    let history = PointTargetHistory::new(RAIL.collection(), vec![scatterer], None);
     let grid: ImageGrid = "x=-1:1.01:0.1,y=-1:1.01:0.1".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     let task = Task {
@@ -277,7 +278,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     for rda in [true, false] {
         let mut stages: Vec<Kept> = Vec::new();
@@ -321,7 +322,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
         }
 
         let (kind, values, rows, columns) = corrected;
-        assert_eq!(*kind, StageKind::RangeDoppler);
+        assert_eq!(*kind, StageKind::RangeDopplerBackprojection);
         assert_eq!(
             (rows.count, columns.count),
             (sizes.along_wavenumbers, sizes.ranges)
@@ -362,7 +363,7 @@ fn a_scatterer_in_a_corner_errs_as_predicted() {
             position_m: DVec3::new(x, y, 0.0),
             amplitude: Complex64::ONE,
         };
-        let history = Simulated::new(preset.collection().clone(), vec![scatterer], None);
+        let history = PointTargetHistory::new(preset.collection().clone(), vec![scatterer], None);
         // As fine as the resolution: a coarser grid may show the side lobes alone.
         let grid = "x=-40:40:0.61,y=-40:40:0.67";
         // Within 3 dB of the prediction.

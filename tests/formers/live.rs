@@ -1,6 +1,5 @@
-//! The live image after every push, against a sum written out here and against backprojection of the same pulses.
+//! The live image after every push, against the plain sum and against backprojection of the same pulses.
 
-use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
@@ -17,8 +16,10 @@ use subaperture::radar::Motion;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Experiment, Recording};
 use subaperture_tests::experiment::{
-    IDEAL, PAIR, experiment, five_points, fmcw, point, read_whole,
+    IDEAL, PAIR, difference_db, experiment, five_points, fmcw, point, read_whole,
 };
+use subaperture_tests::plain_history::{complex, pixels_m, plain_pulse, plain_samples};
+use subaperture_tests::plain_sum::hamming;
 
 const PULSES: usize = 96;
 
@@ -64,27 +65,16 @@ fn one_pulse(
     weights: &[f64],
     grid: &ImageGrid,
 ) -> Vec<Complex64> {
-    let pixel = |i: usize| {
-        let at = grid.position_m(i / grid.columns.count, i % grid.columns.count);
-        let [out, back] = [pulse.transmitter_m, pulse.receiver_m].map(|antenna| at - antenna);
-        let norm = |v: DVec3| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
-        let delay_s = (norm(out) + norm(back) - pulse.reference_path_m) / 299_792_458.0;
-        let term = |(k, (z, w)): (usize, (&Complex32, &f64))| {
-            let turns = (pulse.start_hz + k as f64 * pulse.step_hz) * delay_s;
-            Complex64::new(z.re.into(), z.im.into()) * Complex64::cis(TAU * turns.fract()) * w
-        };
-        row.iter().zip(weights).enumerate().map(term).sum()
+    let (pulse, row) = (plain_pulse(pulse, 1.0), plain_samples(row));
+    let pixel = |at: DVec3| {
+        let path_m = pulse.relative_path_m(at.to_array());
+        pulse.matched(&row, weights, |_| path_m)
     };
-    (0..grid.num_pixels() as usize).map(pixel).collect()
+    complex(&pixels_m(grid).into_iter().map(pixel).collect::<Vec<_>>())
 }
 
 fn error_db(image: &Image, expected: &[Complex64]) -> f64 {
-    let (mut error, mut power) = (0.0, 0.0);
-    for (z, e) in image.pixels.iter().zip(expected) {
-        error += (Complex64::new(z.re.into(), z.im.into()) - e).norm_sqr();
-        power += e.norm_sqr();
-    }
-    10.0 * (error / power).log10()
+    difference_db(&image.pixels, expected)
 }
 
 fn widened(image: &Image) -> Vec<Complex64> {
@@ -109,21 +99,13 @@ fn formed(
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     former.form_best(&task).unwrap().image
 }
 
 fn unweighted() -> Settings {
     Settings::default().window(Window::None)
-}
-
-/// Hamming's weights, by its formula.
-fn hamming(count: usize) -> Vec<f64> {
-    let at = |k: usize| (k as f64 + 0.5) / count as f64 - 0.5;
-    (0..count)
-        .map(|k| 0.54 + 0.46 * (TAU * at(k)).cos())
-        .collect()
 }
 
 #[test]

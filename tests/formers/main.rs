@@ -1,4 +1,4 @@
-//! Image formers against the exact sum and theory: what they form, what they refuse, how well they know their errors.
+//! Image formers against the defining sum, the exact former and theory: what they form, what they refuse, how well they predict their errors.
 
 mod accuracy;
 mod auto;
@@ -6,9 +6,11 @@ mod backprojection;
 mod channels;
 mod costs;
 mod crooked_tracks;
+mod defining_sum;
 mod edges;
 mod frequency_domain;
 mod gotcha;
+mod in_beam;
 mod live;
 mod movers;
 mod options;
@@ -18,6 +20,7 @@ mod portable;
 mod random;
 mod random_case;
 mod stages;
+mod stored_plans;
 mod strip_scene;
 mod surfaces;
 mod sweep_motion;

@@ -1,20 +1,20 @@
 //! What formers can be told by the names of their options.
 
 use serde_json::{Value, json};
-use subaperture::focus::formers::{FORMERS, Given, Opt, Takes, former};
+use subaperture::focus::formers::{FORMERS, FormerOption, OptionType, OptionValues, former};
 
-fn object(value: Value) -> Given {
+fn object(value: Value) -> OptionValues {
     value.as_object().cloned().unwrap()
 }
 
 /// Values that an option takes.
-fn values(option: &Opt) -> Vec<Value> {
+fn values(option: &FormerOption) -> Vec<Value> {
     match option.takes {
-        Takes::Count => vec![1.into(), 7.into()],
-        Takes::Length => vec![0.5.into()],
-        Takes::Bound => vec![(-45.0).into()],
-        Takes::Switch(_) => vec![true.into()],
-        Takes::Word(words) => words.iter().map(|word| word.name.into()).collect(),
+        OptionType::Count => vec![1.into(), 7.into()],
+        OptionType::Length => vec![0.5.into()],
+        OptionType::Bound => vec![(-45.0).into()],
+        OptionType::Switch(_) => vec![true.into()],
+        OptionType::Word(words) => words.iter().map(|word| word.name.into()).collect(),
         other => panic!("no values of {other:?} are known here"),
     }
 }
@@ -22,12 +22,12 @@ fn values(option: &Opt) -> Vec<Value> {
 #[test]
 fn every_option_says_something_to_its_former() {
     for entry in &FORMERS {
-        let plain = entry.settings(&Given::new()).unwrap();
+        let plain = entry.settings(&OptionValues::new()).unwrap();
         let plain = former(entry.name, &plain).unwrap().settings();
         for option in entry.options {
             let mut told = false;
             for value in values(option) {
-                let mut given = Given::new();
+                let mut given = OptionValues::new();
                 given.insert(option.name.to_owned(), value);
                 if let Some((other, word)) = option.with {
                     given.insert(other.to_owned(), word.into());

@@ -15,12 +15,12 @@ use subaperture::image::Image;
 use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::error_db;
 
 fn try_form(
     former: &dyn ImageFormer,
-    history: &Simulated,
+    history: &PointTargetHistory,
     grid: &str,
     memory_bytes: u64,
     monitor: &dyn Monitor,
@@ -33,12 +33,12 @@ fn try_form(
         weights: &weights,
         memory_bytes,
         monitor,
-        means: Default::default(),
+        numerics: Default::default(),
     })
 }
 
 /// An image whatever its error.
-fn form_best(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Formed {
+fn form_best(former: &dyn ImageFormer, history: &PointTargetHistory, grid: &str) -> Formed {
     let weights = Weights::new(history.collection(), Window::None, Window::default());
     let grid: ImageGrid = grid.parse().unwrap();
     former
@@ -48,12 +48,12 @@ fn form_best(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Forme
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         })
         .unwrap()
 }
 
-fn form(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Formed {
+fn form(former: &dyn ImageFormer, history: &PointTargetHistory, grid: &str) -> Formed {
     try_form(former, history, grid, 1 << 30, &Silent).unwrap()
 }
 
@@ -69,7 +69,7 @@ fn ffbp(error_db: f64) -> FastFactorised {
 }
 
 /// Point scatterers at these places, on the collection of Table 4.1.
-fn table_4_1(places: &[DVec3]) -> Simulated {
+fn table_4_1(places: &[DVec3]) -> PointTargetHistory {
     let simulated = Preset::Table41.simulate(&Variation::default());
     let scatterers = places
         .iter()
@@ -78,7 +78,7 @@ fn table_4_1(places: &[DVec3]) -> Simulated {
             amplitude: Complex64::ONE,
         })
         .collect();
-    Simulated::new(simulated.collection().clone(), scatterers, None)
+    PointTargetHistory::new(simulated.collection().clone(), scatterers, None)
 }
 
 fn circle(radius_m: f64, height_m: f64, step_rad: f64) -> impl Fn(f64) -> (DVec3, DVec3) {
@@ -222,7 +222,7 @@ fn polar_format_fails_far_from_its_centre_as_predicted() {
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let exact = Exact.form(&task).unwrap().image;
         let formed = former.form_best(&task).unwrap();

@@ -17,7 +17,7 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::monitor::Silent;
@@ -25,7 +25,7 @@ use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Response, Settings, SideLobes, Target, measure};
 use subaperture::resolution::theory::expected;
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
 const C_M_S: f64 = 299_792_458.0;
 const ERROR_DB: f64 = -60.0;
@@ -40,7 +40,7 @@ fn one_point(position_m: DVec3) -> InMemory {
         position_m,
         amplitude: Complex64::cis(0.5),
     };
-    let simulated = Simulated::new(collection.clone(), vec![scatterer], None);
+    let simulated = PointTargetHistory::new(collection.clone(), vec![scatterer], None);
     let num_pulses = collection.pulses.len();
     let mut samples = vec![Default::default(); num_pulses * collection.num_samples];
     simulated.read(0..num_pulses, &mut samples).unwrap();
@@ -152,7 +152,7 @@ fn check(position_m: DVec3, formers: &[&dyn ImageFormer]) {
                 weights: &weights,
                 memory_bytes: 1 << 30,
                 monitor: &Silent,
-                means: Default::default(),
+                numerics: Default::default(),
             };
             let image = former.form(&task).unwrap().image;
             let response = measure(&image, &grid, Target::Brightest, &Settings::default()).unwrap();
@@ -177,7 +177,7 @@ fn check(position_m: DVec3, formers: &[&dyn ImageFormer]) {
 }
 
 const BP: Backprojection = Backprojection { error_db: ERROR_DB };
-const RDBP: RangeDoppler = RangeDoppler {
+const RDBP: RangeDopplerBackprojection = RangeDopplerBackprojection {
     mode: Mode::Precise,
     error_db: ERROR_DB,
     sub_cpi: None,

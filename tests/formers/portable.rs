@@ -6,7 +6,9 @@
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::formers::former;
 use subaperture::focus::plan::{InMemory, Request};
-use subaperture::focus::{Formed, Means, Misses, Plan, SCRATCH_BYTES, Task, Transforms, Work};
+use subaperture::focus::{
+    BoundPolicy, Formed, Numerics, Plan, SCRATCH_BYTES, Task, Transforms, Work,
+};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::glam::DVec3;
 use subaperture::monitor::Silent;
@@ -76,7 +78,7 @@ fn grid() -> ImageGrid {
     "x=-20:20:0.7,y=-24:24:0.9,yaw=11".parse().unwrap()
 }
 
-fn formed(name: &str, settings: &str, means: Means) -> Formed {
+fn formed(name: &str, settings: &str, numerics: Numerics) -> Formed {
     let settings = serde_json::from_str(settings).unwrap();
     let history = history();
     let windows = Weights::new(history.collection(), Window::Hamming, Window::default());
@@ -86,12 +88,12 @@ fn formed(name: &str, settings: &str, means: Means) -> Formed {
         weights: &windows,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means,
+        numerics,
     };
     former(name, &settings).unwrap().form_best(&task).unwrap()
 }
 
-/// Of all bits.
+/// Digest over the bits of all pixels.
 fn digest_of(pixels: &[Complex32]) -> u64 {
     let numbers = pixels.iter().flat_map(|z| [z.re, z.im]);
     digest(numbers.flat_map(|x| x.to_bits().to_le_bytes()))
@@ -102,7 +104,7 @@ fn digest_of(pixels: &[Complex32]) -> u64 {
 fn images_have_the_bits_that_are_stated() {
     let mut wrong = Vec::new();
     for (name, settings, stated) in IMAGES {
-        let image = formed(name, settings, Means::default().portable());
+        let image = formed(name, settings, Numerics::default().portable());
         assert_eq!(image.settings["transforms"], "portable");
         let got = digest_of(&image.image.pixels);
         println!("{name} {settings}: {got:#018x}");
@@ -117,8 +119,8 @@ fn images_have_the_bits_that_are_stated() {
 #[test]
 fn portable_images_are_the_fastest_ones_to_the_planned_error() {
     for (name, settings, _) in IMAGES {
-        let portable = formed(name, settings, Means::default().portable());
-        let fastest = formed(name, settings, Means::default());
+        let portable = formed(name, settings, Numerics::default().portable());
+        let fastest = formed(name, settings, Numerics::default());
         assert_eq!(fastest.settings["transforms"], "fastest");
         let (mut error, mut power) = (0.0, 0.0);
         for (a, b) in portable.image.pixels.iter().zip(&fastest.image.pixels) {
@@ -152,8 +154,8 @@ fn a_plan_carries_its_transforms() {
         fast: Window::Hamming,
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
-        misses: Misses::Allowed,
-        means: Means::default().portable(),
+        bound_policy: BoundPolicy::Allowed,
+        numerics: Numerics::default().portable(),
     };
     let text = Plan::new(&*former, &request, &Silent).unwrap().to_text();
     let plan = Plan::from_text(&text).unwrap();
@@ -168,7 +170,7 @@ fn a_plan_carries_its_transforms() {
     let mut image = InMemory::new(&plan.grid);
     let all: Vec<usize> = (0..plan.num_tiles()).collect();
     opened.form(&work, &all, usize::MAX, &mut image).unwrap();
-    let at_once = formed("omega-k", "{}", Means::default().portable());
+    let at_once = formed("omega-k", "{}", Numerics::default().portable());
     assert!(image.image.pixels == at_once.image.pixels);
     assert!(Plan::from_text(&text.replace("\"portable\"", "\"quick\"")).is_err());
 }

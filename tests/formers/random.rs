@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::env::var;
 use std::fmt::Write as _;
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
-use crate::random_case::{Case, draw, exact_sum, history, shrink};
+use crate::random_case::{Case, LIGHT_M_S, draw, draw_dark, exact_sum, history, shrink};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use subaperture::focus::bp::Backprojection;
@@ -19,8 +20,9 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::image::Image;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
@@ -35,6 +37,16 @@ const NEVER_REFUSE: &[&str] = &["exact", "bp", "rdbp", "ffbp"];
 /// Cases where nothing else is asked for.
 const CASES: u64 = 600;
 
+/// The same of dark, tiny and off-centre grids: where tests are quick, and where they may be long.
+const DARK_CASES: u64 = 500;
+const LONG_CASES: u64 = 100_000;
+
+/// Formers whose plans take long on some cases: in the long test they take one case in this many, and none whose strip has more wavenumbers
+/// along the track than that.
+const LONG_TO_PLAN: &[&str] = &["omega-k", "rda"];
+const ONE_IN: u64 = 16;
+const MAX_WAVENUMBERS: f64 = 4e3;
+
 /// How far above its prediction a measured error may lie, dB: both are root means over pixels and terms, of
 /// samples that are few in small cases.
 const OPTIMISM_DB: f64 = 3.0;
@@ -46,7 +58,7 @@ const WORTHLESS_DB: f64 = -3.0;
 const SHOWN: usize = 3;
 
 fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
-    let rdbp = |mode| RangeDoppler {
+    let rdbp = |mode| RangeDopplerBackprojection {
         mode,
         error_db,
         sub_cpi: None,
@@ -73,8 +85,8 @@ fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
 
 /// What became of a case.
 enum Outcome {
-    /// Refused, with a reason.
-    Refused(&'static str, String),
+    /// Refused, with a reason, and whether the image is within the bound if it is formed all the same.
+    Refused(&'static str, String, bool),
     /// Formed: measured and predicted error, dB.
     Formed(f64, f64),
     /// Nothing to measure against: the exact image is zero.
@@ -105,15 +117,16 @@ impl Bench {
 
     fn form(&self, name: &str) -> Outcome {
         let grid = self.case.plane.grid();
-        let formed = former(name, self.case.bound_db).form(&Task {
+        let former = former(name, self.case.bound_db);
+        let task = Task {
             history: &self.history,
             grid: &grid,
             weights: &self.weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
-            means: Default::default(),
-        });
-        let formed = match formed {
+            numerics: Default::default(),
+        };
+        let formed = match former.form(&task) {
             Ok(formed) => formed,
             Err(error) => {
                 let reason = match error {
@@ -125,21 +138,30 @@ impl Bench {
                     FormError::Memory { .. } => "memory",
                     _ => "other",
                 };
-                return Outcome::Refused(reason, error.to_string());
+                let needless = reason == "dark" && {
+                    let formed = former.form_best(&task).ok();
+                    let measured_db = formed.and_then(|formed| self.measured_db(&formed.image));
+                    let kept = |(db, bound_db)| db <= bound_db;
+                    measured_db.zip(former.bound_db()).is_some_and(kept)
+                };
+                return Outcome::Refused(reason, error.to_string(), needless);
             }
         };
+        match self.measured_db(&formed.image) {
+            Some(measured_db) => Outcome::Formed(measured_db, formed.predicted_error_db),
+            None => Outcome::Zero,
+        }
+    }
+
+    /// Error against the sum, dB; no error at all is -300 dB. `None` if the exact image is zero.
+    fn measured_db(&self, image: &Image) -> Option<f64> {
         let (mut error, mut power) = (0.0, 0.0);
-        for (got, expected) in formed.image.pixels.iter().zip(&self.exact) {
+        for (got, expected) in image.pixels.iter().zip(&self.exact) {
             let got = Complex64::new(f64::from(got.re), f64::from(got.im));
             error += (got - expected).norm_sqr();
             power += expected.norm_sqr();
         }
-        if power == 0.0 {
-            return Outcome::Zero;
-        }
-        // Nothing at all is -300 dB.
-        let measured_db = 10.0 * (error / power).max(1e-30).log10();
-        Outcome::Formed(measured_db, formed.predicted_error_db)
+        (power > 0.0).then(|| 10.0 * (error / power).max(1e-30).log10())
     }
 
     /// Why `name` breaks the contract here, if it does.
@@ -150,7 +172,7 @@ impl Bench {
     fn judge(&self, name: &str, outcome: &Outcome) -> Option<String> {
         match outcome {
             Outcome::Zero => None,
-            Outcome::Refused(reason, message) => {
+            Outcome::Refused(reason, message, _) => {
                 let must = self.case.sane && NEVER_REFUSE.contains(&name) && *reason != "dark";
                 must.then(|| format!("refuses a sane case: {message}"))
             }
@@ -174,12 +196,16 @@ struct Tally {
     sane: u64,
     refused: BTreeMap<&'static str, u64>,
     sane_refused: u64,
+    /// Refused as dark, and within the bound if formed all the same.
+    needless: u64,
     /// Worst measured error above the bound, and above the prediction, dB, with their seeds.
     excess_db: Option<(f64, u64)>,
     optimism_db: Option<(f64, u64)>,
-    /// Sum of predictions less measured errors, dB.
-    pessimism_db: f64,
-    formed: u64,
+    /// Predictions less measured errors, dB, of all images.
+    pessimism_db: Vec<f64>,
+    /// Time taken in all, and most that a case took, with its seed.
+    spent: Duration,
+    slowest: (Duration, u64),
     failures: Vec<(u64, String)>,
 }
 
@@ -195,13 +221,13 @@ impl Tally {
         };
         match *outcome {
             Outcome::Zero => {}
-            Outcome::Refused(reason, _) => {
+            Outcome::Refused(reason, _, needless) => {
                 *self.refused.entry(reason).or_default() += 1;
+                self.needless += u64::from(needless);
                 self.sane_refused += u64::from(case.sane);
             }
             Outcome::Formed(measured_db, predicted_db) => {
-                self.formed += 1;
-                self.pessimism_db += predicted_db - measured_db;
+                self.pessimism_db.push(predicted_db - measured_db);
                 if predicted_db < WORTHLESS_DB {
                     worst(&mut self.optimism_db, measured_db - predicted_db);
                 }
@@ -215,6 +241,21 @@ impl Tally {
         }
     }
 
+    /// Least, tenths, and most of predictions less measured errors.
+    fn quantiles(&self) -> String {
+        let mut all = self.pessimism_db.clone();
+        all.sort_by(f64::total_cmp);
+        let Some(last) = all.len().checked_sub(1) else {
+            return "of none".to_owned();
+        };
+        let at = |share: f64| format!("{:.1}", all[(share * last as f64) as usize]);
+        let shares = [0.0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0];
+        format!(
+            "{} dB (0, 1, 10, 50, 90, 99, 100 %)",
+            shares.map(at).join(", ")
+        )
+    }
+
     fn line(&self, name: &str) -> String {
         let share = |count: u64, of: u64| 100.0 * count as f64 / (of.max(1)) as f64;
         let worst = |worst: Option<(f64, u64)>| match worst {
@@ -222,19 +263,23 @@ impl Tally {
             Some((db, seed)) => format!("{db:+.1} dB (seed {seed})"),
         };
         let mut line = format!(
-            "{name:<8} {:>7} cases; worst excess over the bound {}, optimism {}; mean pessimism {:.1} dB; refused",
+            "{name:<8} {:>7} cases, {:.2} ms each, at most {:.0} (seed {}); worst excess over the bound {}, optimism {}; predicted less measured {}; refused",
             self.cases,
+            1e3 * self.spent.as_secs_f64() / self.cases.max(1) as f64,
+            1e3 * self.slowest.0.as_secs_f64(),
+            self.slowest.1,
             worst(self.excess_db),
             worst(self.optimism_db),
-            self.pessimism_db / self.formed.max(1) as f64,
+            self.quantiles(),
         );
         for (reason, count) in &self.refused {
             let _ = write!(line, " {reason} {:.1} %", share(*count, self.cases));
         }
         let _ = write!(
             line,
-            " (of sane cases {:.1} %); broken {}",
+            " (of sane cases {:.1} %; dark but within the bound {:.1} %); broken {}",
             share(self.sane_refused, self.sane),
+            share(self.needless, self.cases),
             self.failures.len()
         );
         line
@@ -243,9 +288,86 @@ impl Tally {
 
 #[test]
 fn formers_keep_what_they_promise() {
+    check(draw, CASES, |_, _| true);
+}
+
+#[test]
+fn formers_keep_their_bound_on_dark_tiny_and_off_centre_grids() {
+    check(draw_dark, DARK_CASES, |_, _| true);
+}
+
+#[test]
+#[ignore = "minutes: cargo xtask long"]
+fn formers_keep_their_bound_on_1e5_dark_tiny_and_off_centre_grids() {
+    check(draw_dark, LONG_CASES, |name, case| {
+        let few = case.seed.is_multiple_of(ONE_IN) && wavenumbers(case) < MAX_WAVENUMBERS;
+        few || !LONG_TO_PLAN.contains(&name)
+    });
+}
+
+/// Cases whose bound was exceeded, or whose error was more than predicted by 3 dB and more, when 64 pixels spread evenly alone were
+/// compared: a scatterer outside the grid leaves an echo on a few dark pixels, or errors sit where side lobes come in.
+#[test]
+fn formers_keep_their_bound_where_few_pixels_have_the_error() {
+    let seeds: [(&str, &[u64]); 3] = [
+        ("bp", &[798, 4090, 9275]),
+        (
+            "rdbp",
+            &[
+                380, 841, 1245, 1528, 2574, 2930, 3501, 3855, 4074, 4322, 5098, 7416, 7556, 8678,
+                8884, 9085, 10_692,
+            ],
+        ),
+        // From 34,817 on: the grids show the flank of a main lobe at their edge, where the error of wavefront curvature is concentrated.
+        (
+            "pfa",
+            &[
+                4030, 7871, 34_817, 51_300, 54_636, 56_058, 69_080, 72_694, 89_345,
+            ],
+        ),
+    ];
+    for (name, seeds) in seeds {
+        for &seed in seeds {
+            let broken = Bench::new(&draw_dark(seed)).broken(name);
+            assert!(broken.is_none(), "{name}, seed {seed}: {broken:?}");
+        }
+    }
+}
+
+/// Wavenumbers along the track of a case's strip, about: twice the distance along the track from pulses to pixels, by twice the
+/// Doppler extent over it.
+fn wavenumbers(case: &Case) -> f64 {
+    let (track, plane) = (&case.track, &case.plane);
+    let [rows, columns] = plane.counts;
+    let corners = [
+        (0, 0),
+        (0, columns - 1),
+        (rows - 1, 0),
+        (rows - 1, columns - 1),
+    ];
+    let mut along_m = [f64::INFINITY, f64::NEG_INFINITY];
+    for (row, column) in corners {
+        let from_middle = plane.place_m(row, column) - track.middle_m;
+        let middle_m = from_middle.dot(track.along);
+        for end_m in [-track.length_m / 2.0, track.length_m / 2.0] {
+            along_m = [
+                along_m[0].min(middle_m - end_m),
+                along_m[1].max(middle_m - end_m),
+            ];
+        }
+    }
+    let reach_m = along_m[0].abs().max(along_m[1].abs());
+    let range_m = track.middle_m.distance(plane.centre_m);
+    let highest_hz = case.start_hz + case.step_hz * case.num_samples as f64;
+    let sines = ((along_m[1] - along_m[0]) / range_m).min(2.0);
+    2.0 * reach_m * 2.0 * highest_hz / LIGHT_M_S * sines
+}
+
+/// Every former chosen on the cases that `draw` makes of seeds and it `takes`.
+fn check(draw: fn(u64) -> Case, cases: u64, takes: fn(&str, &Case) -> bool) {
     let number = |key: &str| var(key).ok().map(|text| text.parse::<u64>().expect(key));
     let first = number("SUBAPERTURE_SEED").unwrap_or(0);
-    let count = number("SUBAPERTURE_CASES").unwrap_or(if first > 0 { 1 } else { CASES });
+    let count = number("SUBAPERTURE_CASES").unwrap_or(if first > 0 { 1 } else { cases });
     let chosen = var("SUBAPERTURE_FORMERS").ok();
     let names: Vec<&str> = match &chosen {
         Some(list) => list.split(',').collect(),
@@ -255,8 +377,16 @@ fn formers_keep_what_they_promise() {
     (first..first + count).into_par_iter().for_each(|seed| {
         let bench = Bench::new(&draw(seed));
         for (name, tally) in names.iter().zip(&tallies) {
+            if !takes(name, &bench.case) {
+                continue;
+            }
+            let begun = Instant::now();
             let outcome = bench.form(name);
-            tally.lock().unwrap().add(&bench, name, &outcome);
+            let spent = begun.elapsed();
+            let mut tally = tally.lock().unwrap();
+            tally.spent += spent;
+            tally.slowest = tally.slowest.max((spent, seed));
+            tally.add(&bench, name, &outcome);
         }
     });
     let tallies: Vec<Tally> = tallies

@@ -5,23 +5,33 @@ use std::time::Instant;
 use num_complex::Complex32;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::plan::{InMemory, PlanError, Request};
-use subaperture::focus::stages::{READING, SAMPLES, Taken, Timed, Times};
-use subaperture::focus::{Means, Misses, Plan, SCRATCH_BYTES, TimeModel, Work};
+use subaperture::focus::stages::{READING, SAMPLES, StageTime, StageTimer, StageTimes};
+use subaperture::focus::{BoundPolicy, Numerics, Plan, SCRATCH_BYTES, TimeModel, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Variation};
 
-fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, model: &TimeModel) -> Plan {
-    let means = Means {
+fn plan(
+    name: &str,
+    settings: &serde_json::Value,
+    history: &PointTargetHistory,
+    model: &TimeModel,
+) -> Plan {
+    let numerics = Numerics {
         model,
-        ..Means::default()
+        ..Numerics::default()
     };
-    plan_by(name, settings, history, means)
+    plan_by(name, settings, history, numerics)
 }
 
-fn plan_by(name: &str, settings: &serde_json::Value, history: &Simulated, means: Means) -> Plan {
+fn plan_by(
+    name: &str,
+    settings: &serde_json::Value,
+    history: &PointTargetHistory,
+    numerics: Numerics,
+) -> Plan {
     let former = former(name, settings).unwrap();
     let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
     let request = Request {
@@ -30,22 +40,22 @@ fn plan_by(name: &str, settings: &serde_json::Value, history: &Simulated, means:
         fast: Window::Hamming,
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
-        misses: Misses::Allowed,
-        means,
+        bound_policy: BoundPolicy::Allowed,
+        numerics,
     };
     Plan::new(&*former, &request, &Silent).unwrap()
 }
 
 /// The image of a plan's text, and what its stages took.
-fn formed(plan: &Plan, history: &Simulated) -> (Vec<Complex32>, Vec<Taken>) {
+fn formed(plan: &Plan, history: &PointTargetHistory) -> (Vec<Complex32>, Vec<StageTime>) {
     let plan = Plan::from_text(&plan.to_text()).unwrap();
     let weights = plan.weights(history.collection()).unwrap();
     let opened = plan.open(history.collection(), &weights).unwrap();
-    let times = Times::default();
+    let times = StageTimes::default();
     let work = Work {
         history,
         memory_bytes: 1 << 30,
-        monitor: &Timed {
+        monitor: &StageTimer {
             monitor: &Silent,
             times: &times,
         },
@@ -185,7 +195,7 @@ fn the_default_plan_is_of_no_machine() {
     assert_ne!(model, TimeModel::DEFAULT);
     for entry in &FORMERS {
         let nothing = serde_json::json!({});
-        let default = plan_by(entry.name, &nothing, &history, Means::default());
+        let default = plan_by(entry.name, &nothing, &history, Numerics::default());
         assert_eq!(default.time_model, TimeModel::DEFAULT);
         assert_eq!(default.summary["time_model"], "default");
         // That this machine was measured changes nothing of it.

@@ -10,7 +10,7 @@ use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Scatterer, Simulated};
+use subaperture::simulate::{PointTargetHistory, Scatterer};
 use subaperture_tests::error_db;
 
 pub(crate) const OMEGA_K: OmegaK = OmegaK { error_db: -60.0 };
@@ -70,8 +70,8 @@ impl Radar {
     }
 
     /// Twelve scatterers within `half_m` of the origin.
-    pub(crate) fn over_many(&self, half_m: [f64; 2]) -> Simulated {
-        Simulated::new(self.collection(), twelve(half_m), None)
+    pub(crate) fn over_many(&self, half_m: [f64; 2]) -> PointTargetHistory {
+        PointTargetHistory::new(self.collection(), twelve(half_m), None)
     }
 }
 
@@ -139,14 +139,14 @@ pub(crate) fn try_form(
         weights: &weights,
         memory_bytes,
         monitor,
-        means: Default::default(),
+        numerics: Default::default(),
     })
 }
 
 /// Errors of the formers on a grid, dB against the exact sum.
 pub(crate) fn errors_db<const N: usize>(
     what: &str,
-    history: &Simulated,
+    history: &PointTargetHistory,
     grid: &str,
     window: Window,
     formers: [&dyn ImageFormer; N],

@@ -9,17 +9,17 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::{InMemory, Request};
-use subaperture::focus::{ImageFormer, Misses, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::{BoundPolicy, ImageFormer, Plan, SCRATCH_BYTES, Task, Work};
 use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::quality::response::{Carrier, Settings, Target, measure};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Noise, Scatterer, Simulated};
+use subaperture::simulate::{Noise, PointTargetHistory, Scatterer};
 use subaperture_tests::error_db;
 
 /// A bent track 1.2 km up and 1.5 km aside, from which heights are seen as well as ranges; scatterers up to 20 m above and below the plane.
-fn history(num_pulses: usize) -> Simulated {
+fn history(num_pulses: usize) -> PointTargetHistory {
     let antennas = |n: f64| {
         let part = n * 500.0 / num_pulses as f64;
         let at = DVec3::new(
@@ -44,7 +44,7 @@ fn history(num_pulses: usize) -> Simulated {
         seed: 11,
     };
     let raised = raised.collect();
-    Simulated::new(plain.collection().clone(), raised, Some(noise))
+    PointTargetHistory::new(plain.collection().clone(), raised, Some(noise))
 }
 
 /// A rough surface over the plane: hills of so many metres and steps of a quarter of that, at nodes 3.7 m apart that no pixel knows of.
@@ -96,7 +96,7 @@ fn formers_keep_their_bounds_on_surfaces() {
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let exact = Exact.form(&task).unwrap().image;
         let flat = ImageGrid {
@@ -162,7 +162,7 @@ fn patches_within_patches_hold_the_surface() {
             weights: &weights,
             memory_bytes: 2 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let exact = Exact
             .form(&Task {
@@ -214,7 +214,7 @@ fn a_point_on_a_slope_is_measured_where_it_stands() {
         position_m: place,
         amplitude: Complex64::from_polar(1.0, 0.5),
     };
-    let history = Simulated::new(history(500).collection().clone(), vec![point], None);
+    let history = PointTargetHistory::new(history(500).collection().clone(), vec![point], None);
     let weights = Weights::new(history.collection(), Window::default(), Window::default());
     let grid = "x=-3:9.6:0.06,y=-14:6:0.15"
         .parse::<ImageGrid>()
@@ -226,7 +226,7 @@ fn a_point_on_a_slope_is_measured_where_it_stands() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let image = Exact.form(&task).unwrap().image;
     // The band's middle, and the antenna in the middle of the pulses.
@@ -265,8 +265,8 @@ fn tiles_on_surfaces_are_parts_of_the_whole() {
             fast: Window::Hamming,
             slow: Window::default(),
             scratch_bytes: SCRATCH_BYTES,
-            misses: Misses::Allowed,
-            means: Default::default(),
+            bound_policy: BoundPolicy::Allowed,
+            numerics: Default::default(),
         };
         let plan = Plan::new(&*own, &request, &Silent).unwrap();
         let formed = |tile: Option<[usize; 2]>, threads: usize| -> Vec<Complex32> {

@@ -6,17 +6,17 @@ use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::plan::{InMemory, PlanError, Request};
-use subaperture::focus::{DEFAULT_ERROR_DB, Misses, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::{BoundPolicy, DEFAULT_ERROR_DB, Plan, SCRATCH_BYTES, Task, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{self, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Noise, Preset, Simulated, Variation};
+use subaperture::simulate::{Noise, PointTargetHistory, Preset, Variation};
 
 /// Sizes of no symmetry: 71 columns, 53 rows.
 const GRID: &str = "x=-40:37.4:1.09,y=-38:39.9:1.47";
 
-fn history() -> Simulated {
+fn history() -> PointTargetHistory {
     Preset::Table41.simulate(&Variation {
         noise: Some(Noise {
             power_db: -20.0,
@@ -26,7 +26,12 @@ fn history() -> Simulated {
     })
 }
 
-fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, scratch_bytes: u64) -> Plan {
+fn plan(
+    name: &str,
+    settings: &serde_json::Value,
+    history: &PointTargetHistory,
+    scratch_bytes: u64,
+) -> Plan {
     let grid: ImageGrid = GRID.parse().unwrap();
     plan_on(&grid, name, settings, history, scratch_bytes)
 }
@@ -45,8 +50,8 @@ fn plan_on(
         fast: Window::Hamming,
         slow: Window::default(),
         scratch_bytes,
-        misses: Misses::Allowed,
-        means: Default::default(),
+        bound_policy: BoundPolicy::Allowed,
+        numerics: Default::default(),
     };
     Plan::new(&*former, &request, &Silent).unwrap()
 }
@@ -209,7 +214,7 @@ fn a_task_is_a_plan_carried_out_at_once() {
             weights: &weights,
             memory_bytes: 2 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let formed = former.form_best(&task).unwrap();
         if !formed.settings["planned_error_db"].is_null()

@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::geometry::SceneFrame;
 use subaperture::phase_history::{Collection, Pulse, Sweep};
-use subaperture::simulate::{Scatterer, Simulated};
+use subaperture::simulate::{PointTargetHistory, Scatterer};
 
 /// Straight or bent tracks, one or two antennas (by the pulse's number, 0 in the middle): ten scatterers
 /// within `extent_m` of the origin, over a band of start, step and number of samples.
@@ -15,7 +15,7 @@ pub(crate) fn scene(
     (start_hz, step_hz, num_samples): (f64, f64, usize),
     antennas: impl Fn(f64) -> (DVec3, DVec3),
     extent_m: f64,
-) -> Simulated {
+) -> PointTargetHistory {
     let pulses = (0..num_pulses)
         .map(|n| {
             let (transmitter_m, receiver_m) = antennas(n as f64 - num_pulses as f64 / 2.0);
@@ -54,7 +54,7 @@ pub(crate) fn scene(
             }
         })
         .collect();
-    Simulated::new(collection, scatterers, None)
+    PointTargetHistory::new(collection, scatterers, None)
 }
 
 /// A deterministic number in [-1, 1) for pulse `n`.

@@ -1,4 +1,4 @@
-//! What the items of Chim 2018 have to find.
+//! Expected values of the items of Chim 2018.
 
 use std::f64::consts::{LN_2, PI};
 
@@ -84,7 +84,7 @@ fn residual_phase() -> Vec<Figure> {
             "samples are rounded to float32",
         ),
         figure(
-            "what is left of it after removal, at most",
+            "largest residual after removal",
             "removed",
             "{} rad",
             [at_most(10f64.powf(-50.0 / 20.0))],
@@ -111,7 +111,7 @@ fn long_aperture() -> Vec<Figure> {
             "R0 (1 / cos - 1) at a sine of 0.4, to a tenth of a cell",
         ),
         figure(
-            "the line against R0 / cos(theta), RMS",
+            "deviation of the line from R0 / cos(theta), RMS",
             "the exact hyperbola",
             "{} m, {} of a cell",
             straight(),
@@ -125,7 +125,7 @@ fn long_aperture() -> Vec<Figure> {
             "3/8 R0 sine^4, 2 mm, to a tenth of a cell",
         ),
         figure(
-            "curvature left after correction",
+            "curvature after correction",
             "straight",
             "{} m, {} of a cell",
             straight(),
@@ -223,7 +223,7 @@ fn omega_k() -> Vec<Figure> {
         )
         .computed(),
         figure(
-            "its departure from the closed form, RMS",
+            "deviation from the closed form, RMS",
             "none",
             "{} rad",
             [at_most(ripple_rad)],
@@ -283,21 +283,21 @@ fn painting() -> Vec<Figure> {
             "nothing, to half a pixel; the radius is that of (4.4, 10.5) m",
         ),
         figure(
-            "peak of two pulses: distance from the scatterer",
+            "distance of the two-pulse peak from the scatterer",
             "constructive at the target",
             "{} m",
             [About(0.0, 0.0)],
             "the pixel that it is in",
         ),
         figure(
-            "peak of all, 0 dB being a unit scatterer",
+            "peak of all pulses relative to a unit scatterer",
             "constructive at the target",
             "{} dB",
             [About(0.0, decibels(1.0 + 10f64.powf(ASKED_DB / 20.0)))],
             "one, to the error asked for",
         ),
         figure(
-            "mean power 1 m and more away, of 1, 2, 8 and all pulses, dB",
+            "mean power at 1 m and more from the scatterer with 1, 2, 8 and all pulses, dB",
             "destructive elsewhere",
             "{}, {}, {}, {}",
             // Errors of -60 dB beside the last, -42 dB, are 1 dB at most.
@@ -317,17 +317,17 @@ fn painting() -> Vec<Figure> {
 
 fn truck() -> Vec<Figure> {
     let beam = 13.3f64.to_radians();
-    // Both ways the beam is exp(-8 ln 2 (theta / beam)^2) in power: the transform of that.
+    // Transform of the two-way beam, exp(-8 ln 2 (theta / beam)^2) in power.
     let gaussian_m = 2f64.sqrt() * LN_2 * WAVELENGTH_M / (PI * beam);
     let quoted = "0.13 m";
     vec![
         figure(
             "range resolution, c / 2B",
-            "0.500 m",
+            "0.5 m",
             "{} m",
             [About(CELL_M, 0.0)],
             "c / 2B",
-        ),
+        ).printed(),
         figure(
             "width in range: 0.886 c / 2B, measured",
             "0.443 m",
@@ -341,21 +341,21 @@ fn truck() -> Vec<Figure> {
             "{} m",
             [About(WAVELENGTH_M / (4.0 * (beam / 2.0).sin()), 0.0)],
             "(2.40)",
-        ),
+        ).printed(),
         figure(
             "the same with the full beam in place of half",
             quoted,
             "{} m",
             [About(WAVELENGTH_M / (4.0 * beam.sin()), 0.0)],
             "(2.40) with the full beam",
-        ),
+        ).printed(),
         figure(
             "width in azimuth, measured",
-            "0.130 m",
+            "0.13 m",
             "{} m",
             [About(gaussian_m, 0.01 * gaussian_m)],
             "the beam's transform; wavelengths within 8 % to both sides and sines for angles are each below 1 %",
-        ),
+        ).printed(),
         figure(
             "width in azimuth by closed form for this beam, 4 sqrt 2 ln 2 lambda / (4 pi beam)",
             "not given",
@@ -371,7 +371,7 @@ fn truck() -> Vec<Figure> {
 fn behind_db() -> [f64; 3] {
     let wavelength_m = LIGHT_M_S / 1.2e9;
     let around_m = LIGHT_M_S / (2.0 * 4e6);
-    // Amplitudes by physical optics, of both ways. The near wall: 0.5 m square in points of 0.1 m, 40 degrees off a Gaussian beam of 60.
+    // Amplitudes by physical optics, two-way. Near wall: 0.5 m square in points of 0.1 m, 40 degrees off a Gaussian beam of 60.
     let points = || (-2..=2).map(|i| f64::from(i) * 0.1);
     let wall: Complex64 = points()
         .flat_map(|across| points().map(move |up| (1.0 + across * across + up * up).sqrt()))
@@ -408,47 +408,55 @@ pub(crate) fn three_objects(part: f64, from: &'static str) -> Vec<Figure> {
             "{} m",
             [About(cell_m, 0.0)],
             "c / 2B",
-        ),
+        )
+        .printed(),
         figure(
             "largest range, c / (2 4 MHz)",
             "37.47 m",
             "{} m",
             [About(LIGHT_M_S / (2.0 * 4e6), 0.0)],
             "c / (2 step)",
-        ),
+        )
+        .printed(),
         figure(
             "wall at 1 m: peak of the profile",
-            "1.000 m",
+            "1 m",
             "{} m",
             near(1.0),
             from,
-        ),
+        )
+        .printed(),
         figure(
             "corner reflector at 6.3 m: peak of the profile",
-            "6.300 m",
+            "6.3 m",
             "{} m",
             near(6.3),
             from,
-        ),
+        )
+        .printed(),
         figure(
             "wall at 16 m: peak of the profile",
-            "16.000 m",
+            "16 m",
             "{} m",
             near(16.0),
             from,
-        ),
+        )
+        .printed(),
     ]
 }
 
 fn stepped() -> Vec<Figure> {
     let [most_db, hamming_db, least_db] = behind_db();
-    let mut figures = vec![figure(
-        "bandwidth, 50 steps of 4 MHz",
-        "200 MHz",
-        "{} MHz",
-        [About(50.0 * 4.0, 0.0)],
-        "50 steps of 4 MHz",
-    )];
+    let mut figures = vec![
+        figure(
+            "bandwidth, 50 steps of 4 MHz",
+            "200 MHz",
+            "{} MHz",
+            [About(50.0 * 4.0, 0.0)],
+            "50 steps of 4 MHz",
+        )
+        .printed(),
+    ];
     figures.extend(three_objects(
         0.25,
         "where it was put, as the thesis's laser had it, to a quarter of a cell",

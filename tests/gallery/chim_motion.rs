@@ -1,4 +1,4 @@
-//! What the items of Chim 2018 on autofocus near by and on motion from echoes have to find: chapters 6 and 7.
+//! Expected values of the items of Chim 2018 on near-range autofocus and motion from echoes: chapters 6 and 7.
 
 use std::f64::consts::{PI, TAU};
 
@@ -25,28 +25,28 @@ fn room() -> Vec<Figure> {
     let sharp = Within(-0.5, 0.3);
     vec![
         figure(
-            "the blurred image's peaks, of those on the true track, dB",
+            "peaks before autofocus relative to the true track, dB",
             "blurred",
             "{}, {}, {}, {}",
             [blurred; 4],
             "phases of 1.4 rad rms and more",
         ),
         figure(
-            "what stock PGA gains of them, dB",
+            "gain of the peaks by stock PGA, dB",
             "little, or even worse",
             "{}, {}, {}, {}",
             [Within(-20.0, 20.0); 4],
             "one phase for all suits no more than one direction",
         ),
         figure(
-            "the modified PGA's peaks, of those on the true track, dB",
+            "peaks after modified PGA relative to the true track, dB",
             "sharpened",
             "{}, {}, {}, {}",
             [sharp; 4],
             "a residual phase of a third of a radian",
         ),
         figure(
-            "entropy of the blurred image, by stock PGA, by the modified one, on the true track",
+            "entropy before autofocus, by stock PGA, by modified PGA, on the true track",
             "the modified one's is the sharper",
             "{}, {}, {}, {}",
             // Of four points of a pixel to three by three pixels, ln 4 = 1.4 to ln 36 = 3.6, and their side lobes; of a flat image ln 38800 = 10.6.
@@ -59,7 +59,7 @@ fn room() -> Vec<Figure> {
             "four points, of one cell each where they are sharp",
         ),
         figure(
-            "the peak at (0.6, 3) as recorded and after 1, 2 and 3 rounds, of that on the true track, dB",
+            "peak at (0.6, 3) before autofocus and after 1, 2 and 3 rounds relative to the true track, dB",
             "converging",
             "{}, {}, {}, {}",
             // In between as it may be, but not beyond the true track's.
@@ -67,7 +67,7 @@ fn room() -> Vec<Figure> {
             "as the peaks above",
         ),
         figure(
-            "entropy after three rounds of the modified PGA, above its last",
+            "entropy after three rounds of modified PGA minus that after the last",
             "converged at around iteration 3",
             "{}",
             [Within(0.0, 0.02)],
@@ -102,9 +102,9 @@ fn arrival() -> Vec<Figure> {
             "distance of lines of constant phase difference from hyperbolas, baselines",
             "hyperbolas",
             "{}",
-            // Phases are of a few radians, told to 1e-15 of them.
+            // Phases of a few radians, exact to 1e-15.
             [at_most(1e-10)],
-            "distances from two points, of which a hyperbola has one difference",
+            "a hyperbola has a constant difference of distances from two points",
         ),
         figure(
             "largest error of the angle at 1, 2 and 5 baselines",
@@ -117,7 +117,7 @@ fn arrival() -> Vec<Figure> {
             "of a target at 2.4 m, by receivers half a wavelength apart",
             "not given",
             "{} rad",
-            // B^2 / (8 r^2) sin(theta) cos(theta), the most at 45 degrees; phases of a thousand radians a metre are told to 1e-12.
+            // B^2 / (8 r^2) sin(theta) cos(theta), the most at 45 degrees; phases of a thousand radians per metre are exact to 1e-12.
             [About(
                 (0.5 * WAVELENGTH_M / 0.9f64.hypot(2.2)).powi(2) / 16.0,
                 1e-10,
@@ -143,7 +143,7 @@ fn arrival() -> Vec<Figure> {
             "by directions from the middle of both antennas",
             "not done",
             "{}",
-            // Half the second derivative of a sine along the array, 3 sin cos^2 / R^2, of which the most is 2 / sqrt 27, times (B / 2)^2.
+            // Half the second derivative of a sine along the array, 3 sin cos^2 / R^2 (maximum 2 / sqrt 27), times (B / 2)^2.
             [About(
                 1.5 * (share / 2.0).powi(2) * 2.0 / 27f64.sqrt(),
                 1e-6,
@@ -162,7 +162,7 @@ fn arrival() -> Vec<Figure> {
     ]
 }
 
-/// Standard deviation of a phase: 30 dB over all samples, of which Taylor's window of 50 dB loses 1.4 dB.
+/// Standard deviation of a phase: 30 dB over all samples, less 1.4 dB for the 50 dB Taylor window.
 fn phase_rad() -> f64 {
     (0.5 / 10f64.powf(2.86)).sqrt()
 }
@@ -195,7 +195,7 @@ fn step_sigma_m(rail_m: f64) -> [f64; 2] {
     [x, y].map(|variance| 0.5 * path_m * variance.sqrt())
 }
 
-/// By directions that err a metre of azimuth becomes longer by its mean, and scatters as told, along azimuth and range.
+/// Mean scale error and scatter per metre of azimuth, along azimuth and range, caused by direction errors.
 fn by_directions_m(steps: usize) -> [(f64, f64); 2] {
     // In the middle of the rail.
     let [x, y, xy] = dilution(0.5);
@@ -225,14 +225,14 @@ fn track() -> Vec<Figure> {
     let lost_db = 10.0 * phases / std::f64::consts::LN_10;
     vec![
         figure(
-            "targets followed within the mask",
+            "targets tracked within the range mask",
             "4 major traces",
             "{}",
             [About(4.0, 0.0)],
             "the reflectors, each of them all the time",
         ),
         figure(
-            "sines of their angles of arrival, a pulse's: rms error",
+            "sine of the angle of arrival per pulse: rms error",
             "not given",
             "{}",
             // 4000 of them, and what a window loses to a tenth.
@@ -240,7 +240,7 @@ fn track() -> Vec<Figure> {
             "noise of phases",
         ),
         figure(
-            "azimuth at the end of the track, beyond the motor's",
+            "azimuth error at the end of the track",
             "about 2 mm",
             "{} mm",
             [within_three(azimuth, 1e3, 0.1)],
@@ -254,7 +254,7 @@ fn track() -> Vec<Figure> {
             "a metre at half a degree, and directions that err",
         ),
         figure(
-            "squint that this tells, where it is 0.5 degrees",
+            "estimated squint, true value 0.5 degrees",
             "not given",
             "{} degrees",
             [About(
@@ -264,7 +264,7 @@ fn track() -> Vec<Figure> {
             "that of the range over a metre",
         ),
         figure(
-            "largest error along the rail by all poses and places together",
+            "largest error along the rail, joint estimate of poses and positions",
             "not done",
             "{} mm",
             // Of a pose, 3.3 of the thousand's standard deviations; and three of the scale, which is known to 0.024 mm at 30 dB (host/motion, C 7.5).
@@ -274,7 +274,7 @@ fn track() -> Vec<Figure> {
             "noise of a pose, and the bound of the scale",
         ),
         figure(
-            "places of the reflectors by that track, off at most",
+            "largest error of the reflector positions by the joint estimate",
             "not done",
             "{} mm",
             // No worse than a thousand pulses' angles at the farthest, three times.
@@ -282,14 +282,14 @@ fn track() -> Vec<Figure> {
             "angles of arrival",
         ),
         figure(
-            "peaks on the track by MPGA, of those on the motor's, dB",
+            "peaks on the MPGA track relative to the motor's, dB",
             "slightly off the optimal",
             "{}, {}, {}, {}",
             [Within(-lost_db, 0.1); 4],
             "phases of a random walk",
         ),
         figure(
-            "peaks on that by all poses and places together, of those on the motor's, dB",
+            "peaks on the jointly estimated track relative to the motor's, dB",
             "not done",
             "{}, {}, {}, {}",
             // Phases of 0.05 rad.
@@ -313,21 +313,21 @@ fn bursts() -> Vec<Figure> {
     let scatter = |sigma: f64, share: f64| About(sigma, (0.05 + 3.0 * share) * sigma);
     vec![
         figure(
-            "change of azimuth within bursts: mean, and scatter of one",
+            "change of azimuth within bursts: mean and standard deviation",
             "constant",
             "{} mm, {} mm",
             [within, scatter(azimuth_m, 1.0 / 27.0)],
             "the motor, and noise of phases",
         ),
         figure(
-            "change of azimuth over pauses: mean, and scatter of one",
+            "change of azimuth over pauses: mean and standard deviation",
             "longer",
             "{} mm, {} mm",
             [over, scatter(azimuth_m, 1.0 / 9.0)],
             "three chirps left out, and noise of phases",
         ),
         figure(
-            "the second over the first, where a pause is of 3 chirps",
+            "ratio of both, for a pause of 3 chirps",
             "4",
             "{}",
             [About(
@@ -337,7 +337,7 @@ fn bursts() -> Vec<Figure> {
             "four steps to one",
         ),
         figure(
-            "the shortest pause over the longest step of a burst",
+            "ratio of the shortest pause to the longest step in a burst",
             "pauses stand out",
             "{}",
             // Four standard deviations for the one and for the other.
@@ -348,7 +348,7 @@ fn bursts() -> Vec<Figure> {
             "noise of phases",
         ),
         figure(
-            "change of range: mean, and scatter of one",
+            "change of range: mean and standard deviation",
             "not given",
             "{} mm, {} mm",
             [
@@ -362,12 +362,12 @@ fn bursts() -> Vec<Figure> {
             "the squint, and noise of phases",
         ),
         figure(
-            "change of azimuth within bursts, by all chirps together",
+            "change of azimuth within bursts, joint estimate of all chirps",
             "not done",
             "{} mm, {} mm",
             [
                 About(0.1, 3.0 * azimuth_m / 9.0 / 40f64.sqrt() + 0.01 * 0.1),
-                // Places are known better than a pulse tells them, phases are as they are.
+                // Positions are known better than from one pulse; phases are not.
                 scatter(azimuth_m, 1.0 / 27.0),
             ],
             "the motor, and noise of phases",
@@ -384,14 +384,14 @@ fn ramp() -> Vec<Figure> {
     let (motor_m, cosine) = (1e-4 / 1500.0, SQUINT_DEG.to_radians().cos());
     vec![
         figure(
-            "the ramp's slope, where the motor's is 66.7 nm a chirp",
+            "slope of the ramp; the motor's is 66.7 nm per chirp",
             "measurable",
             "{} nm a chirp",
             [within_three((motor_m * cosine, slope_m), 1e9, 0.01 * 66.7)],
             "a tenth of a millimetre in 1500 chirps",
         ),
         figure(
-            "the change of azimuth that it starts at",
+            "change of azimuth at the start",
             "at rest",
             "{} um",
             [within_three(
@@ -402,7 +402,7 @@ fn ramp() -> Vec<Figure> {
             "the end of a line",
         ),
         figure(
-            "the change of azimuth afterwards, where the motor's is 100 um",
+            "change of azimuth after the ramp; the motor's is 100 um",
             "steady",
             "{} um",
             [within_three(
@@ -413,7 +413,7 @@ fn ramp() -> Vec<Figure> {
             "the motor",
         ),
         figure(
-            "scatter of one change of azimuth",
+            "standard deviation of a change of azimuth",
             "not given",
             "{} um",
             // 2000 of them, and what the window loses to a tenth.
@@ -421,7 +421,7 @@ fn ramp() -> Vec<Figure> {
             "noise of phases",
         ),
         figure(
-            "the ramp's slope by all chirps together",
+            "slope of the ramp, joint estimate of all chirps",
             "not done",
             "{} nm a chirp",
             [within_three((motor_m, slope_m), 1e9, 0.01 * 66.7)],

@@ -1,4 +1,4 @@
-//! What the items of Chim 2018 on the radar by radio have to find.
+//! Expected values of the items of Chim 2018 on software-defined radio.
 
 use crate::chim::three_objects;
 use crate::figures::{About, Figure, Within, at_most, figure};
@@ -17,14 +17,14 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
 fn chirps() -> Vec<Figure> {
     vec![
         figure(
-            "range by the slope of the phase",
-            "6.30 m",
+            "range by the slope of the phase, 6.30 m simulated",
+            "not given",
             "{} m",
             [About(6.3, 0.37)],
             "where the reflector was put",
         ),
         figure(
-            "phase off a straight line over 0.8 of the band, RMS",
+            "deviation of the phase from a straight line over 0.8 of the band, RMS",
             "a delay alone",
             "{} rad",
             [at_most(0.15)],
@@ -42,7 +42,7 @@ fn through_the_radio() -> Vec<Figure> {
         "the reference removes the phases of each retune",
         "{}, {}",
         [Within(6.0, 50.0), Within(1.5, 4.0)],
-        "one strong echo of 50 cells; Rayleigh's magnitudes, of which the largest of 50 is beyond 4 means in one of 4000",
+        "one strong echo in 50 cells; Rayleigh magnitudes, whose largest of 50 exceeds 4 means in one of 4000",
     ));
     figures
 }

@@ -1,4 +1,4 @@
-//! `subap reproduce`: what it leaves, what it makes again, and whether a browser can show the page.
+//! `subap reproduce`: output files, reuse of items, and display of the page in a browser.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -40,7 +40,7 @@ fn width(png: &Path) -> u32 {
 }
 
 #[test]
-fn items_are_made_once_and_agree() {
+fn reproduce_reuses_items_and_repairs_damaged_ones() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let said = reproduce(folder);
@@ -89,7 +89,7 @@ fn items_are_made_once_and_agree() {
 }
 
 #[test]
-fn items_are_listed_and_unknown_ones_refused() {
+fn reproduce_lists_items_and_rejects_unknown_ones() {
     let folder = tempfile::tempdir().unwrap();
     let run = |line: &str| run(folder.path(), line);
     let list = run("reproduce --list").succeeded().to_owned();
@@ -124,7 +124,7 @@ fn browser() -> Option<&'static str> {
 }
 
 #[test]
-fn a_browser_shows_every_picture_without_a_network() {
+fn browser_shows_all_pictures_without_network() {
     let Some(browser) = browser() else {
         println!("skipped: chromium not found");
         return;
@@ -132,7 +132,7 @@ fn a_browser_shows_every_picture_without_a_network() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     reproduce(folder);
-    // A copy that tells how wide the browser finds the pictures: 0 for those that it cannot decode.
+    // A copy that reports the width of each picture in the browser; 0 if it cannot decode it.
     let page = fs::read_to_string(folder.join("gallery/index.html")).unwrap();
     let ask = "<script>addEventListener('load', () => { document.title = 'widths ' + \
                Array.from(document.images, (image) => image.naturalWidth).join(' ') })</script></body>";
@@ -154,11 +154,11 @@ fn a_browser_shows_every_picture_without_a_network() {
         .output()
         .expect("the browser starts");
     let dom = String::from_utf8_lossy(&output.stdout);
-    let told = dom
+    let report = dom
         .split_once("<title>widths ")
         .and_then(|(_, rest)| rest.split_once("</title>"))
         .unwrap_or_else(|| panic!("no title in what {browser} shows: {output:?}"));
-    let mut shown: Vec<u32> = told.0.split(' ').map(|w| w.parse().unwrap()).collect();
+    let mut shown: Vec<u32> = report.0.split(' ').map(|w| w.parse().unwrap()).collect();
     let mut expected: Vec<u32> = pictures(folder).iter().map(|png| width(png)).collect();
     shown.sort_unstable();
     expected.sort_unstable();

@@ -1,27 +1,29 @@
-//! A figure that an item has to find, and how it is read from what the item says.
+//! Expected values of items, and their comparison with the values that items print.
 
 use subaperture_gallery::Check;
 
-/// One figure of an item, or several that it gives in a sentence.
+/// Expected check of an item, with one or several numbers.
 pub(crate) struct Figure {
-    /// What the item calls it.
+    /// Name of the check in the item.
     name: &'static str,
-    /// The thesis's figure, as the item has to quote it; `None` if it has to compute it, to the same numbers.
+    /// Text of the thesis's value in the item; `None` if the item computes it, with the same numbers.
     quoted: Option<&'static str>,
-    /// What the item says, `{}` in place of numbers: their units and order.
+    /// Text of the item's value, with `{}` for numbers.
     shape: &'static str,
-    /// The numbers.
+    /// Expected numbers.
     numbers: Vec<Expected>,
-    /// Where they come from, and their tolerance.
+    /// Derivation of the numbers and tolerances.
     from: &'static str,
+    /// Whether the thesis prints the value: then the verdict must follow from the digits printed.
+    printed: bool,
 }
 
-/// A number, apart from the rounding with which it is printed.
+/// Expected number, before rounding for print.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Expected {
     /// A value and its tolerance.
     About(f64, f64),
-    /// From one to the other.
+    /// Interval.
     Within(f64, f64),
 }
 
@@ -35,7 +37,7 @@ pub(crate) fn at_least(value: f64) -> Expected {
     Within(value, f64::INFINITY)
 }
 
-/// A line of the table.
+/// Row of a table.
 pub(crate) fn figure(
     name: &'static str,
     quoted: &'static str,
@@ -49,11 +51,20 @@ pub(crate) fn figure(
         shape,
         numbers: numbers.into_iter().collect(),
         from,
+        printed: false,
     }
 }
 
 impl Figure {
-    /// What is quoted is a formula's value, which the item works out where it finds the figure.
+    /// Mark as printed by the thesis: values within half a unit of its last digit agree, others differ.
+    pub(crate) fn printed(self) -> Self {
+        Self {
+            printed: true,
+            ..self
+        }
+    }
+
+    /// Mark as computed by the item from a formula.
     pub(crate) fn computed(self) -> Self {
         Self {
             quoted: None,
@@ -61,7 +72,7 @@ impl Figure {
         }
     }
 
-    /// What is wrong with a text that should hold the numbers.
+    /// Deviation of a text from the expected numbers; `None` if they agree.
     fn fault(&self, text: &str) -> Option<String> {
         let (shape, numbers) = read(text);
         if shape != self.shape || numbers.len() != self.numbers.len() {
@@ -94,7 +105,7 @@ struct Number {
     rounding: f64,
 }
 
-/// The numbers among the words of a text, and the text without them.
+/// Extract the numbers of a text, and the text with placeholders.
 fn read(text: &str) -> (String, Vec<Number>) {
     let mut numbers = Vec::new();
     let shape = text.split(' ').map(|word| {
@@ -115,7 +126,7 @@ fn read(text: &str) -> (String, Vec<Number>) {
     (shape, numbers)
 }
 
-/// Asserts that `found` is what `expected` says, figure by figure; tells of all that are not.
+/// Assert that `found` agrees with `expected`; reports all deviations.
 #[track_caller]
 pub(crate) fn compare(expected: &[Figure], found: &[Check]) {
     let names: Vec<&str> = expected.iter().map(|figure| figure.name).collect();
@@ -132,19 +143,62 @@ pub(crate) fn compare(expected: &[Figure], found: &[Check]) {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// What is wrong with a figure.
+/// Deviation of a check; `None` if it agrees.
 fn fault(figure: &Figure, check: &Check) -> Option<String> {
     let quoted = match figure.quoted {
         None => figure.fault(&check.thesis),
         Some(quoted) => (check.thesis != quoted).then(|| format!("not '{quoted}'")),
     };
     let quoted = quoted.map(|what| format!("quoted as '{}': {what}", check.thesis));
-    let fault = quoted.or_else(|| figure.fault(&check.ours))?;
+    let fault = quoted
+        .or_else(|| figure.fault(&check.ours))
+        .or_else(|| figure.printed.then(|| verdict_fault(check)).flatten())?;
     Some(format!("{}: {fault}", figure.name))
 }
 
+/// Error of the verdict on a printed number; `None` if it is right, or undecidable because of the rounding of our value.
+fn verdict_fault(check: &Check) -> Option<String> {
+    let one = |text: &str| read(text).1.into_iter().next();
+    let (thesis, ours) = (one(&check.thesis)?, one(&check.ours)?);
+    let off = (ours.value - thesis.value).abs();
+    let agrees = match off {
+        off if off > (thesis.rounding + ours.rounding) * (1.0 + 1e-9) => false,
+        off if off < (thesis.rounding - ours.rounding) * (1.0 - 1e-9) => true,
+        // Undecidable from the printed value.
+        _ => return None,
+    };
+    (agrees != check.agrees).then(|| {
+        format!(
+            "said to {}, and is {} for {}",
+            if check.agrees { "agree" } else { "differ" },
+            check.ours,
+            check.thesis
+        )
+    })
+}
+
 #[test]
-fn numbers_are_read_as_printed() {
+fn verdict_follows_digits_printed_in_thesis() {
+    let table = || figure("width", "6.3 m", "{} m", [Within(6.0, 7.0)], "a test").printed();
+    let check = |ours: &str, agrees| Check::claim("width", "6.3 m", ours.to_owned(), agrees);
+    for (ours, agrees) in [("6.172 m", false), ("6.349 m", true), ("6.351 m", false)] {
+        assert_eq!(fault(&table(), &check(ours, agrees)), None, "{ours}");
+        assert!(fault(&table(), &check(ours, !agrees)).is_some(), "{ours}");
+    }
+    // And the library's own verdict.
+    for (ours, agrees) in [(6.172, false), (6.349, true), (6.25, true), (6.249, false)] {
+        assert_eq!(
+            Check::printed("width", "6.3", ours, 3, "m").agrees,
+            agrees,
+            "{ours}"
+        );
+    }
+    assert!(Check::printed("width", "200", 200.4, 1, "MHz").agrees);
+    assert!(!Check::printed("width", "5.12", 0.512, 3, "s").agrees);
+}
+
+#[test]
+fn numbers_are_parsed_with_their_rounding() {
     let (shape, numbers) = read("-17.13 degrees for 0, 5.0e-10 1/m");
     assert_eq!(shape, "{} degrees for {}, {} 1/m");
     let read: Vec<f64> = numbers.iter().map(|number| number.value).collect();
@@ -158,7 +212,7 @@ fn numbers_are_read_as_printed() {
 }
 
 #[test]
-fn what_is_not_in_the_table_is_told() {
+fn deviations_from_table_are_reported() {
     let check = |ours: &str| Check::claim("width", "0.5 m", ours.to_owned(), true);
     let table = || figure("width", "0.5 m", "{} m", [About(0.5, 0.1)], "a test");
     // 0.6 rounds to all of these, to 0.61 it does not.

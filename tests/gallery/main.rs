@@ -1,7 +1,7 @@
-//! The gallery of both theses' figures: what every item finds, against figures stated here, and the command that makes them.
+//! Tests of the gallery: values of every item against tables in the tests, and the command `subap reproduce`.
 //!
-//! An item says itself whether it agrees with its thesis; nothing here asks it. What it found is read from what it says and held
-//! against the tables in `schone_points.rs`, `schone_scenes.rs`, `chim.rs`, `chim_radio.rs` and `chim_motion.rs`: the thesis's number, or one that follows from a formula written here.
+//! An item's own verdict is not used. Its printed values are compared
+//! with the tables in `schone_points.rs`, `schone_scenes.rs`, `chim.rs`, `chim_radio.rs` and `chim_motion.rs`: the thesis's number, or one from a formula in the test.
 
 mod chim;
 mod chim_motion;
@@ -17,10 +17,10 @@ use std::collections::BTreeSet;
 use subaperture::monitor::Silent;
 use subaperture_gallery::{Context, items};
 
-/// What an item may take, bytes.
+/// Memory limit of an item, bytes.
 const MEMORY_BYTES: u64 = 1 << 30;
 
-/// The item finds the figures that the tables state for it, all of them and no others.
+/// Assert that the item's checks are exactly those of its table.
 #[track_caller]
 fn holds(id: &str) {
     let item = items().into_iter().find(|item| item.id == id);
@@ -39,6 +39,15 @@ fn holds(id: &str) {
     ];
     let expected = tables.iter().find_map(|table| table(id));
     figures::compare(&expected.expect("a table for the item"), &found.checks);
+    let scale = ["Scale: ", "Scaled down: "].into_iter();
+    assert_eq!(
+        scale.filter(|mark| found.method.contains(mark)).count(),
+        1,
+        "the method has to state its scale, once: {}",
+        found.method
+    );
+    // Where figures differ, a line says why.
+    assert!(found.agrees() || found.why.is_some(), "{:#?}", found.checks);
 }
 
 macro_rules! gallery {
@@ -51,7 +60,7 @@ macro_rules! gallery {
         )*
 
         #[test]
-        fn every_item_is_held_to_its_figures() {
+        fn every_item_has_a_table() {
             let here = [$(stringify!($name)),*].map(|name| name.replace('_', "-"));
             assert!(items().iter().map(|item| item.id).eq(here), "the list below is not that of the items");
         }
@@ -65,7 +74,7 @@ gallery! {
 }
 
 #[test]
-fn ids_are_unique_and_safe_in_file_names() {
+fn item_ids_are_unique_and_safe_in_file_names() {
     let all = items();
     let ids: BTreeSet<&str> = all.iter().map(|item| item.id).collect();
     assert_eq!(ids.len(), all.len());

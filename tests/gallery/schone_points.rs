@@ -1,4 +1,4 @@
-//! What the items of Schone 2020 on one point have to find: range migration, sub-CPIs, grating lobes (chapters 2 and 4).
+//! Expected values of the items of Schone 2020 on one point: range migration, sub-CPIs, grating lobes (chapters 2 and 4).
 //!
 //! Tolerances that say "reading" count what linear reading between bins takes off an amplitude at most: of a response padded `P`
 //! times, `pi^2 / (24 P^2)`, half as much again as its mean; 0.036 dB in range (`P` = 10), 0.014 dB in Doppler (16).
@@ -13,7 +13,7 @@ use crate::sub_cpis::{
 
 /// Of an unweighted aperture's response, the part of the resolution at half its power.
 const HALF_POWER: f64 = 0.886;
-/// dB, of both ways of reading.
+/// Interpolation loss in range and Doppler together, dB.
 pub(crate) const READING_DB: f64 = 0.036 + 0.014;
 /// dB, of an amplitude that is off by what Keystone's sinc is without a window, -32.9 dB.
 pub(crate) const SINC_DB: f64 = 0.2;
@@ -59,21 +59,24 @@ fn migration() -> Vec<Figure> {
             "{} m",
             [About(MIGRATION_M, 0.0)],
             "v T between the first pulse and the last",
-        ),
+        )
+        .printed(),
         figure(
             "range resolution",
             "0.375 m",
             "{} m",
             [About(cell_m(400e6), 0.0)],
             "c / 2B",
-        ),
+        )
+        .printed(),
         figure(
             "length of the CPI",
-            "5.120 s",
+            "5.12 s",
             "{} s",
             [About(1024.0 * 0.5e-3, 0.0)],
             "pulses times their interval; the caption has ten times as much",
-        ),
+        )
+        .printed(),
     ]
 }
 
@@ -81,7 +84,7 @@ fn unfocused() -> Vec<Figure> {
     let cells = MIGRATION_M / cell_m(400e6);
     // As many Doppler cells, 2 v B / c of 1 / T; the power is spread evenly over all of both.
     let spread_db = -20.0 * cells.log10();
-    // Gibbs: a rectangle's edge cut off in the other domain overshoots by 9 %, and this one has an edge each way.
+    // Gibbs: a rectangle's edge cut off in the other domain overshoots by 9 %, and this one has an edge in each dimension.
     let overshoot_db = 2.0 * decibels(1.0895);
     vec![
         figure(
@@ -113,8 +116,8 @@ fn keystone() -> Vec<Figure> {
     let missed_db = decibels(sinc(0.25) * sinc(1.0 / 16.0));
     vec![
         figure(
-            "peak of the map",
-            "0.00 dB",
+            "peak of the map, 0 dB being focused",
+            "one point",
             "{} dB",
             [Within(missed_db, 0.0)],
             "a focused target, at the nearest bin",
@@ -272,11 +275,12 @@ fn cuts() -> Vec<Figure> {
         ),
         figure(
             "above backprojection's side lobes there",
-            "25.0 dB",
+            "25 dB",
             "{} dB",
             [About(nearest_db - beside_near_db, LOBE_DB)],
             "the plain sums",
-        ),
+        )
+        .printed(),
         figure(
             "outermost lobe of 8 sub-CPIs",
             "more than 25 dB below",
@@ -286,21 +290,23 @@ fn cuts() -> Vec<Figure> {
         ),
         figure(
             "above backprojection's side lobes there",
-            "17.0 dB",
+            "17 dB",
             "{} dB",
             [About(farthest_db - beside_far_db, LOBE_DB)],
             "the plain sums",
-        ),
+        )
+        .printed(),
         figure(
             "lobe of 20 against that of 10 at the same place",
-            "-3.0 dB",
+            "-3 dB",
             "{} dB",
             [About(
                 level_db(shared_m, 52) - level_db(shared_m, 104),
                 LOBE_DB,
             )],
             "the plain sums",
-        ),
+        )
+        .printed(),
     ]
 }
 

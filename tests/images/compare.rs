@@ -1,4 +1,4 @@
-//! Comparison of images against figures derived by hand.
+//! Image comparison against hand-derived values.
 
 use num_complex::Complex32;
 use subaperture::image::{Comparison, ComparisonError, Image};
@@ -24,7 +24,7 @@ fn near(value: Option<f64>, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn a_complex_factor_is_found_and_taken_out() {
+fn compare_estimates_and_removes_complex_factor() {
     // a = b / 2 turned by -30 deg. Then ||a - b||^2 / ||b||^2 = 1 + 1/4 - cos 30, the best s is 2 at
     // +30 deg, and what remains is float32 rounding of a: at most 2^-24 a part, so -144 dB.
     let b = row(&[(3.0, -1.0), (0.5, 2.0), (-7.0, 0.25), (0.01, 0.0)]);
@@ -45,7 +45,7 @@ fn a_complex_factor_is_found_and_taken_out() {
 }
 
 #[test]
-fn a_known_error_reads_its_decibels() {
+fn compare_reports_known_error_in_decibels() {
     // b = (3, 4j), a - b = (0, 1/16): error 1/80. <a, b> = 25 + j/4 with ||a||^2 = 25 + 1/256, so
     // 1 - rho^2 = 1 - (625 + 1/16) / (25 (25 + 1/256)).
     let (b, a) = (
@@ -67,7 +67,7 @@ fn a_known_error_reads_its_decibels() {
 }
 
 #[test]
-fn phase_counts_within_20_db_of_the_peak_only() {
+fn phase_error_uses_pixels_within_20_db_of_peak() {
     // The second pixel is a quarter turn off. Of a peak of 1, amplitude 0.1 is 20 dB down.
     for (amplitude, expected) in [(0.1001, 90.0), (0.0999, 0.0)] {
         let b = row(&[(1.0, 0.0), (amplitude, 0.0)]);
@@ -80,7 +80,7 @@ fn phase_counts_within_20_db_of_the_peak_only() {
 }
 
 #[test]
-fn zeros_leave_figures_undefined_and_never_nan() {
+fn comparison_of_zero_images_is_undefined_and_never_nan() {
     let (zero, one) = (row(&[(0.0, 0.0); 2]), row(&[(1.0, 0.0), (0.0, 0.0)]));
     let c = Comparison::between(&zero, &one).unwrap();
     near(c.error_db, 0.0, 1e-12);
@@ -116,7 +116,7 @@ fn zeros_leave_figures_undefined_and_never_nan() {
 }
 
 #[test]
-fn faint_and_strong_images_neither_vanish_nor_overflow() {
+fn comparison_is_independent_of_extreme_scale() {
     // 1e-30 squared is below float32, 1e30 squared above it.
     for unit in [1e-30, 1e30] {
         let c = Comparison::between(&row(&[(1.5 * unit, 0.0)]), &row(&[(unit, 0.0)])).unwrap();
@@ -126,7 +126,7 @@ fn faint_and_strong_images_neither_vanish_nor_overflow() {
 }
 
 #[test]
-fn sizes_and_values_are_checked() {
+fn compare_rejects_size_mismatch_and_non_finite_pixels() {
     let a = row(&[(1.0, 0.0); 6]);
     let b = Image {
         rows: 2,
@@ -154,7 +154,7 @@ fn sizes_and_values_are_checked() {
 }
 
 #[test]
-fn peak_is_the_first_brightest_finite_pixel() {
+fn peak_is_first_brightest_finite_pixel() {
     let mut image = Image {
         rows: 3,
         columns: 4,

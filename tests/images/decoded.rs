@@ -1,4 +1,4 @@
-//! A picture as whoever opens the file sees it.
+//! Decoded PNG pictures.
 
 /// Red, green and blue of all pixels, row by row.
 pub(super) struct Picture {

@@ -1,4 +1,4 @@
-//! The library's examples (`host/subaperture/examples`), run as their readers would: what they print is what they say.
+//! The library's examples (`host/subaperture/examples`) run as programs, with their output checked.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -14,8 +14,8 @@ fn prints(folder: &Path, name: &str, arguments: &[&str]) -> String {
     let mut command = Command::new(example(name));
     command.args(arguments).current_dir(folder);
     let output = command.stdin(Stdio::null()).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{name}: {told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {stderr}");
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -28,7 +28,7 @@ fn numbers(text: &str, label: &str) -> Vec<f64> {
 }
 
 #[test]
-fn a_recording_is_read_and_focused() {
+fn example_reads_and_focuses_recording() {
     let folder = tempfile::tempdir().unwrap();
     run(
         folder.path(),
@@ -57,13 +57,13 @@ fn a_recording_is_read_and_focused() {
         .current_dir(folder.path());
     let output = again.output().unwrap();
     assert!(!output.status.success());
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("NotOurs"), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains("NotOurs"), "{stderr}");
 }
 
 /// A lone point of amplitude 1 on a pixel reads 1 there.
 #[test]
-fn arrays_are_phase_history() {
+fn example_focuses_arrays_as_phase_history() {
     let text = prints(Path::new("."), "own_history", &[]);
     assert_eq!(
         numbers(&text.replace(['x', 'y'], " "), "brightest:"),
@@ -75,7 +75,7 @@ fn arrays_are_phase_history() {
 
 /// Half-power widths of an even band are 0.886 of `c / (2 B cos g)` and of `lambda R / (2 L)`.
 #[test]
-fn a_simulated_point_is_measured() {
+fn example_measures_simulated_point() {
     let text = prints(Path::new("."), "simulate_and_measure", &[]);
     let place = numbers(&text.replace(['x', 'y'], " "), "point:");
     let off = (place[0] - 3.0).hypot(place[1] - 4.0);
@@ -96,7 +96,7 @@ fn a_simulated_point_is_measured() {
 }
 
 #[test]
-fn tiles_are_the_image() {
+fn example_tiles_form_whole_image() {
     let text = prints(Path::new("."), "tiles", &[]);
     assert!(numbers(&text, "expected error:")[0] < -60.0, "{text}");
     assert_eq!(
@@ -107,9 +107,9 @@ fn tiles_are_the_image() {
     assert!(tiles.count() > 1, "{text}");
 }
 
-/// The image of all pulses, and what was said of it on the way.
+/// Image of all pulses, and the error bounds printed for partial images.
 #[test]
-fn a_live_image_is_that_of_its_pulses() {
+fn example_live_image_equals_image_of_its_pulses() {
     let folder = tempfile::tempdir().unwrap();
     let text = prints(folder.path(), "live", &["."]);
     // 24 bytes for each of 100 x 100 pixels, and the window.
@@ -119,8 +119,8 @@ fn a_live_image_is_that_of_its_pulses() {
         .num_samples;
     assert_eq!(numbers(&text, "memory:"), [(240_000 + 8 * samples) as f64]);
     for count in [260, 520, 780, 1040] {
-        let told = numbers(&text, &format!("after {count} pulses: error below"));
-        assert!(told[0] < -60.0, "{text}");
+        let error_db = numbers(&text, &format!("after {count} pulses: error below"));
+        assert!(error_db[0] < -60.0, "{text}");
     }
     let image = npy::read(&folder.path().join("live.npy")).unwrap();
     let line = "focus table.cphd -a exact --slow-window none --grid x=-40:40:0.8,y=-40:40:0.8,z=0 --out exact -q";
@@ -138,7 +138,7 @@ fn a_live_image_is_that_of_its_pulses() {
 }
 
 #[test]
-fn a_former_of_ones_own_keeps_its_word() {
+fn example_own_former_meets_error_bound() {
     let text = prints(Path::new("."), "own_former", &[]);
     let predicted_db = numbers(&text, "predicted error:")[0];
     let error_db = numbers(&text, "error:")[0];

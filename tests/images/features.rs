@@ -1,4 +1,4 @@
-//! What each of the library's features costs in dependencies: as its documentation says, and no more.
+//! Dependencies of each cargo feature of the library, as documented.
 
 use std::collections::BTreeSet;
 
@@ -104,15 +104,15 @@ fn dependencies(features: &str) -> BTreeSet<String> {
         .args(["--prefix", "none", "--format", "{p}"])
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{features}: {told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{features}: {stderr}");
     let lines = String::from_utf8(output.stdout).unwrap();
     let names = lines.lines().filter_map(|line| line.split(' ').next());
     names.map(String::from).collect()
 }
 
 #[test]
-fn without_features_there_is_neither_file_format_nor_picture_nor_terminal() {
+fn no_features_brings_no_format_plot_or_terminal_dependency() {
     let own = dependencies("");
     let optional = OPTIONAL.iter().map(|(name, _)| *name);
     for name in optional.chain(NEVER) {
@@ -122,7 +122,7 @@ fn without_features_there_is_neither_file_format_nor_picture_nor_terminal() {
 }
 
 #[test]
-fn a_feature_brings_what_is_written_of_it() {
+fn feature_brings_documented_dependencies() {
     for feature in FEATURES {
         let found = dependencies(feature);
         for (name, features) in OPTIONAL {
@@ -134,7 +134,7 @@ fn a_feature_brings_what_is_written_of_it() {
 }
 
 #[test]
-fn all_together_bring_no_more() {
+fn all_features_together_bring_no_other_dependencies() {
     // Not in it: the page brings a server, and a USRP's driver another licence.
     let each = FEATURES
         .iter()
@@ -145,7 +145,7 @@ fn all_together_bring_no_more() {
 
 /// What is documented is what is declared.
 #[test]
-fn every_feature_is_written_of() {
+fn every_feature_is_documented() {
     let read = |path| std::fs::read_to_string(subaperture_xtask::root().join(path)).unwrap();
     let manifest = read("host/subaperture/Cargo.toml");
     let documentation = read("host/subaperture/src/lib.rs");

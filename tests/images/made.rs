@@ -1,4 +1,4 @@
-//! Images made by definition: a point's response, noise.
+//! Synthetic images: impulse responses and noise.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! What is made of images: measures, comparisons, pictures, products; the library as its users have it.
+//! Tests of image measures, comparisons, pictures and products, and of the library's public interface.
 
 mod compare;
 mod decoded;

@@ -1,4 +1,4 @@
-//! Maps of an image by the command, judged by GDAL and by rio-cogeo's validator.
+//! Maps written by the command, checked with GDAL and rio-cogeo's validator.
 //!
 //! Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
@@ -44,7 +44,7 @@ const EXPECTED: &str = r#"{
 }"#;
 
 #[test]
-fn gdal_finds_the_point_where_it_stands() {
+fn gdal_reads_point_at_its_true_position() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), SCENE).unwrap();
@@ -86,7 +86,7 @@ fn gdal_finds_the_point_where_it_stands() {
 }
 
 #[test]
-fn what_cannot_be_a_map_is_told_what_to_do() {
+fn export_refuses_impossible_maps_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o scene.cphd").succeeded();
@@ -100,7 +100,7 @@ fn what_cannot_be_a_map_is_told_what_to_do() {
     run(at, &format!("{focus} x=-5:5:2,y=-5:5:2 -o coarse")).succeeded();
     fs::write(at.join("theirs.tif"), "theirs").unwrap();
     fs::write(at.join("theirs.pgw"), "theirs").unwrap();
-    for (line, code, told) in [
+    for (line, code, expected) in [
         ("image -o map.jp2", 2, "--format"),
         ("image -o a.kmz --layout complex", 2, "--layout"),
         ("image -o a.kmz --projection utm", 2, "--projection"),
@@ -111,7 +111,7 @@ fn what_cannot_be_a_map_is_told_what_to_do() {
         ("image -o a.nitf --looks 3", 2, "of maps"),
         ("image -o theirs.tif", 1, "no map that subap wrote"),
         ("image -o theirs.png", 1, "theirs.pgw"),
-        ("image -o a.tif --pixel 3km", 1, "give smaller ones"),
+        ("image -o a.tif --pixel 3km", 1, "use smaller pixels"),
         ("image -o a.tif --place 89,0", 1, "84 degrees north"),
         ("image -o a.tif --layout complex --pixel 1", 1, "too coarse"),
         ("wall -o a.tif", 1, "upright"),
@@ -119,7 +119,7 @@ fn what_cannot_be_a_map_is_told_what_to_do() {
         ("scene.cphd -o a.tif", 1, "no image"),
     ] {
         let ran = run(at, &format!("export {line}"));
-        ran.failed(code, &[told]);
+        ran.failed(code, &[expected]);
     }
     assert!(!at.join("a.tif").exists() && !at.join("theirs.png").exists());
     assert_eq!(fs::read(at.join("theirs.pgw")).unwrap(), b"theirs");
@@ -127,13 +127,13 @@ fn what_cannot_be_a_map_is_told_what_to_do() {
     let record = fs::read(at.join("image/image.json")).unwrap();
     run(at, "export image -o own.tif").succeeded();
     fs::write(at.join("own.json"), "theirs").unwrap();
-    for (line, told) in [
+    for (line, expected) in [
         ("-o map.json --format cog", "map.json"),
         ("-o map.pgw --format png", "map.pgw"),
         ("-o image/image.tif --force", "image.json"),
         ("-o own.tif", "no STAC item"),
     ] {
-        run(at, &format!("export image {line}")).failed(1, &[told]);
+        run(at, &format!("export image {line}")).failed(1, &[expected]);
     }
     assert!(!at.join("map.json").exists() && !at.join("map.pgw").exists());
     assert_eq!(fs::read(at.join("image/image.json")).unwrap(), record);

@@ -1,4 +1,4 @@
-//! Measures of two images of one scene, against figures known by hand: differences, coherence, shifts.
+//! Measures of image pairs against known values: differences, coherence, shifts.
 
 use num_complex::{Complex32, Complex64};
 use subaperture::image::Image;
@@ -11,7 +11,7 @@ use subaperture::signal::window::Window;
 use crate::made::{Made, noise};
 
 #[test]
-fn percent_differences_by_hand() {
+fn percent_difference_agrees_with_hand_calculation() {
     let row = |values: &[f32]| Image {
         rows: 1,
         columns: values.len(),
@@ -35,7 +35,7 @@ fn percent_differences_by_hand() {
 }
 
 #[test]
-fn coherence_of_known_decorrelation() {
+fn coherence_estimates_known_decorrelation() {
     // b = rho a + sqrt(1 - rho^2) n with independent a and n of power 1 has coherence rho. A window of n^2
     // pixels estimates it with a bias of about (1 - rho^2)^2 / (4 n^2 rho) and the mean of 120^2 pixels
     // of windows scatters by less than 1 / (n sqrt(2 * 120^2 / n^2)) = 0.006.
@@ -107,7 +107,7 @@ fn coherence_of_known_decorrelation() {
 }
 
 #[test]
-fn a_known_shift_is_found() {
+fn registration_estimates_known_shift() {
     // Points of a band sampled at half its cell, the same moved by a fraction of a pixel.
     let scene = |rows: f64, columns: f64| {
         let mut image = Image {

@@ -1,7 +1,7 @@
-//! Curves and maps, decoded again: lines run where the axes say, values have their colours.
+//! Decoded line charts and heat maps: positions against the axes, and colours against the values.
 
 use subaperture::geometry::Axis;
-use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines, stacked};
+use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines, stacked};
 
 use super::decoded::Picture;
 
@@ -28,7 +28,7 @@ fn curve(points: Vec<(f64, f64)>, stroke: Stroke) -> Curve {
 }
 
 #[test]
-fn a_line_runs_where_its_values_are() {
+fn line_is_drawn_at_its_values() {
     // From the lower left corner to the upper right, and a level one of dashes at a quarter.
     let chart = Chart {
         curves: vec![
@@ -67,7 +67,7 @@ fn a_line_runs_where_its_values_are() {
 }
 
 #[test]
-fn curves_are_clipped_and_gaps_are_left() {
+fn curves_are_clipped_and_interrupted_at_nan() {
     let chart = Chart {
         curves: vec![curve(
             vec![
@@ -107,7 +107,7 @@ fn curves_are_clipped_and_gaps_are_left() {
 }
 
 #[test]
-fn a_map_is_as_much_across_as_up() {
+fn proportional_chart_has_equal_scales() {
     // A square of 2 by 2 beside one of 2 by 200: the sides of the first are as many pixels long.
     let square = |height: f64| {
         let corners = [
@@ -153,7 +153,7 @@ fn a_map_is_as_much_across_as_up() {
 }
 
 #[test]
-fn charts_are_stacked_in_their_order() {
+fn stacked_charts_keep_order() {
     let level = |value: f64| Chart {
         curves: vec![curve(vec![(0.0, value), (1.0, value)], Stroke::Solid)],
         up: Some((0.0, 1.0)),
@@ -167,7 +167,7 @@ fn charts_are_stacked_in_their_order() {
 }
 
 #[test]
-fn a_legend_is_where_it_hides_least() {
+fn legend_uses_corner_with_fewest_curve_pixels() {
     // Points in all corners but one: three curves' names are there.
     let corners = [(0.95, 0.95), (0.05, 0.95), (0.95, 0.05), (0.05, 0.05)];
     for free in 0..4 {
@@ -196,7 +196,7 @@ fn a_legend_is_where_it_hides_least() {
 
 /// More names than there is room for begin at the top of the plot, and hide nothing above it.
 #[test]
-fn a_long_legend_begins_in_the_plot() {
+fn long_legend_starts_inside_plot() {
     let named = |name: &str| Curve {
         name: name.to_owned(),
         ..curve(vec![(0.0, 0.0), (1.0, 1.0)], Stroke::Dots)
@@ -216,7 +216,7 @@ fn a_long_legend_begins_in_the_plot() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_refused() {
+fn lines_rejects_charts_without_finite_points_or_range() {
     let chart = |points, up| Chart {
         title: "cut".to_owned(),
         curves: vec![curve(points, Stroke::Dots)],
@@ -224,8 +224,8 @@ fn what_cannot_be_drawn_is_refused() {
         ..Chart::default()
     };
     for (chart, part) in [
-        (chart(vec![(f64::NAN, 1.0)], None), "no finite point"),
-        (chart(vec![(0.0, 1.0)], Some((1.0, 1.0))), "an axis needs"),
+        (chart(vec![(f64::NAN, 1.0)], None), "found no finite point"),
+        (chart(vec![(0.0, 1.0)], Some((1.0, 1.0))), "an axis range"),
     ] {
         let error = lines(&chart).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("cut"), "{error}");
@@ -235,7 +235,7 @@ fn what_cannot_be_drawn_is_refused() {
 }
 
 #[test]
-fn a_map_is_drawn_on_its_linear_scale() {
+fn heat_map_uses_linear_scale() {
     let axis = |start, count| Axis {
         start,
         step: 1.0,
@@ -245,7 +245,7 @@ fn a_map_is_drawn_on_its_linear_scale() {
     // Row 7 of 10, third from above; column 3 of 20.
     values[7 * 20 + 3] = 4.0;
     values[0] = f32::NAN;
-    let map = Heat {
+    let map = HeatMap {
         values: &values,
         rows: axis(100.0, 10),
         columns: axis(-10.0, 20),
@@ -268,23 +268,23 @@ fn a_map_is_drawn_on_its_linear_scale() {
         )
     };
     assert_eq!(at(7, 3), [255; 3]);
-    assert_eq!(at(5, 5), [128; 3], "0 is half way");
+    assert_eq!(at(5, 5), [128; 3], "0 is the middle of the scale");
     assert_eq!(at(0, 0), [214, 40, 40], "NaN is red among greys");
-    let coloured = heat(&Heat {
+    let coloured = heat(&HeatMap {
         colours: Colours::Viridis,
         ..map.clone()
     });
     let picture = Picture::decode(&coloured.unwrap());
     let [left, _, _, bottom] = picture.plot();
     assert_eq!(picture.at(left + side / 2, bottom - 1 - side / 2), [222; 3]);
-    let error = heat(&Heat {
+    let error = heat(&HeatMap {
         range: (1.0, 1.0),
         ..map.clone()
     })
     .unwrap_err()
     .to_string();
-    assert!(error.contains("no colours from 1 to 1"), "{error}");
-    let error = heat(&Heat {
+    assert!(error.contains("found 1 to 1"), "{error}");
+    let error = heat(&HeatMap {
         rows: axis(0.0, 9),
         ..map
     })

@@ -1,4 +1,4 @@
-//! NumPy files and the product's folder: what is written, and what is left when writing fails.
+//! NumPy files and image folders: content, and state after failed writes.
 
 use std::fs;
 use std::io::Write;
@@ -61,7 +61,7 @@ fn npy_bytes(header: &str, pixels: &[Complex32]) -> Vec<u8> {
 const HEADER: &str = "{'descr': '<c8', 'fortran_order': False, 'shape': (2, 3), }";
 
 #[test]
-fn npy_is_what_numpy_writes() {
+fn npy_file_equals_numpy_format() {
     let image = image(2, 3);
     let mut written = Vec::new();
     npy::write_to(&mut written, &image).unwrap();
@@ -80,7 +80,7 @@ fn npy_is_what_numpy_writes() {
 }
 
 #[test]
-fn numpy_itself_agrees() {
+fn numpy_reads_npy_file() {
     let folder = tempfile::tempdir().unwrap();
     let (ours, theirs) = (
         folder.path().join("ours.npy"),
@@ -116,7 +116,7 @@ fn numpy_itself_agrees() {
 }
 
 #[test]
-fn other_arrays_and_damage_are_errors() {
+fn npy_reader_rejects_other_types_and_damage() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");
     let read = |bytes: &[u8]| {
@@ -196,7 +196,7 @@ fn other_arrays_and_damage_are_errors() {
 }
 
 #[test]
-fn a_new_folder_appears_whole() {
+fn new_image_folder_appears_atomically() {
     let base = tempfile::tempdir().unwrap();
     let folder = base.path().join("deep/er/out");
     Product::prepare(&folder, 15).unwrap();
@@ -237,7 +237,7 @@ fn a_new_folder_appears_whole() {
 }
 
 #[test]
-fn an_existing_folder_keeps_what_is_not_ours() {
+fn existing_folder_keeps_foreign_files() {
     let base = tempfile::tempdir().unwrap();
     fs::write(base.path().join("notes.txt"), "mine").unwrap();
     write(base.path(), &image(2, 2)).unwrap();
@@ -256,7 +256,7 @@ fn an_existing_folder_keeps_what_is_not_ours() {
 }
 
 #[test]
-fn what_is_in_the_way_is_said_before_the_work() {
+fn foreign_files_in_the_way_are_reported_before_processing() {
     let base = tempfile::tempdir().unwrap();
     let file = base.path().join("file");
     fs::write(&file, "mine").unwrap();
@@ -294,7 +294,7 @@ fn what_is_in_the_way_is_said_before_the_work() {
 }
 
 #[test]
-fn an_unwritable_folder_is_said_before_the_work() {
+fn unwritable_folder_is_reported_before_processing() {
     // Nobody, not even root, makes a folder in /proc.
     if !Path::new("/proc/self").exists() {
         println!("skipped: /proc not found");
@@ -309,7 +309,7 @@ fn an_unwritable_folder_is_said_before_the_work() {
 }
 
 #[test]
-fn a_failed_write_leaves_the_old_file() {
+fn failed_write_keeps_previous_file() {
     let base = tempfile::tempdir().unwrap();
     let path = base.path().join("a.bin");
     for old in [None, Some("old")] {
@@ -373,7 +373,7 @@ fn a_failed_write_leaves_the_old_file() {
 
 #[cfg(unix)]
 #[test]
-fn links_are_followed() {
+fn symbolic_links_are_followed() {
     let base = tempfile::tempdir().unwrap();
     let (target, link) = (base.path().join("target"), base.path().join("link"));
     fs::write(&target, "old").unwrap();
@@ -384,7 +384,7 @@ fn links_are_followed() {
 }
 
 #[test]
-fn a_full_disk_leaves_nothing() {
+fn full_disk_leaves_no_partial_product() {
     let Some(disk) = TinyDisk::mount() else {
         return;
     };

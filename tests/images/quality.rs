@@ -1,11 +1,11 @@
-//! Measures of responses: made by their definition, and focused.
+//! Point target measurements of synthetic and focused responses against theory.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::exact::Exact;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
@@ -16,7 +16,7 @@ use subaperture::quality::response::{
 };
 use subaperture::resolution::theory::{Expected, expected};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
 use crate::made::{Made, noise};
 
@@ -88,7 +88,7 @@ fn check_cuts(what: &str, response: &Response, window: Window, cells: [f64; 2]) 
 }
 
 #[test]
-fn a_made_response_is_measured_to_theory() {
+fn measure_agrees_with_theory_for_synthetic_response() {
     // Cells of 1.4 to 3 pixels, peaks between pixels, spectra anywhere, across their cut too.
     for (cell, row, column, turn) in [
         (2.0, 50.31, 49.77, [0.0, 0.0]),
@@ -123,7 +123,7 @@ fn a_made_response_is_measured_to_theory() {
             // response is at most a = cell / (pi H) of the peak, and the difference 2 a. Its terms are
             // +-sin(pi x) / (pi m) times that, turning by pi less pi / cell from one to the next: such
             // a sum is its first term over 2 cos(pi / (2 cell)). Two ends and two directions.
-            let half = (response.chip.image.rows / UPSAMPLING / 2) as f64;
+            let half = (response.chip.grid.rows.count / UPSAMPLING / 2) as f64;
             let bound: f64 = [row, column]
                 .map(|at: f64| {
                     let between = (PI * (at - at.round())).sin().abs();
@@ -141,7 +141,7 @@ fn a_made_response_is_measured_to_theory() {
             assert!(level_db.abs() < 20.0 * (bound + 1e-5).ln_1p() / 10f64.ln());
             assert!(phase_rad.abs() < bound + 1e-5, "{phase_rad}");
             check_cuts("made", &response, window, [cell, cell]);
-            // Separable: (main + side)^2 of the energy, of which main^2 is inside.
+            // Separable: (main + side)^2 is the whole energy, main^2 that inside.
             let ratio = |i: usize| 10f64.powf(response.cuts[i].null_rule.islr_db.unwrap() / 10.0);
             let both = (1.0 + ratio(0)) * (1.0 + ratio(1)) - 1.0;
             near_db("ISLR, 2-D", response.islr_2d_db, Some(10.0 * both.log10()));
@@ -151,7 +151,7 @@ fn a_made_response_is_measured_to_theory() {
 
 /// Widths and side lobes are the point's, and not the pixels': the same from 2.3 pixels a cell to 46.
 #[test]
-fn the_size_of_pixels_changes_nothing() {
+fn measure_is_independent_of_pixel_spacing() {
     let measured: Vec<Response> = [2.3, 9.2, 46.0]
         .into_iter()
         .map(|cell| {
@@ -191,7 +191,7 @@ fn the_size_of_pixels_changes_nothing() {
 
 /// Pixels that fold are refused where it is known what they must hold.
 #[test]
-fn pixels_that_fold_are_refused() {
+fn measure_rejects_undersampled_image() {
     let history = Preset::Table41.simulate(&Variation::default());
     let looks = subaperture::resolution::support::Looks::new(
         history.collection(),
@@ -238,7 +238,7 @@ fn pixels_that_fold_are_refused() {
 }
 
 #[test]
-fn a_line_of_sight_is_measured_along_and_across() {
+fn measure_cuts_along_and_across_line_of_sight() {
     // The response is the same along both axes and, for Hamming's round main lobe, nearly so along
     // diagonals; exactly, the diagonal cut is the product of both axes' responses at s / sqrt 2.
     let made = Made {
@@ -279,7 +279,7 @@ fn a_line_of_sight_is_measured_along_and_across() {
 }
 
 #[test]
-fn what_is_no_point_is_refused() {
+fn measure_rejects_noise_borders_and_non_finite_pixels() {
     let made = |row, column| Made {
         window: Window::None,
         cell: 2.0,
@@ -343,10 +343,10 @@ fn what_is_no_point_is_refused() {
 
 /// One scatterer of Table 4.1 by two formers.
 #[test]
-fn focused_points_are_measured_to_theory() {
+fn measure_agrees_with_theory_for_focused_points() {
     let history = Preset::Table41.simulate(&Variation::default());
     let position_m = DVec3::new(0.113, -0.207, 0.0);
-    let history = Simulated::new(
+    let history = PointTargetHistory::new(
         history.collection().clone(),
         vec![Scatterer {
             position_m,
@@ -361,7 +361,7 @@ fn focused_points_are_measured_to_theory() {
     let grid: ImageGrid = "x=-9:9:0.28,y=-12:12:0.35".parse().unwrap();
     let formers: [Box<dyn ImageFormer>; 2] = [
         Box::new(Exact),
-        Box::new(RangeDoppler {
+        Box::new(RangeDopplerBackprojection {
             mode: Mode::Precise,
             error_db: -60.0,
             sub_cpi: None,
@@ -378,7 +378,7 @@ fn focused_points_are_measured_to_theory() {
                     weights: &weights,
                     memory_bytes: 1 << 30,
                     monitor: &Silent,
-                    means: Default::default(),
+                    numerics: Default::default(),
                 })
                 .unwrap()
                 .image;

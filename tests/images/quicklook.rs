@@ -1,4 +1,4 @@
-//! Pictures, decoded again: pixels lie where the axes say, levels have their colours.
+//! Decoded pictures: pixel positions against the axes, and colours against the levels.
 
 use num_complex::Complex32;
 use subaperture::geometry::{Axis, ImageGrid};
@@ -46,7 +46,7 @@ fn fixed<'a>(image: &'a Image, grid: &'a ImageGrid) -> Panel<'a> {
 }
 
 #[test]
-fn a_pixel_lies_where_the_axes_say() {
+fn picture_pixel_agrees_with_axes() {
     let grid: ImageGrid = "x=-10:10:1,y=0:10:1".parse().unwrap();
     let image = dot(10, 20, -30.0, 7, 3);
     let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
@@ -70,7 +70,7 @@ fn a_pixel_lies_where_the_axes_say() {
 }
 
 #[test]
-fn proportions_are_the_scene_s() {
+fn picture_keeps_scene_aspect() {
     // The same 20 m by 10 m with pixels of 1 m by 0.25 m.
     let grid: ImageGrid = "x=-10:10:1,y=0:10:0.25".parse().unwrap();
     let picture = Picture::decode(&quicklook(&fixed(&dot(40, 20, -30.0, 0, 19), &grid)).unwrap());
@@ -85,7 +85,7 @@ fn proportions_are_the_scene_s() {
 }
 
 #[test]
-fn large_images_are_reduced_by_power() {
+fn large_image_is_reduced_by_mean_power() {
     // 4000 x 2000 pixels on 1600 x 800: a cell covers 2.5 x 2.5 pixels, so that a dot within one cell
     // reads 1 / 6.25 of its power, -7.96 dB, and the -90 dB around it nothing. Column 3001 is within
     // cell 1200 (3000 to 3002.5), row 1001 within cell 400.
@@ -105,7 +105,7 @@ fn large_images_are_reduced_by_power() {
 }
 
 #[test]
-fn odd_images_are_drawn() {
+fn strip_polar_and_extreme_images_are_drawn() {
     let grid: ImageGrid = "x=0:3:1,y=0:3:1".parse().unwrap();
     let zero = Image {
         rows: 3,
@@ -169,7 +169,7 @@ fn odd_images_are_drawn() {
 
 /// Seen from above, angles grow counter-clockwise: with range upwards they grow to the left.
 #[test]
-fn a_polar_picture_is_no_mirror_image() {
+fn polar_picture_is_not_mirrored() {
     let grid: ImageGrid = "r=10:20:1,theta=0:20:1".parse().unwrap();
     let image = dot(10, 20, -30.0, 7, 3);
     let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
@@ -186,7 +186,7 @@ fn a_polar_picture_is_no_mirror_image() {
 
 /// The values along the axes are the scene's coordinates, and where there are none the label says so.
 #[test]
-fn turned_grids_are_labelled_by_the_scene() {
+fn rotated_grid_axes_show_scene_coordinates() {
     for (text, labels, first_edges) in [
         ("x=-4:4:1,y=2:8:1", ["x (m)", "y (m)"], [-4.5, 1.5]),
         (
@@ -224,14 +224,14 @@ fn turned_grids_are_labelled_by_the_scene() {
         for (edge, expected) in edges.iter().zip(first_edges) {
             assert!((edge - expected).abs() < 1e-9, "{text}: {edges:?}");
         }
-        // Whatever way they run, they are drawn.
+        // Axes of any direction are drawn.
         let image = dot(grid.rows.count, grid.columns.count, -30.0, 0, 0);
         quicklook(&Panel::new(&image, &grid, text)).unwrap();
     }
 }
 
 #[test]
-fn what_lies_above_the_scale_is_marked() {
+fn levels_above_scale_have_marked_colour() {
     const AMBER: [u8; 3] = [255, 150, 30];
     let grid: ImageGrid = "x=0:20:1,y=0:20:1".parse().unwrap();
     let image = dot(20, 20, -30.0, 7, 3);
@@ -262,7 +262,7 @@ fn what_lies_above_the_scale_is_marked() {
 }
 
 #[test]
-fn directions_are_drawn_beside_the_picture() {
+fn look_and_north_arrows_are_drawn() {
     let grid: ImageGrid = "x=0:20:1,y=0:20:1".parse().unwrap();
     let image = dot(20, 20, -30.0, 7, 3);
     let ink = |orientation| {
@@ -287,7 +287,7 @@ fn directions_are_drawn_beside_the_picture() {
 }
 
 #[test]
-fn panels_share_a_page() {
+fn panels_are_drawn_on_one_page() {
     let grid: ImageGrid = "x=0:300:1,y=0:300:1".parse().unwrap();
     let image = dot(300, 300, -30.0, 7, 3);
     let a = fixed(&image, &grid);
@@ -321,7 +321,7 @@ fn panels_share_a_page() {
 }
 
 #[test]
-fn mismatches_are_errors() {
+fn picture_rejects_grid_of_other_size() {
     let grid: ImageGrid = "x=0:3:1,y=0:3:1".parse().unwrap();
     let image = dot(2, 3, -30.0, 0, 0);
     let text = quicklook(&Panel::new(&image, &grid, "wrong"))
@@ -381,7 +381,7 @@ fn labels_below_grid(grid: &ImageGrid, scale: Scale) -> (Picture, Vec<(usize, us
 }
 
 #[test]
-fn labels_are_whole_and_apart() {
+fn axis_labels_are_complete_and_do_not_overlap() {
     // 4000000.00 to .25 by 0.05, and "dB"; each ten characters of nine digits and a point, which DejaVu
     // Sans sets 1303 and 651 / 2048 em wide: 90.7 pixels, less the white beside the outer digits.
     let (picture, below) = labels_below(

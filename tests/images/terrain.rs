@@ -1,4 +1,4 @@
-//! Elevation models read and laid over grids, against heights that the tests know by formulas of their own.
+//! Elevation model readers and reliefs against heights computed independently in the tests.
 
 use std::fs;
 use std::path::Path;
@@ -26,7 +26,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::path::PathBuf {
 
 /// Northings and eastings of UTM are those of the model, which its own tests hold to GeographicLib's.
 #[test]
-fn utm_models_are_read_where_they_lie() {
+fn utm_model_heights_agree_with_formula() {
     let folder = tempfile::tempdir().unwrap();
     let middle = Geodetic {
         latitude_deg: -33.4,
@@ -87,7 +87,7 @@ fn utm_models_are_read_where_they_lie() {
 
 /// Both sizes, a seam between two files, voids, and the geoid as a file.
 #[test]
-fn hgt_files_of_a_folder_meet_at_their_edges() {
+fn hgt_tiles_of_folder_join_at_edges() {
     let folder = tempfile::tempdir().unwrap();
     let height = |latitude: f64, longitude: f64| {
         400.0 + 30.0 * (latitude * 900.0).sin() + 20.0 * (longitude * 700.0).cos()
@@ -172,6 +172,146 @@ fn hgt_files_of_a_folder_meet_at_their_edges() {
     assert!(short.to_string().contains("5 bytes"), "{short}");
 }
 
+/// Heights of 100 of some unit in a small model, with GeoTIFF's keys in place of those that the model has by itself.
+fn keyed(epsg: u16, keys: &[[u16; 2]]) -> Vec<u8> {
+    let geographic = !(26901..=32760).contains(&epsg);
+    let file = GeoTiff {
+        size: [40, 40],
+        origin: match geographic {
+            true => [-121.51, 44.26],
+            false => [618_800.0, 4_901_700.0],
+        },
+        steps: match geographic {
+            true => [0.0005, 0.0005],
+            false => [50.0, 50.0],
+        },
+        points: false,
+        epsg: if geographic { 4326 } else { epsg },
+        tile: None,
+        strip_rows: 40,
+        void: None,
+        deflate: false,
+    };
+    let mut bytes = file.bytes(|_, _| 100.0);
+    let mut entry = |from: [u16; 4], to: [u16; 4]| {
+        let raw = |entry: [u16; 4]| entry.map(u16::to_le_bytes).concat();
+        let at = bytes.windows(8).position(|window| window == raw(from));
+        let at = at.expect("the model has the key");
+        bytes[at..at + 8].copy_from_slice(&raw(to));
+    };
+    if geographic {
+        entry([2048, 0, 1, 4326], [2048, 0, 1, epsg]);
+    }
+    // Pixels are areas without the key that says so, too.
+    let mut spare = [[1025, 0, 1, 1]].into_iter();
+    for &[key, value] in keys {
+        entry(spare.next().expect("one key"), [key, 0, 1, value]);
+    }
+    bytes
+}
+
+#[test]
+fn vertical_units_are_converted_or_rejected() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = region([44.248, 44.252], [-121.502, -121.498]);
+    let open = |bytes: &[u8]| {
+        let path = write(folder.path(), "model.tif", bytes);
+        Ground::open(&path, &Geoid::Undulation(0.0), &here, MEMORY)
+    };
+    let survey = 1200.0 / 3937.0;
+    for (key, unit_m) in [
+        (None, 1.0),
+        (Some([4099, 9001]), 1.0),
+        (Some([4099, 9002]), 0.3048),
+        (Some([4099, 9003]), survey),
+        (Some([4096, 6360]), survey),
+        (Some([4096, 8228]), 0.3048),
+        (Some([4096, 5703]), 1.0),
+    ] {
+        let keys: Vec<[u16; 2]> = key.into_iter().collect();
+        let height_m = open(&keyed(4326, &keys))
+            .unwrap()
+            .height_m(44.25, -121.5)
+            .unwrap();
+        // Heights are float32: 30 m to 2e-6 m.
+        assert!(
+            (height_m - 100.0 * unit_m).abs() < 4e-6,
+            "{key:?}: {height_m}"
+        );
+    }
+    for (key, part) in [([4099, 9036], "EPSG 9036"), ([4096, 5336], "unknown unit")] {
+        let error = open(&keyed(4326, &[key])).unwrap_err().to_string();
+        assert!(error.contains(part), "{error}");
+    }
+    // A height above a geoid that is not given is warned of.
+    let path = write(folder.path(), "navd88.tif", &keyed(4326, &[[4096, 5703]]));
+    let ground = Ground::open(&path, &Geoid::None, &here, MEMORY).unwrap();
+    assert!(
+        ground.warnings()[0].contains("refer to NAVD88"),
+        "{:?}",
+        ground.warnings()
+    );
+}
+
+#[test]
+fn nad83_models_are_read_as_wgs_84_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    // UTM zone 10 north of Oregon.
+    let here = region([44.2482, 44.2518], [-121.502, -121.498]);
+    for epsg in [4269, 6318, 26910, 6339] {
+        let bytes = match epsg {
+            6339 => {
+                let mut bytes = keyed(26910, &[]);
+                let raw = |code: u16| [3072u16, 0, 1, code].map(u16::to_le_bytes).concat();
+                let at = bytes
+                    .windows(8)
+                    .position(|window| window == raw(26910))
+                    .unwrap();
+                bytes[at..at + 8].copy_from_slice(&raw(6339));
+                bytes
+            }
+            epsg => keyed(epsg, &[]),
+        };
+        let path = write(folder.path(), "nad83.tif", &bytes);
+        let ground = Ground::open(&path, &Geoid::None, &here, MEMORY).unwrap();
+        assert_eq!(ground.height_m(44.25, -121.5).unwrap(), 100.0);
+        let warnings = ground.warnings();
+        assert!(
+            warnings.len() == 1
+                && warnings[0].contains("NAD83")
+                && warnings[0].contains("up to 2 m"),
+            "{warnings:?}"
+        );
+    }
+    let path = write(folder.path(), "other.tif", &keyed(4267, &[]));
+    let error = Ground::open(&path, &Geoid::None, &here, MEMORY).unwrap_err();
+    assert!(error.to_string().contains("EPSG 4267"), "{error}");
+}
+
+#[test]
+fn unsupported_compression_is_named_in_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = region([44.248, 44.252], [-121.502, -121.498]);
+    for (packing, name) in [(50_000u16, "ZSTD"), (34_887, "LERC"), (7, "JPEG")] {
+        let mut bytes = keyed(4326, &[]);
+        // The entry of tag 259: a short, one value.
+        let entry = [259u16, 3, 1, 0, 1, 0].map(u16::to_le_bytes).concat();
+        let at = bytes
+            .windows(12)
+            .position(|window| window == entry)
+            .unwrap();
+        bytes[at + 8..at + 10].copy_from_slice(&packing.to_le_bytes());
+        let path = write(folder.path(), "packed.tif", &bytes);
+        let error = Ground::open(&path, &Geoid::None, &here, MEMORY)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains(name) && error.contains("COMPRESS=DEFLATE"),
+            "{error}"
+        );
+    }
+}
+
 /// A raster whose pixels are areas, so that files side by side share no posts.
 fn areas(size: [usize; 2], origin: [f64; 2], steps: [f64; 2]) -> GeoTiff {
     GeoTiff {
@@ -189,7 +329,7 @@ fn areas(size: [usize; 2], origin: [f64; 2], steps: [f64; 2]) -> GeoTiff {
 
 /// As Copernicus' model has them: files of a degree with as many posts, and fewer columns north of 50 degrees. Between the last posts of one and the first of the next there is ground.
 #[test]
-fn files_that_share_no_posts_leave_no_gap() {
+fn adjacent_models_without_shared_posts_leave_no_gap() {
     let folder = tempfile::tempdir().unwrap();
     let height = |latitude: f64, longitude: f64| {
         200.0 + 7.0 * (latitude - 50.0) * 60.0 - 5.0 * (longitude - 7.0) * 60.0

@@ -1,4 +1,4 @@
-//! Maps and chips put together from reports: whole and unchanged, or counted as lost.
+//! Reassembly of maps and chips from reports: complete and unchanged, or counted as lost.
 
 use subaperture_core::link::{
     AssembledMap, ChipAssembly, ChipGrid, Encoding, LossCause, MapAssembly, Report,
@@ -6,7 +6,7 @@ use subaperture_core::link::{
 };
 use subaperture_core::stream::{MapHeader, Node, Patch};
 
-/// A report that owns its bytes.
+/// Report that owns its bytes.
 #[derive(Clone, Debug)]
 enum Sent {
     Start(u32, MapHeader, Encoding),
@@ -55,7 +55,7 @@ fn header(map: u32) -> MapHeader {
     }
 }
 
-/// All reports of a map, with bytes that depend on map, row and place.
+/// All reports of a map, with bytes that depend on map, row and position.
 fn map(number: u32, encoding: Encoding) -> Vec<Sent> {
     let width = 2 * usize::from(REACH.0) + 1;
     let len = row_bytes(encoding, width).expect("a number");
@@ -83,10 +83,10 @@ fn bytes_of(all: &[Sent]) -> Vec<u8> {
         .collect()
 }
 
-/// Maps that came whole: number and bytes.
+/// Complete maps: number and bytes.
 type Whole = Vec<(u32, Vec<u8>)>;
 
-/// What came of some reports: maps that came whole, and the causes of the losses that were told.
+/// Result of a sequence of reports: complete maps, and the causes of reported losses.
 fn assemble(reports: &[Sent], maps: u32, room: usize) -> (Whole, Vec<LossCause>, u32) {
     let mut buffer = vec![0; room];
     let mut assembly = MapAssembly::new(&mut buffer);
@@ -115,7 +115,7 @@ fn assemble(reports: &[Sent], maps: u32, room: usize) -> (Whole, Vec<LossCause>,
 const ENOUGH: usize = 8 * (2 * REACH.0 as usize + 1) * ROWS;
 
 #[test]
-fn whole_maps_come_out_as_they_went_in() {
+fn complete_maps_are_reassembled_unchanged() {
     for encoding in [Encoding::Complex32, Encoding::Sc16] {
         let maps: Vec<_> = (0..5).map(|number| map(number, encoding)).collect();
         let (whole, causes, lost) = assemble(&maps.concat(), 5, ENOUGH);
@@ -126,10 +126,10 @@ fn whole_maps_come_out_as_they_went_in() {
     }
 }
 
-/// Any one report of the second of three maps missing, doubled or exchanged with the next: that map is lost,
-/// once, and the others are not.
+/// If any one report of the second of three maps is missing, repeated or swapped with the next, that map is lost once
+/// and the others are not.
 #[test]
-fn a_missing_doubled_or_exchanged_report_loses_its_map_alone() {
+fn missing_repeated_or_swapped_report_loses_only_its_map() {
     let maps = [0, 1, 2].map(|number| map(number, Encoding::Sc16));
     let [first, second, third] = &maps;
     let check = |damaged: Vec<Sent>, what: &str| {
@@ -149,7 +149,7 @@ fn a_missing_doubled_or_exchanged_report_loses_its_map_alone() {
         check(missing, &format!("report {place} missing"));
         let last = place + 1 == second.len();
         if !last {
-            // A doubled end comes after the map is complete, and is ignored.
+            // A repeated end arrives after the map is complete and is ignored.
             let mut doubled = second.clone();
             doubled.insert(place, second[place].clone());
             check(doubled, &format!("report {place} doubled"));
@@ -162,7 +162,7 @@ fn a_missing_doubled_or_exchanged_report_loses_its_map_alone() {
 }
 
 #[test]
-fn a_doubled_end_is_ignored() {
+fn repeated_end_is_ignored() {
     let mut all = map(0, Encoding::Complex32);
     all.push(all[all.len() - 1].clone());
     let (whole, causes, lost) = assemble(&all, 1, ENOUGH);
@@ -171,7 +171,7 @@ fn a_doubled_end_is_ignored() {
 
 /// A changed byte of any row, a changed header, a row of another length or of another map.
 #[test]
-fn a_changed_report_loses_its_map() {
+fn changed_report_loses_its_map() {
     let good = map(0, Encoding::Complex32);
     let lose = |damaged: &[Sent], cause| {
         let (whole, causes, lost) = assemble(damaged, 1, ENOUGH);
@@ -209,10 +209,10 @@ fn a_changed_report_loses_its_map() {
     lose(&damaged, LossCause::Rows);
 }
 
-/// A map that fits to the byte is taken; one byte less of room loses it, and those after it that fit are
-/// taken still. Sizes that overflow are too large, not a panic.
+/// A map that fits the buffer exactly is accepted. With one byte less it is lost, and later maps that fit are still
+/// accepted. Sizes that overflow are too large and do not panic.
 #[test]
-fn room_is_checked() {
+fn maps_larger_than_buffer_are_lost() {
     let large = map(0, Encoding::Complex32);
     let small = map(1, Encoding::Sc16);
     let all = [large, small].concat();
@@ -230,10 +230,10 @@ fn room_is_checked() {
     assert_eq!((causes, lost), (vec![LossCause::NoStart], u32::MAX));
 }
 
-/// The checksum is CRC-32 of the header's bytes, 157 at most, and the rows': by another library, the
-/// header put down field by field.
+/// The checksum is CRC-32 over the header's bytes, at most 157, and the rows. Computed here with another library and a
+/// header encoded field by field.
 #[test]
-fn the_checksum_is_that_described() {
+fn checksum_matches_description() {
     let header = header(5);
     let mut bytes = vec![1, 1, 64];
     bytes.extend([5.0f64, 0.0, -1.0].map(f64::to_le_bytes).concat());
@@ -249,7 +249,7 @@ fn the_checksum_is_that_described() {
 }
 
 #[test]
-fn chips_come_whole_or_not_at_all() {
+fn chips_are_complete_or_lost() {
     let grid = ChipGrid {
         patch: 0,
         origin_m: [1.0, 2.0, 3.0],

@@ -1,4 +1,4 @@
-//! Frames over bad lines: nothing wrong is accepted, and every frame that is missing is counted.
+//! Frames over lossy lines: no wrong frame is accepted, and every missing frame is counted.
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{
@@ -29,7 +29,7 @@ impl Random {
     }
 }
 
-/// Samples of pulse `number`: with zeros, and with runs of other bytes longer than one code can say.
+/// Samples of pulse `number`, with zeros and with sequences of nonzero bytes longer than one COBS code covers.
 fn samples(number: u32) -> Vec<u8> {
     let mut random = Random(number.into());
     let zeros = random.below(3) == 0;
@@ -42,9 +42,9 @@ fn samples(number: u32) -> Vec<u8> {
         .collect()
 }
 
-const MOST_SAMPLES: usize = 60;
+const MAX_SAMPLES: usize = 60;
 
-/// A pulse that says its number in several places.
+/// Pulse that contains its number in several places.
 fn pulse(number: u32, samples: &[u8]) -> Command<'_> {
     Command::Pulse {
         pulse: Pulse {
@@ -58,10 +58,10 @@ fn pulse(number: u32, samples: &[u8]) -> Command<'_> {
     }
 }
 
-/// Frames of `Hello` and then pulses 1, 2, ...: the sequence number is the pulse's.
+/// Frames of `Hello` and pulses 1, 2, ...: the sequence number is the pulse's number.
 fn frames(pulses: u32) -> Vec<Vec<u8>> {
     let mut encoder = Encoder::new();
-    let mut buffer = vec![0; max_frame_bytes(MOST_SAMPLES)];
+    let mut buffer = vec![0; max_frame_bytes(MAX_SAMPLES)];
     let mut all = vec![
         encoder
             .encode(&Command::Hello, &mut buffer)
@@ -76,8 +76,8 @@ fn frames(pulses: u32) -> Vec<Vec<u8>> {
     all
 }
 
-/// Receives; every accepted frame must be the one that was sent with its number. Their numbers, and
-/// what was counted.
+/// Receive frames. Every accepted frame must be the one that was sent with its number. Returns their numbers and the
+/// counters.
 fn listen(mut bytes: &[u8], room: usize) -> (Vec<u32>, LinkCounters) {
     let mut buffer = vec![0; room];
     let mut receiver = Receiver::new(&mut buffer);
@@ -105,12 +105,12 @@ fn listen(mut bytes: &[u8], room: usize) -> (Vec<u32>, LinkCounters) {
             Err(Damage::Repeated(_)) => damaged.repeated += 1,
         }
     }
-    // What was handed out is what was counted: none of these frames is whole and malformed.
+    // The accepted frames are the counted ones: none of these frames is intact but malformed.
     assert_eq!(&damaged, receiver.counters());
     (numbers, damaged)
 }
 
-const ROOM: usize = max_received_bytes(MOST_SAMPLES);
+const ROOM: usize = max_received_bytes(MAX_SAMPLES);
 
 fn undamaged(frames: u32) -> LinkCounters {
     LinkCounters {
@@ -119,11 +119,11 @@ fn undamaged(frames: u32) -> LinkCounters {
     }
 }
 
-/// Every bit of a frame between two good ones is flipped; only the two neighbours come through. A flip of
-/// the zero at its end takes the next frame with it, unless a zero stands before that.
+/// Every bit of a frame between two good ones is flipped; only the two neighbours are received. A flip of the terminating
+/// zero destroys the next frame as well, unless a zero precedes it.
 #[test]
-fn any_single_bit_is_noticed() {
-    // Samples 40 to 59 are at least 320 bytes: longer than one code.
+fn any_single_bit_error_is_detected() {
+    // Samples 40 to 59 are at least 320 bytes: longer than one COBS code covers.
     let all = frames(59);
     for place in [1, 2, 7, 40, 41, 42, 57] {
         let frame = &all[place];
@@ -143,10 +143,10 @@ fn any_single_bit_is_noticed() {
     }
 }
 
-/// Independent bit errors at 1e-5 to 1e-3 over long streams: what comes is right, and
+/// Independent bit errors at rates of 1e-5 to 1e-3 over long streams: accepted frames are correct and
 /// `sent = received + lost`.
 #[test]
-fn bit_errors_lose_frames_and_nothing_else() {
+fn bit_errors_only_lose_frames() {
     let sent = 20_000;
     let all = frames(sent);
     let clean: Vec<u8> = all.concat();
@@ -157,7 +157,7 @@ fn bit_errors_lose_frames_and_nothing_else() {
     for (rate, seed) in [(1.0e-5f64, 1), (1.0e-4, 2), (1.0e-3, 3), (1.0e-3, 9)] {
         let mut random = Random(seed);
         let mut line = clean.clone();
-        // Gaps between errors are geometric: the bits up to the next are ln(u) / ln(1 - rate).
+        // Gaps between errors are geometric: the number of bits up to the next is ln(u) / ln(1 - rate).
         let mut bit = 8 * first;
         let mut errors = 0;
         loop {
@@ -169,22 +169,22 @@ fn bit_errors_lose_frames_and_nothing_else() {
             bit += 1;
             errors += 1;
         }
-        // The last frame must be heard from its start.
+        // The last frame must be received from its start.
         line.insert(last, 0);
         let (numbers, counters) = listen(&line, ROOM);
         assert_eq!(numbers.last(), Some(&sent), "the last frame is whole");
         assert!(numbers.is_sorted_by(|a, b| a < b));
         assert_eq!(counters.frames + counters.lost, sent + 1);
         assert!(counters.lost > 0 && counters.frames > 0);
-        // Every lost frame has an error of its own, or shares one with the frame whose zero it hit.
+        // Every lost frame has an error of its own, or shares one with the frame whose terminator it hit.
         assert!(counters.lost <= 2 * errors, "{errors} errors, {counters:?}");
         println!("rate {rate:e}: {errors} wrong bits, {counters:?}");
     }
 }
 
-/// Bytes dropped, doubled and invented, as a line without flow control does.
+/// Bytes dropped, repeated and inserted, as on a line without flow control.
 #[test]
-fn dropped_and_invented_bytes_lose_frames_and_nothing_else() {
+fn dropped_and_inserted_bytes_only_lose_frames() {
     let sent = 5_000;
     let all = frames(sent);
     let mut random = Random(5);
@@ -206,9 +206,9 @@ fn dropped_and_invented_bytes_lose_frames_and_nothing_else() {
     assert!(counters.lost > 100, "{counters:?}");
 }
 
-/// A frame cut at any byte is lost; with a zero before the next, that one is not.
+/// A frame cut at any byte is lost. With a zero before the next frame, that one is not.
 #[test]
-fn cut_frames_are_lost_alone() {
+fn truncated_frame_loses_only_itself() {
     let all = frames(50);
     for (place, next) in [(3u32, 4u32), (41, 42)] {
         let frame = &all[place as usize];
@@ -223,7 +223,7 @@ fn cut_frames_are_lost_alone() {
             let (numbers, counters) = listen(&line, ROOM);
             assert_eq!(numbers, [place - 1, next], "cut at {cut}");
             assert_eq!(counters.lost, 1);
-            // Nothing of it at all leaves nothing to complain of.
+            // If nothing of the frame remains, there is nothing to report.
             assert_eq!(counters.corrupt + counters.malformed, u32::from(cut > 0));
         }
     }
@@ -246,7 +246,7 @@ fn repeated_and_reordered_frames_are_dropped() {
     assert_eq!(counters, expected);
 }
 
-/// Zeros mean nothing; other bytes between frames are malformed or corrupt, once between two zeros.
+/// Zeros between frames are ignored. Other bytes between frames are malformed or corrupt, once between two zeros.
 #[test]
 fn noise_between_frames_loses_nothing_before_a_zero() {
     let all = frames(3);
@@ -267,12 +267,12 @@ fn noise_between_frames_loses_nothing_before_a_zero() {
     }
 }
 
-/// A frame longer than the buffer is passed over to its zero; one that fits to the byte is not.
+/// A frame longer than the buffer is skipped up to its zero; one that fits exactly is accepted.
 #[test]
-fn overlong_frames_are_passed_over() {
+fn overlong_frames_are_skipped() {
     let all = frames(59);
     let line = [&all[1], &all[59], &all[1 + 1]].map(Vec::as_slice).concat();
-    // The least room at which it is accepted is its length.
+    // The minimum buffer that accepts it is its length.
     let accepted = |room: usize| listen(&[all[58].as_slice(), &all[59]].concat(), room).1;
     let exact = (0..ROOM)
         .find(|room| accepted(*room).frames == 2)
@@ -283,7 +283,7 @@ fn overlong_frames_are_passed_over() {
     assert_eq!(accepted(exact - 1).too_long, 1);
     let (numbers, counters) = listen(&line[..all[1].len() + all[59].len()], exact - 1);
     assert_eq!((numbers, counters.too_long, counters.lost), (vec![1], 1, 0));
-    // However long: a thousand buffers of one run.
+    // Any excess length: a thousand buffers without a zero.
     let endless = vec![0x55; 1000 * ROOM];
     let line = [&all[1], endless.as_slice(), &[0], &all[2]].concat();
     let (numbers, counters) = listen(&line, ROOM);
@@ -291,25 +291,25 @@ fn overlong_frames_are_passed_over() {
     assert_eq!(counters.too_long, 1);
 }
 
-/// A peer that began anew is followed without a loss, and told apart if its opening was lost.
+/// A peer that restarts is followed without a loss. If its opening message is lost, its frames are detected as behind.
 #[test]
-fn a_peer_may_begin_anew() {
+fn restarted_peer_is_followed_without_loss() {
     let all = frames(9);
     let line =
         |places: &[usize]| -> Vec<u8> { places.iter().flat_map(|i| all[*i].clone()).collect() };
-    // In the middle of the count; twice over; and first heard in the middle.
+    // In the middle of the count, twice in a row, and first received in the middle.
     assert_eq!(listen(&line(&[0, 1, 2, 3, 0, 1, 2]), ROOM).1, undamaged(7));
     assert_eq!(listen(&line(&[0, 0, 1, 0, 1]), ROOM).1, undamaged(5));
     assert_eq!(listen(&line(&[7, 8, 9]), ROOM).1, undamaged(3));
-    // The opening lost: all are behind until it is greeted.
+    // With the opening lost, all frames are behind until the peer is greeted.
     let (numbers, counters) = listen(&line(&[0, 1, 2, 3, 4, 5, 1, 2, 0, 1]), ROOM);
     assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 0, 1]);
     assert_eq!((counters.repeated, counters.lost), (2, 0));
 }
 
-/// The wrong kind of message is malformed, and is not counted as lost as well.
+/// A message of the other direction is malformed, and is not counted as lost as well.
 #[test]
-fn a_message_of_the_other_direction_is_malformed() {
+fn message_of_other_direction_is_malformed() {
     let mut encoder = Encoder::new();
     let (mut wire, mut buffer) = ([0; 64], [0; 64]);
     let mut line = Vec::new();
@@ -331,9 +331,9 @@ fn a_message_of_the_other_direction_is_malformed() {
     assert_eq!(receiver.counters(), &expected);
 }
 
-/// What mutated bytes of the link are made right with, by the description alone.
+/// Frame repair used by the fuzzer, written from the format description alone.
 #[test]
-fn frames_by_their_description_are_those_of_the_core() {
+fn fuzzer_frame_repair_matches_core_encoder() {
     let weights: Vec<u8> = (0..150).map(|i| (i % 5) as u8).collect();
     let long: Vec<u8> = (0..160).map(|i| 1 + (i % 250) as u8).collect();
     let mut encoder = Encoder::new();

@@ -1,7 +1,7 @@
-//! The bytes of one frame of every message, so that the format cannot change unnoticed.
+//! Bytes of one frame of every message, so that the format cannot change unnoticed.
 
 use subaperture_core::Pulse;
-use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, Increment, LinkCounters,
     Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
@@ -59,11 +59,11 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
         Command::Abort,
         Command::Chip(GOLDEN_GRID),
         Command::Detect(Cfar {
-            range: Reach {
+            range: TrainingWindow {
                 guard: 2,
                 training: 12,
             },
-            doppler: Reach {
+            doppler: TrainingWindow {
                 guard: 1,
                 training: 300,
             },
@@ -83,7 +83,7 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
                 rank: 0.75,
                 false_alarm_probability: 1e-5,
                 least_snr_db: 10.0,
-                follow: motion::Follow {
+                follow: motion::TrackerSettings {
                     gate_cells: 0.5,
                     acceleration_cells: 0.01,
                     apart_cells: 1.5,
@@ -309,9 +309,9 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
     REPORT_FRAMES.into_iter().zip(frames).collect()
 }
 
-/// The format cannot change unnoticed: a change of any of these is a new protocol version.
+/// A change of any of these frames requires a new protocol version.
 #[test]
-fn frames_have_the_bytes_described() {
+fn frame_bytes_match_format_description() {
     for (expected, frame) in golden_commands().into_iter().chain(golden_reports()) {
         let hex: String = frame.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(hex, expected);
@@ -333,8 +333,7 @@ const GOLDEN_GRID: ChipGrid = ChipGrid {
     num_rows: 100,
 };
 
-// Made from the tables at the head of `subaperture_core::link` by a program in another language, with
-// another library's CRC.
+// Generated from the tables in `subaperture_core::link` by a program in another language with another CRC library.
 const COMMAND_FRAMES: [&str; 17] = [
     // Hello
     "0201010101010506729e7a00",
@@ -410,7 +409,7 @@ const REPORT_FRAMES: [&str; 18] = [
      01a7cb1e5300",
     // Increment without a motion
     "03010c0101040b5a5a0202054f24d73e00",
-    // Refused, of a motion's setup
+    // Refused, for a motion setup
     "03010d01010409110b09ac028002cf69d82900",
     // ProfileStart
     "03010e0101110c06f0a20431908603800140b65ab36c00",
@@ -418,6 +417,6 @@ const REPORT_FRAMES: [&str; 18] = [
     "03010f0101050d0601080103803f010106c070a6064400",
     // ProfileEnd
     "03011001010d0e0602effdb6f50d6b8149ed00",
-    // Refused, of profiles' setup
+    // Refused, for a range-profile setup
     "03011101010409110d0b038020328004926d7fc500",
 ];

@@ -1,14 +1,15 @@
-//! Increments from a module over lines with faults: every one is the core's own to the bit, and none is missing unless that is said.
+//! Motion increments from a module over lossy lines: each is bit-identical to the core's, and none is missing unless
+//! reported.
 //!
-//! The module is the firmware's own station in a thread of this process; the core run here on the same samples is compared with.
+//! The module is the firmware's own endpoint in a thread of this process; the reference is the core run on the same samples.
 
 use std::io;
 use std::time::Duration;
 
-use subaperture::monitor::Silent;
-use subaperture::onboard::link::{
-    Buffers, Increment, LinkError, Mismatch, Odometer, Odometry, Session, Settings, Transport,
+use subaperture::module::link::{
+    Buffers, Increment, LinkError, Mismatch, MotionRun, Odometer, Session, Settings, Transport,
 };
+use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture_core::link::Refusal;
 use subaperture_core::motion;
@@ -27,14 +28,14 @@ fn settings() -> Settings {
     }
 }
 
-/// What a module behind such a line brings of a scene, asked for with these settings.
+/// Result of a motion run on `scene` by a module behind a faulty line.
 fn over(faults: Faults, scene: &Scene, setup: motion::Setup, settings: Settings) -> Odometer {
     let recorded = scene.recorded(PULSES);
     let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
     let mut line: FaultyLine<Module> = Module::behind(faults, Manner::default());
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut line, &mut buffers, settings, &mut Silent).unwrap();
-    let task = Odometry {
+    let task = MotionRun {
         setup,
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,
@@ -54,16 +55,16 @@ fn scene() -> Scene {
 }
 
 #[test]
-fn a_clean_line_brings_every_increment() {
-    let told = over(Faults::default(), &scene(), setup(), settings());
-    told.ending.unwrap();
-    assert_eq!(told.increments, expected(&scene()));
-    assert_eq!((told.unreadable, told.again), (0, 0));
+fn clean_line_delivers_every_increment() {
+    let reported = over(Faults::default(), &scene(), setup(), settings());
+    reported.ending.unwrap();
+    assert_eq!(reported.increments, expected(&scene()));
+    assert_eq!((reported.unreadable, reported.again), (0, 0));
 }
 
-/// Some of what goes either way is lost, and sent again until it comes.
+/// Frames are lost in both directions and repeated until they arrive.
 #[test]
-fn a_bad_line_brings_the_same() {
+fn lossy_line_delivers_same_increments() {
     let expected = expected(&scene());
     let faults = Faults {
         seed: 2,
@@ -71,43 +72,43 @@ fn a_bad_line_brings_the_same() {
         dropped_pulses: 0.05,
         ..Faults::default()
     };
-    let told = over(faults, &scene(), setup(), settings());
-    told.ending.unwrap();
-    assert_eq!(told.increments, expected);
-    println!("{} pulses sent again", told.again);
-    assert!(told.again > 0);
+    let reported = over(faults, &scene(), setup(), settings());
+    reported.ending.unwrap();
+    assert_eq!(reported.increments, expected);
+    println!("{} pulses sent again", reported.again);
+    assert!(reported.again > 0);
 }
 
-/// A module that begins anew has lost its targets: that is told, and what came before is good.
+/// A module that restarts has lost its targets: this is reported, and earlier increments are valid.
 #[test]
-fn a_module_that_begins_anew_is_told_of() {
+fn module_restart_is_reported() {
     let faults = Faults {
-        // In the middle of the pulses, of 1100 bytes each.
+        // In the middle of the pulses, which have 1100 bytes each.
         restarts_at: vec![12_000],
         ..Faults::default()
     };
-    let told = over(faults, &scene(), setup(), settings());
-    let at = told.increments.len();
+    let reported = over(faults, &scene(), setup(), settings());
+    let at = reported.increments.len();
     assert!(
-        matches!(told.ending, Err(LinkError::BeganAnew(pulse)) if pulse as usize == at),
+        matches!(reported.ending, Err(LinkError::BeganAnew(pulse)) if pulse as usize == at),
         "{:?}",
-        told.ending
+        reported.ending
     );
     assert!((5..20).contains(&at), "{at}");
-    assert_eq!(told.increments, expected(&scene())[..at]);
+    assert_eq!(reported.increments, expected(&scene())[..at]);
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_motion_input_is_rejected() {
     let refused = |scene: &Scene, setup: motion::Setup| {
-        let told = over(Faults::default(), scene, setup, settings());
-        assert_eq!(told.increments, []);
-        match told.ending {
+        let reported = over(Faults::default(), scene, setup, settings());
+        assert_eq!(reported.increments, []);
+        match reported.ending {
             Err(LinkError::Refused(refusal)) => refusal,
             other => panic!("{other:?}"),
         }
     };
-    // By the module,
+    // Rejected by the module,
     let ranges_m = [5.0, 2.0];
     let wrong = motion::Setup {
         ranges_m,
@@ -117,11 +118,11 @@ fn what_cannot_be_is_refused() {
     assert_eq!(refused(&scene(), wrong), Refusal::Motion(error));
     let error = motion::SetupError::Channels { most: 4 };
     assert_eq!(refused(&Scene::new(5), setup()), Refusal::Motion(error));
-    // And before it is asked, in words of the host's own.
+    // and rejected by the host before the module is asked.
     let mismatch = |scene: &Scene, setup: motion::Setup, receivers_m: &[[f64; 2]]| {
         let recorded = scene.recorded(3);
         let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
-        let task = Odometry {
+        let task = MotionRun {
             setup,
             transmitters_m: &scene.transmitters_m,
             receivers_m,
@@ -163,10 +164,13 @@ fn what_cannot_be_is_refused() {
     let many = mismatch(&scene(), setup(), &[[0.0; 2]; 11]);
     assert_eq!(many, Mismatch::Antennas(12));
     let text = LinkError::from(many).to_string();
-    assert_eq!(text, "12 antennas; a message holds 11: leave some out");
+    assert_eq!(
+        text,
+        "antennas: expected at most 11, found 12: leave some out"
+    );
 }
 
-/// A module that answers until pulses come, and from then on in another version of the protocol.
+/// Module that answers until pulses arrive, and then uses another protocol version.
 struct Updated {
     module: Module,
     written: usize,
@@ -178,7 +182,7 @@ impl Transport for Updated {
         if self.written < 3000 {
             return Ok(count);
         }
-        // Version 2, number 300, no message: its bytes and their checksum, of which none is zero but those that are stuffed here.
+        // Version 2, number 300, no message: bytes with their checksum, stuffed by hand, without other zeros.
         let body = [2, 44, 1, 1, 1];
         let crc = crc32fast::hash(&body).to_le_bytes();
         assert!(!crc.contains(&0));
@@ -199,11 +203,11 @@ impl Transport for Updated {
 }
 
 #[test]
-fn a_module_of_another_version_is_named_and_what_was_done_is_counted() {
+fn protocol_version_change_is_reported_and_work_counted() {
     let scene = scene();
     let recorded = scene.recorded(PULSES);
     let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
-    let task = Odometry {
+    let task = MotionRun {
         setup: setup(),
         transmitters_m: &scene.transmitters_m,
         receivers_m: &scene.receivers_m,
@@ -215,11 +219,11 @@ fn a_module_of_another_version_is_named_and_what_was_done_is_counted() {
     };
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut updated, &mut buffers, settings(), &mut Silent).unwrap();
-    let told = session.increments(&task, &mut Silent);
+    let reported = session.increments(&task, &mut Silent);
     assert!(
-        matches!(told.ending, Err(LinkError::Version(2))),
+        matches!(reported.ending, Err(LinkError::Version(2))),
         "{:?}",
-        told.ending
+        reported.ending
     );
     let mut module = Module::start(Manner::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
@@ -228,6 +232,6 @@ fn a_module_of_another_version_is_named_and_what_was_done_is_counted() {
     let pulses = PULSES as u64;
     assert_eq!((counts.pulses, counts.pulses_sent), (pulses, pulses));
     assert_eq!((counts.runs, counts.module_pulses.accepted), (1, pulses));
-    // The channels of all pulses, and a few questions.
+    // The channels of all pulses, and a few requests.
     assert!(counts.frames_to_module.taken >= 2 * pulses, "{counts:?}");
 }

@@ -1,6 +1,7 @@
-//! A module as its host sees it, without an emulator: messages, sessions, the station, files of maps and their images.
+//! The module link without an emulator: messages, sessions, the firmware's endpoint, maps files and their images.
 
 mod assembly;
+mod endpoint;
 mod frames;
 mod golden;
 mod increments;
@@ -9,4 +10,3 @@ mod maps_image;
 mod messages;
 mod profiles;
 mod session;
-mod station;

@@ -1,4 +1,4 @@
-//! The file of maps: what goes in comes out to the bit, and damage never goes unnoticed.
+//! Maps files: values are stored bit by bit, and damage never goes unnoticed.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use glam::DVec3;
 use num_complex::Complex32;
 use serde_json::{Map, json};
 use subaperture::geometry::SceneFrame;
-use subaperture::onboard::maps::{Arithmetic, Closing, Maps, OwnedMap, OwnedSamples, Run};
-use subaperture::onboard::maps_file::{MapFile, MapWriter};
+use subaperture::module::maps::{Arithmetic, Maps, OwnedMap, OwnedSamples, Run, RunTotals};
+use subaperture::module::maps_file::{MapFile, MapWriter};
 use subaperture_core::Sc16;
 use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, Setup};
 use subaperture_tests::tiny_disk::TinyDisk;
@@ -39,15 +39,15 @@ fn run(arithmetic: Arithmetic) -> Run {
     }
 }
 
-fn closing() -> Closing {
-    Closing {
+fn closing() -> RunTotals {
+    RunTotals {
         num_pulses: 15,
         weight_sum: 14.25,
         counters: object(json!({ "saturated": 2 })),
     }
 }
 
-/// Two patches of different sizes, three sub-CPIs; bits of every kind.
+/// Two patches of different sizes, three sub-CPIs, arbitrary bit patterns.
 fn maps(arithmetic: Arithmetic) -> Vec<OwnedMap> {
     let patches = [(1, 1), (33, 0)].map(|(range_reach, doppler_reach)| Patch {
         centre_m: [0.1 * f64::from(range_reach), -7.3, 1e-300],
@@ -111,7 +111,7 @@ fn write(path: &Path, arithmetic: Arithmetic, maps: &[OwnedMap]) {
 }
 
 #[test]
-fn what_goes_in_comes_out() {
+fn maps_round_trip_through_file() {
     let folder = tempfile::tempdir().unwrap();
     for arithmetic in [Arithmetic::Float, Arithmetic::Fixed] {
         let path = folder.path().join("a.maps");
@@ -122,7 +122,7 @@ fn what_goes_in_comes_out() {
         assert_eq!(file.run(), &run(arithmetic));
         assert_eq!(file.closing(), Some(&closing()));
         assert_eq!(file.headers().len(), maps.len());
-        // Any of them without the others.
+        // Any map can be read without the others.
         for index in [4, 0, 5, 1, 3, 2] {
             assert_eq!(file.read(index).unwrap(), maps[index]);
         }
@@ -131,14 +131,14 @@ fn what_goes_in_comes_out() {
         assert_eq!(input.bytes, bytes.len() as u64);
         assert_eq!(input.crc32, format!("{:08x}", crc32fast::hash(&bytes)));
     }
-    // No maps at all are a file too.
+    // A file without maps is valid.
     let path = folder.path().join("none.maps");
     write(&path, Arithmetic::Float, &[]);
     assert!(MapFile::open(&path).unwrap().headers().is_empty());
 }
 
-/// Opens and reads all; panics where a value is not what was written. What was found: maps read and
-/// whether the file is complete; or the complaint.
+/// Open a file and read everything. Panics if a value differs from what was written. Returns the number of maps and whether
+/// the file is complete, or the error.
 fn examine(path: &Path, maps: &[OwnedMap]) -> Result<(usize, bool), String> {
     let file = MapFile::open(path).map_err(|error| error.to_string())?;
     assert_eq!(file.run(), &run(Arithmetic::Fixed));
@@ -155,7 +155,7 @@ fn examine(path: &Path, maps: &[OwnedMap]) -> Result<(usize, bool), String> {
 }
 
 #[test]
-fn every_damaged_byte_is_noticed_or_does_no_harm() {
+fn every_damaged_byte_is_detected_or_harmless() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     let maps = maps(Arithmetic::Fixed);
@@ -177,12 +177,12 @@ fn every_damaged_byte_is_noticed_or_does_no_harm() {
             }
         }
     }
-    // The trailer's 16 bytes only point at what a scan finds as well.
+    // The 16 bytes of the trailer only point to what a scan finds as well.
     assert_eq!(harmless, 32);
 }
 
 #[test]
-fn a_file_cut_anywhere_is_read_up_to_its_last_whole_map() {
+fn truncated_file_is_read_up_to_last_complete_map() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     let maps = maps(Arithmetic::Fixed);
@@ -199,7 +199,7 @@ fn a_file_cut_anywhere_is_read_up_to_its_last_whole_map() {
             }
             Err(what) => {
                 assert!(counts.is_empty(), "{length}: {what}");
-                let known = ["no file of maps", "damaged", "no whole HEAD"];
+                let known = ["not a maps file", "damaged", "not a complete HEAD"];
                 assert!(known.iter().any(|part| what.contains(part)), "{what}");
             }
         }
@@ -211,7 +211,7 @@ fn a_file_cut_anywhere_is_read_up_to_its_last_whole_map() {
 }
 
 #[test]
-fn an_unfinished_file_is_hidden_and_readable() {
+fn unfinished_file_is_hidden_and_readable() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     let maps = maps(Arithmetic::Fixed);
@@ -236,7 +236,7 @@ fn an_unfinished_file_is_hidden_and_readable() {
 }
 
 #[test]
-fn a_full_disk_keeps_the_maps_that_fit() {
+fn full_disk_keeps_maps_that_fit() {
     let Some(disk) = TinyDisk::mount() else {
         return;
     };
@@ -269,7 +269,7 @@ fn a_full_disk_keeps_the_maps_that_fit() {
 }
 
 #[test]
-fn maps_of_another_run_are_refused() {
+fn maps_of_another_run_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     let maps = maps(Arithmetic::Fixed);
@@ -279,21 +279,21 @@ fn maps_of_another_run_are_refused() {
         let error = writer.append(&map.view()).unwrap_err().to_string();
         assert!(error.contains("a.maps") && error.contains(part), "{error}");
     };
-    refused(&maps[0], "there is one already");
+    refused(&maps[0], "duplicate");
     refused(&self::maps(Arithmetic::Float)[1], "the run's arithmetic");
     let mut other = maps[1].clone();
     other.header.num_pulses = 6;
-    refused(&other, "a sub-CPI has 1 to 5");
+    refused(&other, "expected 1 to 5");
     let mut other = maps[1].clone();
     other.header.patch.range_reach = 64;
-    refused(&other, "129 range bins");
+    refused(&other, "found 129");
     let mut other = maps[1].clone();
     other.header.nodes[1].receiver_m[2] = f64::INFINITY;
     refused(&other, "its receiver at (");
     let mut other = maps[1].clone();
     other.header.patch.centre_m[0] = 1e300;
     refused(&other, "its patch at (1e300");
-    // What was refused has left no trace.
+    // Rejected maps leave no trace.
     writer.append(&maps[1].view()).unwrap();
     writer.finish(&closing()).unwrap();
     assert_eq!(MapFile::open(&path).unwrap().headers().len(), 2);
@@ -305,7 +305,7 @@ fn maps_of_another_run_are_refused() {
         .unwrap()
         .to_string();
     assert!(error.contains("power of two"), "{error}");
-    // Every byte under a true checksum, and numbers that are finite and no radar's.
+    // Every byte has a correct checksum, but the numbers are finite and impossible for a radar.
     let mut impossible = run(Arithmetic::Float);
     impossible.setup.start_hz = 5e245;
     let path = folder.path().join("b.maps");
@@ -319,10 +319,13 @@ fn maps_of_another_run_are_refused() {
         .err()
         .unwrap()
         .to_string();
-    assert!(error.contains("2 weights for 3"), "{error}");
+    assert!(
+        error.contains("expected 3, one per frequency, found 2"),
+        "{error}"
+    );
 }
 
-/// A section with a true checksum.
+/// Section with a correct checksum.
 fn section(tag: &[u8; 4], payload: &[u8]) -> Vec<u8> {
     let length = (payload.len() as u64).to_le_bytes();
     let crc = crc32fast::hash(&[&tag[..], &length, payload].concat());
@@ -330,7 +333,7 @@ fn section(tag: &[u8; 4], payload: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn made_up_files_are_refused_kindly() {
+fn forged_files_are_rejected_with_reason() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     let refused = |bytes: &[u8], part: &str| {
@@ -343,10 +346,10 @@ fn made_up_files_are_refused_kindly() {
     let head_end = 32 + u64::from_le_bytes(whole[24..32].try_into().unwrap()) as usize;
     let head = &whole[..head_end];
 
-    refused(b"", "no file of maps");
+    refused(b"", "not a maps file");
     refused(
         b"CPHD/1.1.0\nand more than sixteen bytes",
-        "no file of maps",
+        "not a maps file",
     );
     let mut newer = whole.clone();
     newer[8] = 2;
@@ -355,23 +358,23 @@ fn made_up_files_are_refused_kindly() {
     refused(&newer, "version 2");
     refused(
         &[&head[..16], &section(b"HEAD", b"")].concat(),
-        "ends too early",
+        "unexpected end",
     );
     refused(&[&head[..16], &section(b"MAP ", b"")].concat(), "HEAD");
     refused(
         &[head, &section(b"WHAT", b"")].concat(),
-        "'WHAT' is not known",
+        "unknown section 'WHAT'",
     );
-    // A map twice, and one of more pulses than a sub-CPI has.
+    // A duplicate map, and one with more pulses than a sub-CPI has.
     let map_end = head_end
         + 16
         + u64::from_le_bytes(whole[head_end + 8..head_end + 16].try_into().unwrap()) as usize;
     let map = &whole[head_end..map_end];
-    refused(&[head, map, map].concat(), "there twice");
+    refused(&[head, map, map].concat(), "duplicate");
     let mut payload = map[16..].to_vec();
     payload[6] = 200;
-    refused(&[head, &section(b"MAP ", &payload)].concat(), "200 pulses");
-    // A tail that claims a thousand million million maps, and one that claims too many for its length.
+    refused(&[head, &section(b"MAP ", &payload)].concat(), "found 200");
+    // A tail that claims 2^50 maps, and one that claims too many for its length.
     let end = (head_end as u64).to_le_bytes();
     for count in [1u64 << 50, 1000] {
         let mut tail = vec![0; 16];
@@ -381,7 +384,7 @@ fn made_up_files_are_refused_kindly() {
         let bytes = [head, &section(b"TAIL", &tail), &end, b"SUBAPEND"].concat();
         refused(&bytes, "TAIL");
     }
-    // An index that points elsewhere: the file opens, the map does not.
+    // An index with a wrong offset: the file opens, but the map cannot be read.
     let mut tail = vec![0; 16];
     tail.extend_from_slice(&2u32.to_le_bytes());
     tail.extend_from_slice(b"{}");
@@ -395,8 +398,11 @@ fn made_up_files_are_refused_kindly() {
     .unwrap();
     let file = MapFile::open(&path).unwrap();
     let error = file.read(0).unwrap_err().to_string();
-    assert!(error.contains("sub-CPI 0, patch 0 is not where"), "{error}");
-    // What may be skipped is.
+    assert!(
+        error.contains("sub-CPI 0, patch 0 is not at the offset"),
+        "{error}"
+    );
+    // Optional sections are skipped.
     std::fs::write(&path, [head, &section(b"note", b"later"), map].concat()).unwrap();
     let file = MapFile::open(&path).unwrap();
     assert_eq!(file.read(0).unwrap(), maps(Arithmetic::Fixed)[0]);

@@ -1,30 +1,30 @@
-//! The image from maps of patches, against the exact sum; and the module's planner, whose choices they
-//! are. The maps are the defining sum in float64.
+//! Images from patch maps against the exact sum, and the module planner that chose the patches. The maps are the defining
+//! sum in float64.
 
 use std::path::Path;
 
 use subaperture::focus::exact::Exact;
-use subaperture::focus::{FormError, ImageFormer, Misses, Task};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::open::{Options, open_all};
+use subaperture::module::image::{MapsTask, Report, form};
+use subaperture::module::maps::{Arithmetic, OwnedMap, Run, RunTotals};
+use subaperture::module::maps_file::{MapFile, MapWriter};
+use subaperture::module::plan::{ModuleCapacity, ModulePlan, PlanError, Requirements};
 use subaperture::monitor::{Monitor, Silent};
-use subaperture::onboard::image::{MapsTask, Report, form};
-use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
-use subaperture::onboard::maps_file::{MapFile, MapWriter};
-use subaperture::onboard::plan::{OnboardPlan, PlanError, Requirements, Room};
 use subaperture::phase_history::{InMemory, Joined, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Variation};
 use subaperture_tests::error_db;
 use subaperture_tests::maps::{fast_weights, in_blocks, maps};
 
-/// A history, its plan, and the maps that a module without rounding would send.
+/// A recording, its plan, and the maps that a module without rounding would send.
 struct Bench<'a> {
     history: &'a dyn PhaseHistory,
     grid: ImageGrid,
     weights: Weights,
-    plan: OnboardPlan,
+    plan: ModulePlan,
     maps: Vec<OwnedMap>,
 }
 
@@ -35,10 +35,10 @@ impl<'a> Bench<'a> {
         let weights = Weights::new(collection, window, window);
         let requirements = Requirements {
             error_db,
-            room: Room::Ram { bytes: 1 << 20 },
+            room: ModuleCapacity::Ram { bytes: 1 << 20 },
             arithmetic: Arithmetic::Float,
         };
-        let plan = OnboardPlan::new(collection, &grid, &requirements).unwrap();
+        let plan = ModulePlan::new(collection, &grid, &requirements).unwrap();
         let fast = fast_weights(&weights.fast);
         let maps = maps(history, &plan.setup, &plan.patches, &fast, &weights.slow);
         println!(
@@ -75,15 +75,15 @@ impl<'a> Bench<'a> {
         }
     }
 
-    fn closing(&self) -> Closing {
-        Closing {
+    fn closing(&self) -> RunTotals {
+        RunTotals {
             num_pulses: self.history.collection().pulses.len() as u64,
             weight_sum: self.weights.slow.iter().sum(),
             counters: serde_json::Map::new(),
         }
     }
 
-    /// The image of `maps` by way of a file.
+    /// Image of `maps` written to and read from a file.
     fn try_form(
         &self,
         maps: &[OwnedMap],
@@ -104,7 +104,7 @@ impl<'a> Bench<'a> {
             maps: &maps,
             grid: &self.grid,
             error_db,
-            misses: Misses::Allowed,
+            bound_policy: BoundPolicy::Allowed,
             memory_bytes,
             monitor,
         };
@@ -123,13 +123,13 @@ impl<'a> Bench<'a> {
             weights: &self.weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         Exact.form(&task).unwrap().image
     }
 }
 
-fn table_4_1() -> Simulated {
+fn table_4_1() -> PointTargetHistory {
     Preset::Table41.simulate(&Variation::default())
 }
 
@@ -150,12 +150,12 @@ fn image_of_simulated_maps_keeps_the_bound() {
         let measured_db = error_db(&image, &bench.exact());
         println!("bound {bound_db} dB: measured {measured_db:.1} dB, {report:?}");
         assert!(measured_db <= bound_db, "{measured_db} {bound_db}");
-        // The prediction is that of the worst patch and sub-CPI: never far below what comes out.
+        // The prediction is that of the worst patch and sub-CPI: never far below the actual error.
         assert!(
             measured_db <= bench.plan.predicted_db + 2.0,
             "{measured_db}"
         );
-        // And what the maps alone tell is: they hold no plan's prediction here.
+        // The prediction from the maps alone: no plan's prediction is recorded here.
         assert!(measured_db <= report.predicted_db + 3.0, "{measured_db}");
         assert!(
             report.predicted_db <= bench.plan.predicted_db + 3.0,
@@ -171,20 +171,20 @@ fn image_of_simulated_maps_keeps_the_bound() {
 }
 
 #[test]
-fn sixteen_bits_in_blocks_are_nearly_as_good() {
+fn block_floating_point_maps_keep_bound() {
     let history = table_4_1();
     let bench = Bench::new(&history, GRID, Window::None, -60.0);
     let fixed: Vec<OwnedMap> = bench.maps.iter().map(in_blocks).collect();
     let form = bench.try_form(&fixed, Arithmetic::Fixed, -60.0, 1 << 30, &Silent);
     let measured_db = error_db(&form.unwrap().0, &bench.form(&bench.maps, -60.0).0);
     println!("blocks against float32: {measured_db:.1} dB");
-    // Rounding is 2^-15 / sqrt(12) of a block's peak a part, -101 dB; blocks of side lobes round finer,
-    // and a peak is seldom 20 dB above its block's RMS.
+    // Rounding is 2^-15 / sqrt(12) of a block's peak per part, -101 dB. Blocks of sidelobes round finer, and a peak is seldom
+    // 20 dB above the RMS of its block.
     assert!(measured_db < -80.0, "{measured_db}");
 }
 
 #[test]
-fn missing_maps_leave_a_unit_scatterer_at_one() {
+fn missing_maps_keep_unit_scatterer_at_amplitude_one() {
     let history = table_4_1();
     let bench = Bench::new(&history, GRID, Window::None, -60.0);
     // Without the second sub-CPI, the image is the exact sum over the other pulses.
@@ -218,7 +218,7 @@ fn pixels_outside_every_patch_are_zero_and_counted() {
     let history = table_4_1();
     let mut bench = Bench::new(&history, "x=-10:10:1.37,y=-10:10:1.31", Window::None, -60.0);
     let inner = bench.form(&bench.maps, -60.0).0;
-    // The same maps, a grid twice as wide whose middle are the same pixels.
+    // The same maps on a grid twice as wide whose middle has the same pixels.
     let (x, y) = (bench.grid.columns, bench.grid.rows);
     bench.grid.columns.start -= 15.0 * x.step;
     bench.grid.columns.count += 30;
@@ -239,7 +239,7 @@ fn pixels_outside_every_patch_are_zero_and_counted() {
 }
 
 #[test]
-fn threads_change_nothing_and_faults_are_told() {
+fn image_is_independent_of_threads_and_faults_are_reported() {
     let history = table_4_1();
     let bench = Bench::new(&history, "x=-10:10:1.37,y=-10:10:1.31", Window::None, -60.0);
     let one = rayon::ThreadPoolBuilder::new()
@@ -249,7 +249,7 @@ fn threads_change_nothing_and_faults_are_told() {
     let alone = one.install(|| bench.form(&bench.maps, -60.0).0);
     assert_eq!(alone, bench.form(&bench.maps, -60.0).0);
 
-    let told = |maps: &[OwnedMap], memory: u64, monitor: &dyn Monitor, parts: &[&str]| {
+    let expect_error = |maps: &[OwnedMap], memory: u64, monitor: &dyn Monitor, parts: &[&str]| {
         let error = bench
             .try_form(maps, Arithmetic::Float, -60.0, memory, monitor)
             .unwrap_err();
@@ -260,8 +260,8 @@ fn threads_change_nothing_and_faults_are_told() {
             );
         }
     };
-    told(&[], 1 << 30, &Silent, &["there are no maps in 'bench'"]);
-    told(
+    expect_error(&[], 1 << 30, &Silent, &["no maps in 'bench'"]);
+    expect_error(
         &bench.maps,
         1000,
         &Silent,
@@ -274,60 +274,70 @@ fn threads_change_nothing_and_faults_are_told() {
             true
         }
     }
-    told(&bench.maps, 1 << 30, &Impatient, &["interrupted"]);
+    expect_error(&bench.maps, 1 << 30, &Impatient, &["interrupted"]);
     let mut other = bench.maps.clone();
     other[bench.plan.patches.len()].header.patch.centre_m[0] += 1.0;
-    told(&other, 1 << 30, &Silent, &["patch 0", "maps of one run"]);
-    let mut other = bench.maps.clone();
-    other.iter_mut().for_each(|map| map.header.weight_sum = 0.0);
-    told(&other, 1 << 30, &Silent, &["patch 0", "positive sum"]);
-    let mut other = bench.maps.clone();
-    let subaperture::onboard::maps::OwnedSamples::Float(samples) = &mut other[1].samples else {
-        unreachable!()
-    };
-    samples[3].re = f32::NAN;
-    told(
+    expect_error(
         &other,
         1 << 30,
         &Silent,
-        &["patch 1", "not a finite number"],
+        &["patch index 0", "maps of one run"],
     );
+    let mut other = bench.maps.clone();
+    other.iter_mut().for_each(|map| map.header.weight_sum = 0.0);
+    expect_error(&other, 1 << 30, &Silent, &["patch 0", "positive sum"]);
+    let mut other = bench.maps.clone();
+    let subaperture::module::maps::OwnedSamples::Float(samples) = &mut other[1].samples else {
+        unreachable!()
+    };
+    samples[3].re = f32::NAN;
+    expect_error(&other, 1 << 30, &Silent, &["patch 1", "not finite"]);
 }
 
 #[test]
-fn plans_fit_their_room_or_say_what_would() {
+fn plans_fit_module_memory_or_report_least_memory() {
     let history = table_4_1();
     let collection = history.collection();
     let grid: ImageGrid = GRID.parse().unwrap();
-    let plan = |room: Room, error_db: f64, arithmetic: Arithmetic| {
+    let plan = |room: ModuleCapacity, error_db: f64, arithmetic: Arithmetic| {
         let requirements = Requirements {
             error_db,
             room,
             arithmetic,
         };
-        OnboardPlan::new(collection, &grid, &requirements)
+        ModulePlan::new(collection, &grid, &requirements)
     };
-    let wide = plan(Room::Ram { bytes: 1 << 30 }, -60.0, Arithmetic::Float).unwrap();
-    // Buffers built for a plan have room for it; with one pulse less they do not.
+    let wide = plan(
+        ModuleCapacity::Ram { bytes: 1 << 30 },
+        -60.0,
+        Arithmetic::Float,
+    )
+    .unwrap();
+    // Buffers built for a plan are sufficient for it; with one pulse less they are not.
     let capacity = wide.capacity();
     assert_eq!(
-        plan(Room::Built(capacity), -60.0, Arithmetic::Float).unwrap(),
+        plan(ModuleCapacity::Built(capacity), -60.0, Arithmetic::Float).unwrap(),
         wide
     );
     let mut smaller = capacity;
     smaller.pulses -= 1;
-    let other = plan(Room::Built(smaller), -60.0, Arithmetic::Float).unwrap();
+    let other = plan(ModuleCapacity::Built(smaller), -60.0, Arithmetic::Float).unwrap();
     assert!(other.setup.num_pulses < wide.setup.num_pulses);
     for patch in &other.patches {
         other.setup.check_patch(patch, &smaller).unwrap();
     }
 
     for arithmetic in [Arithmetic::Float, Arithmetic::Fixed] {
-        let error = plan(Room::Ram { bytes: 1000 }, -60.0, arithmetic).unwrap_err();
+        let error = plan(ModuleCapacity::Ram { bytes: 1000 }, -60.0, arithmetic).unwrap_err();
         let PlanError::Room { least_bytes, .. } = error else {
             panic!("{error}");
         };
-        let least = plan(Room::Ram { bytes: least_bytes }, -60.0, arithmetic).unwrap();
+        let least = plan(
+            ModuleCapacity::Ram { bytes: least_bytes },
+            -60.0,
+            arithmetic,
+        )
+        .unwrap();
         println!(
             "{arithmetic:?}: least {least_bytes}, {}",
             least.setup.num_pulses
@@ -335,19 +345,24 @@ fn plans_fit_their_room_or_say_what_would() {
         assert!(least.ram.total_bytes <= least_bytes);
         assert!(error.to_string().contains("least memory"), "{error}");
     }
-    let error = plan(Room::Ram { bytes: 1 << 30 }, -200.0, Arithmetic::Float).unwrap_err();
+    let error = plan(
+        ModuleCapacity::Ram { bytes: 1 << 30 },
+        -200.0,
+        Arithmetic::Float,
+    )
+    .unwrap_err();
     assert!(matches!(error, PlanError::Bound { .. }), "{error}");
 }
 
-/// Checks the image of a plan's maps: within the bound and close to the prediction.
-fn check_prediction(history: &dyn PhaseHistory, grid: &str) -> OnboardPlan {
+/// Check the image of a plan's maps: within the bound and close to the prediction.
+fn check_prediction(history: &dyn PhaseHistory, grid: &str) -> ModulePlan {
     let bench = Bench::new(history, grid, Window::None, -60.0);
     let (image, report) = bench.form(&bench.maps, -60.0);
     let measured_db = error_db(&image, &bench.exact());
     println!("measured {measured_db:.1} dB");
     assert!(measured_db <= -60.0, "{measured_db}");
-    // The worst sub-CPI and patch rule the prediction, so that the whole image is better; the scene's
-    // share beside the grid (see `focus::rdbp::plan`) takes less than the margin.
+    // The worst sub-CPI and patch determine the prediction, so the whole image is better. The share of scatterers outside the
+    // grid (see `focus::rdbp::plan`) is less than the margin.
     let predicted_db = bench.plan.predicted_db;
     assert!(
         measured_db <= predicted_db + 3.0,
@@ -357,10 +372,10 @@ fn check_prediction(history: &dyn PhaseHistory, grid: &str) -> OnboardPlan {
     bench.plan
 }
 
-/// Sub-CPIs are runs of pulses by number, also where the track jumps: then none of them may hold the jump,
-/// or the error that it makes has to be small.
+/// Sub-CPIs are consecutive pulse numbers, also across a jump in the track: either no sub-CPI contains the jump, or the error
+/// it causes must be small.
 #[test]
-fn gaps_in_the_track_are_in_the_prediction() {
+fn prediction_includes_gaps_in_track() {
     let whole = table_4_1();
     let collection = whole.collection();
     let width = collection.num_samples;
@@ -379,12 +394,12 @@ fn gaps_in_the_track_are_in_the_prediction() {
     let whole = check_prediction(&whole, grid);
     let longest = whole.setup.num_pulses;
     assert!(whole.gaps.is_empty());
-    // 323 = 17 * 19: sub-CPIs of 19 do not hold the jump.
+    // 323 = 17 * 19: sub-CPIs of 19 pulses do not contain the jump.
     let jumped = check_prediction(&without(323..700), grid);
     assert_eq!(323 % jumped.setup.num_pulses, 0);
     assert_eq!(jumped.gaps, [323]);
     assert!(jumped.setup.num_pulses < longest);
-    // 331 is prime: some sub-CPI has to hold the jump, here of a single pulse.
+    // 331 is prime: some sub-CPI contains the jump, unless it has a single pulse.
     let lost = check_prediction(&without(331..332), grid);
     assert!(lost.setup.num_pulses < longest);
 }
@@ -402,7 +417,7 @@ fn gotcha(degrees: &[u8]) -> Option<Joined> {
     Some(open_all(&paths, &Options::default()).unwrap())
 }
 
-/// Two degrees of GOTCHA one after the other, and the wrong way round, with a jump of two degrees.
+/// Two degrees of GOTCHA in order, and in reverse order with a jump of two degrees.
 #[test]
 fn gotcha_maps_across_recordings_keep_the_bound() {
     let grid = "x=-10:10:0.5,y=-10:10:0.5";
@@ -414,12 +429,12 @@ fn gotcha_maps_across_recordings_keep_the_bound() {
         return;
     };
     let back = check_prediction(&history, grid);
-    // However they are named, the track is one.
+    // The track is the same in any order of the files.
     assert!(back.gaps.is_empty());
     assert_eq!(back.setup, onward.setup);
 }
 
-/// One degree of GOTCHA, as its own planner cuts it.
+/// One degree of GOTCHA, divided by its own plan.
 #[test]
 fn gotcha_maps_keep_the_bound() {
     let Some(history) = gotcha(&[1]) else { return };

@@ -1,4 +1,4 @@
-//! Every message of the link: its bytes, there and back, and its size.
+//! Every message of the link: its bytes, round trip, and size.
 
 mod values;
 
@@ -15,7 +15,7 @@ use subaperture_core::{Complex32, Sc16};
 
 use values::{SAMPLES, Values, values};
 
-/// Encodes all messages, sends them in pieces of `piece` bytes, and expects them all.
+/// Encode all messages, send them in pieces of `piece` bytes, and expect all of them.
 macro_rules! there_and_back {
     ($kind:ident, $messages:expr, $piece:expr) => {{
         let mut encoder = Encoder::new();
@@ -60,14 +60,14 @@ macro_rules! there_and_back {
 
 proptest! {
     #[test]
-    fn every_message_comes_back(values in values(), piece in 1..700usize) {
+    fn every_message_round_trips(values in values(), piece in 1..700usize) {
         there_and_back!(Command, values.commands(), piece);
         there_and_back!(Report, values.reports(), piece);
     }
 
-    /// Some message, none, or damage; never a panic, and the same however the bytes are split.
+    /// Arbitrary bytes give a message, nothing, or damage, never a panic, independently of how they are split.
     #[test]
-    fn any_bytes_may_come(
+    fn arbitrary_bytes_never_panic(
         bytes in prop::collection::vec(prop_oneof![2 => any::<u8>(), 1 => 0..4u8], 0..400),
         piece in 1..50usize,
         room in 0..40usize,
@@ -84,9 +84,9 @@ proptest! {
         prop_assert_eq!(by_byte.counters().frames, 0);
     }
 
-    /// Any bytes behind a right head and CRC: a message that encodes to the same frame, or malformed.
+    /// Arbitrary bytes with a correct header and CRC give a message that encodes to the same frame, or are malformed.
     #[test]
-    fn any_payload_may_come(
+    fn arbitrary_payload_round_trips_or_is_malformed(
         variant in 0..12u8,
         payload in prop::collection::vec(any::<u8>(), 0..60),
     ) {
@@ -107,7 +107,7 @@ proptest! {
     }
 
     #[test]
-    fn samples_come_back(parts in prop::collection::vec(any::<(i16, i16)>(), 0..200), shift in any::<i8>()) {
+    fn samples_round_trip(parts in prop::collection::vec(any::<(i16, i16)>(), 0..200), shift in any::<i8>()) {
         let short: Vec<Sc16> = parts.iter().map(|(re, im)| Sc16::from_bits(*re, *im)).collect();
         let floats: Vec<Complex32> = short.iter().map(|z| z.to_complex32() * 1.0e-3).collect();
         let reals: Vec<f32> = floats.iter().map(|z| z.re).collect();
@@ -122,7 +122,7 @@ proptest! {
         let bytes = write_f32s(&reals, &mut buffer).expect("it fits");
         prop_assert!(f32s(bytes).eq(reals.iter().copied()));
 
-        // Exponents from -64 up to 63, one for each 32 samples begun.
+        // Exponents from -64 up to 63, one per 32 samples or part thereof.
         let exponents: Vec<i8> =
             (0..BlockFloat::blocks(short.len())).map(|i| (shift / 2).wrapping_add(i as i8)).collect();
         let len = row_bytes(Encoding::Sc16, short.len()).expect("a number");
@@ -146,7 +146,7 @@ proptest! {
     }
 }
 
-/// A frame by the description: CRC by another library, stuffing by the definition.
+/// Frame written from the description: CRC by another library, byte stuffing by definition.
 fn framed(version: u8, sequence: &[u8; 4], payload: &[u8]) -> Vec<u8> {
     let mut body = vec![version];
     body.extend(sequence);
@@ -162,9 +162,9 @@ fn framed(version: u8, sequence: &[u8; 4], payload: &[u8]) -> Vec<u8> {
     wire
 }
 
-/// A peer that speaks another version is told apart from noise.
+/// A peer with another protocol version is distinguished from noise.
 #[test]
-fn another_version_is_counted_as_such() {
+fn other_protocol_version_is_counted() {
     let mut buffer = [0; 32];
     let mut receiver = Receiver::new(&mut buffer);
     let wire = framed(2, &[0; 4], &[0]);
@@ -174,16 +174,16 @@ fn another_version_is_counted_as_such() {
         .expect_err("not of this version");
     assert_eq!(
         damage.to_string(),
-        "a frame of protocol version 2; this side speaks 1"
+        "frame of protocol version 2: expected version 1"
     );
     assert_eq!(receiver.counters().version, 1);
     assert_eq!(receiver.counters().frames, 0);
 }
 
-/// The longest of every kind fits the sizes stated; with one byte less of room there is no frame, and
-/// no number is used up.
+/// The longest message of every kind fits the stated sizes. With one byte less no frame is produced and no sequence number
+/// is consumed.
 #[test]
-fn sizes_are_enough() {
+fn longest_messages_fit_stated_sizes() {
     let full = Values {
         long: u32::MAX,
         other: u32::MAX,
@@ -192,7 +192,7 @@ fn sizes_are_enough() {
         real: -1.0e300,
         single: -1.0e30,
         place_m: [-1.1e300; 3],
-        // Not one zero: the most codes.
+        // No zero byte: the maximum number of COBS codes.
         bytes: vec![0xA5; 8 * SAMPLES],
         text: "x".repeat(MAX_TEXT_BYTES),
     };
@@ -225,7 +225,7 @@ fn sizes_are_enough() {
     );
 
     let without = max_frame_bytes(0);
-    // The most antennas are a message without samples.
+    // The maximum number of antennas is a message without samples.
     let places = [0xA5; 16 * MAX_ANTENNAS];
     let antennas = Command::Antennas {
         transmitters: short,
@@ -263,7 +263,7 @@ fn sizes_are_enough() {
             let result = encoder.encode(report, &mut buffer[..room]);
             assert_eq!(result, Err(EncodeError::Room { room }));
         }
-        // A number used up by a failure would change these bytes.
+        // A number consumed by a failure would change these bytes.
         let alone = encoder
             .clone()
             .encode(report, &mut buffer)
@@ -277,7 +277,7 @@ fn sizes_are_enough() {
 }
 
 #[test]
-fn detections_come_back() {
+fn detections_round_trip() {
     let sent: Vec<Detection> = (0..4)
         .map(|i| Detection {
             range_bin: i as f32 + 0.25,

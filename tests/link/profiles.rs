@@ -1,15 +1,15 @@
-//! Range profiles from a module over lines with faults: every one is the core's own to the bit, or tells how much of it is missing.
+//! Range profiles from a module over lossy lines: each is bit-identical to the core's, or reports how much is missing.
 //!
-//! The module is the firmware's own station in a thread of this process; the core run here on the same counts is compared with.
+//! The module is the firmware's own endpoint in a thread of this process; the reference is the core run on the same samples.
 
 use std::time::Duration;
 
 use num_complex::Complex;
-use subaperture::monitor::Silent;
-use subaperture::onboard::link::{
-    Buffers, LinkError, Mismatch, Profile, Profiles, Ranging, Session, Settings, SweepBurst,
+use subaperture::module::link::{
+    Buffers, LinkError, Mismatch, Profile, ProfileRun, Profiles, Session, Settings, SweepBurst,
     SweepSource,
 };
+use subaperture::monitor::Silent;
 use subaperture::phase_history::ReadError;
 use subaperture_core::link::Refusal;
 use subaperture_core::sweep::{Quantity, SetupError};
@@ -26,23 +26,23 @@ fn settings() -> Settings {
     }
 }
 
-/// What a module behind such a line brings of a scene.
+/// Result of a range-profile run on `scene` by a module behind a faulty line.
 fn over(faults: Faults, scene: &SweepScene) -> (Vec<Profile>, Profiles) {
     let mut line: FaultyLine<Module> = Module::behind(faults, Manner::default());
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut line, &mut buffers, settings(), &mut Silent).unwrap();
     let weights = scene.weights();
     let mut source = scene.clone();
-    let mut task = Ranging {
+    let mut task = ProfileRun {
         setup: scene.setup,
         weights: &weights,
         sweeps: scene.sweeps,
         source: &mut source,
     };
     let mut came = Vec::new();
-    let told = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
-    assert_eq!(came.len(), told.taken as usize);
-    (came, told)
+    let reported = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
+    assert_eq!(came.len(), reported.taken as usize);
+    (came, reported)
 }
 
 fn scene() -> SweepScene {
@@ -60,21 +60,22 @@ fn assert_the_cores(profile: &Profile, scene: &SweepScene) {
 }
 
 #[test]
-fn a_clean_line_brings_every_profile() {
+fn clean_line_delivers_every_profile() {
     let scene = scene();
-    let (came, told) = over(Faults::default(), &scene);
-    told.ending.unwrap();
-    assert_eq!((told.taken, told.again), (3, 0));
+    let (came, reported) = over(Faults::default(), &scene);
+    reported.ending.unwrap();
+    assert_eq!((reported.taken, reported.again), (3, 0));
     for (sweep, profile) in (0..).zip(&came) {
         assert_eq!(profile.sweep, sweep);
         assert_the_cores(profile, &scene);
     }
 }
 
-/// Some of what goes either way is lost. Samples are sent again, twice at most; a profile that is not whole even then is of the blocks that came: noise of 3 counts over 12000 tells
-/// one block from another by some 1e-4. A carrier of which less than half came is left out: one of 9 takes away a third of the RMS, two 0.47.
+/// Frames are lost in both directions. Samples are repeated, twice at most; a profile that is still incomplete is computed
+/// from the blocks received: noise of 3 counts over 12000 makes blocks differ by about 1e-4. A carrier with less than half of
+/// its samples is rejected: one of 9 removes a third of the RMS, two remove 0.47.
 #[test]
-fn a_bad_line_brings_the_same_or_says_what_is_missing() {
+fn lossy_line_delivers_profiles_or_reports_missing_samples() {
     for (bit_errors, sweeps) in [(3e-6, 4), (4e-5, 2)] {
         let mut scene = scene();
         scene.sweeps = sweeps;
@@ -83,11 +84,11 @@ fn a_bad_line_brings_the_same_or_says_what_is_missing() {
             bit_errors,
             ..Faults::default()
         };
-        let (came, told) = over(faults, &scene);
-        told.ending.unwrap();
+        let (came, reported) = over(faults, &scene);
+        reported.ending.unwrap();
         let missing: Vec<u32> = came.iter().map(|own| own.missing).collect();
-        println!("{} sent again, samples missing {missing:?}", told.again);
-        assert!(told.again > 0);
+        println!("{} sent again, samples missing {missing:?}", reported.again);
+        assert!(reported.again > 0);
         let is_mild = bit_errors < 1e-5;
         assert_eq!(missing.iter().all(|missing| *missing == 0), is_mild);
         for profile in &came {
@@ -109,26 +110,26 @@ fn a_bad_line_brings_the_same_or_says_what_is_missing() {
 }
 
 #[test]
-fn a_module_that_begins_anew_is_told_of() {
+fn module_restart_is_reported() {
     let faults = Faults {
         // In the middle of the second sweep, of 9 bursts of some 870 bytes.
         restarts_at: vec![12_000],
         ..Faults::default()
     };
-    let (came, told) = over(faults, &scene());
+    let (came, reported) = over(faults, &scene());
     assert!(
-        matches!(told.ending, Err(LinkError::BeganAnewAtSweep(1))),
+        matches!(reported.ending, Err(LinkError::BeganAnewAtSweep(1))),
         "{:?}",
-        told.ending
+        reported.ending
     );
     assert_eq!(came.len(), 1);
     assert_the_cores(&came[0], &scene());
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_ranging_input_is_rejected() {
     let wide = SweepScene::new(65, 104, 128);
-    let (_, told) = over(Faults::default(), &wide);
+    let (_, reported) = over(Faults::default(), &wide);
     let error = SetupError::Size {
         what: Quantity::Carriers,
         wanted: 65,
@@ -136,29 +137,29 @@ fn what_cannot_be_is_refused() {
         most: 64,
     };
     assert!(
-        matches!(told.ending, Err(LinkError::Refused(Refusal::Sweep(own))) if own == error),
+        matches!(reported.ending, Err(LinkError::Refused(Refusal::Sweep(own))) if own == error),
         "{:?}",
-        told.ending
+        reported.ending
     );
     let mut module = Module::start(Manner::default());
     let mut buffers = Buffers::new();
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let mut source = scene();
-    let mut task = Ranging {
+    let mut task = ProfileRun {
         setup: source.setup,
         weights: &[0.05; 9],
         sweeps: 1,
         source: &mut source,
     };
-    let told = session.profiles(&mut task, &mut |_| panic!("no profile"), &mut Silent);
+    let reported = session.profiles(&mut task, &mut |_| panic!("no profile"), &mut Silent);
     let mismatch = Mismatch::Weights {
         weights: 9,
         carriers: 10,
     };
-    assert!(matches!(told.ending, Err(LinkError::Mismatch(own)) if own == mismatch));
+    assert!(matches!(reported.ending, Err(LinkError::Mismatch(own)) if own == mismatch));
 }
 
-/// A scene whose bursts somebody has changed.
+/// Scene with modified bursts.
 struct Changed(SweepScene, fn(&mut SweepBurst));
 
 impl SweepSource for Changed {
@@ -180,30 +181,30 @@ fn of_changed(change: fn(&mut SweepBurst)) -> (Vec<Profile>, Profiles) {
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let weights = scene().weights();
     let mut source = Changed(scene(), change);
-    let mut task = Ranging {
+    let mut task = ProfileRun {
         setup: scene().setup,
         weights: &weights,
         sweeps: 1,
         source: &mut source,
     };
     let mut came = Vec::new();
-    let told = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
-    (came, told)
+    let reported = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
+    (came, reported)
 }
 
-/// The line is not blamed for what does not fit the setup, and what is lost may reach beyond a burst's end.
+/// Bursts that do not fit the setup are not attributed to the line, and lost ranges may extend beyond the end of a burst.
 #[test]
-fn bursts_that_do_not_fit_are_said_to_be_so() {
-    let told = of_changed(|burst| burst.samples.push([Complex::new(0, 0); 2])).1;
-    let error = told.ending.unwrap_err().to_string();
+fn bursts_that_exceed_setup_are_rejected() {
+    let reported = of_changed(|burst| burst.samples.push([Complex::new(0, 0); 2])).1;
+    let error = reported.ending.unwrap_err().to_string();
     assert!(
-        error.contains("burst 0 of sweep 0 is of 105 samples"),
+        error.contains("burst 0 of sweep 0") && error.contains("and 105 samples"),
         "{error}"
     );
-    let told = of_changed(|burst| burst.carrier += 1).1;
-    let error = told.ending.unwrap_err().to_string();
-    assert!(error.contains("carrier 10, counted from 0"), "{error}");
-    let (came, told) = of_changed(|burst| burst.lost = vec![90..90, 100..2000]);
-    told.ending.unwrap();
+    let reported = of_changed(|burst| burst.carrier += 1).1;
+    let error = reported.ending.unwrap_err().to_string();
+    assert!(error.contains("found carrier 10"), "{error}");
+    let (came, reported) = of_changed(|burst| burst.lost = vec![90..90, 100..2000]);
+    reported.ending.unwrap();
     assert_eq!(came[0].missing, 0);
 }

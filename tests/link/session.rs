@@ -1,16 +1,16 @@
-//! Sessions with a module over lines with faults: no wrong map is ever taken, every loss is counted, and
-//! with further runs nothing is missing in the end.
+//! Sessions with a module over lossy lines: no wrong map is ever accepted, every loss is counted, and after further runs
+//! nothing is missing.
 //!
-//! The module is the firmware's own station in a thread of this process. Maps are judged by the
-//! core run here on the same pulses: they have to be the same bit by bit, since both run the same core
-//! on the same machine.
+//! The module is the firmware's own endpoint in a thread of this process. Maps are compared with the core run here on the same
+//! pulses: they must be bit-identical, since both run the same core on the same machine.
 
 use std::time::Duration;
 
-use subaperture::monitor::Silent;
-use subaperture::onboard::link::{
-    Buffers, Counts, Ending, HostCore, LinkError, Outcome, Session, Settings, Verified, Watch,
+use subaperture::module::link::{
+    Buffers, Counts, HostCore, LinkError, Outcome, Session, SessionObserver, Settings, TransferEnd,
+    Verified,
 };
+use subaperture::monitor::Silent;
 use subaperture::phase_history::InMemory;
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
@@ -28,12 +28,12 @@ fn settings() -> Settings {
     }
 }
 
-/// Has a module behind such a line do the scene; every map that was taken has been judged.
+/// Run the scene on a module behind a faulty line. Every accepted map has been verified.
 fn session(faults: Faults, settings: Settings) -> (Outcome, Kept) {
     session_with(Module::behind(faults, Manner::default()), settings)
 }
 
-/// The same with this module.
+/// Like `session`, with a given module.
 fn session_with(mut module: FaultyLine<Module>, settings: Settings) -> (Outcome, Kept) {
     let scene = scene();
     let recording = recorded(&scene);
@@ -52,9 +52,12 @@ fn session_with(mut module: FaultyLine<Module>, settings: Settings) -> (Outcome,
 }
 
 #[test]
-fn a_clean_line_brings_everything_in_one_run() {
+fn clean_line_delivers_all_maps_in_one_run() {
     let (outcome, _) = session(Faults::default(), settings());
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     let counts = &outcome.counts;
     assert_eq!(counts.runs, 1);
     assert_eq!(counts.pulses_sent, PULSES as u64);
@@ -70,7 +73,7 @@ fn a_clean_line_brings_everything_in_one_run() {
 }
 
 #[test]
-fn bit_errors_cost_time_and_nothing_else() {
+fn bit_errors_only_cost_time() {
     for (seed, bit_errors) in [(1, 1e-5), (2, 1e-5), (3, 1e-4)] {
         let faults = Faults {
             seed,
@@ -82,9 +85,12 @@ fn bit_errors_cost_time_and_nothing_else() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
         if bit_errors > 5e-5 {
-            // Some 40 kB each way and run: 30 wrong bits.
+            // About 40 kB in each direction and run: 30 bit errors.
             let counts = &outcome.counts;
             assert!(counts.frames_to_module.damaged > 0);
             assert!(counts.frames_from_module.damaged > 0);
@@ -94,7 +100,7 @@ fn bit_errors_cost_time_and_nothing_else() {
 }
 
 #[test]
-fn a_line_too_bad_for_any_map_ends_and_says_so() {
+fn line_too_bad_for_any_map_ends_with_error() {
     let faults = Faults {
         seed: 4,
         bit_errors: 1e-3,
@@ -105,12 +111,15 @@ fn a_line_too_bad_for_any_map_ends_and_says_so() {
         ..settings()
     };
     let (outcome, _) = session(faults, settings);
-    assert!(!matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        !matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert!(outcome.counts.frames_from_module.damaged > 0);
 }
 
 #[test]
-fn without_retries_losses_are_told() {
+fn losses_are_reported_without_retries() {
     let faults = Faults {
         seed: 5,
         dropped_pulses: 0.05,
@@ -121,10 +130,12 @@ fn without_retries_losses_are_told() {
         ..settings()
     };
     let (outcome, kept) = session(faults, settings);
-    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
     let counts = &outcome.counts;
-    // Pulses are lost and nothing else: sub-CPIs that lost one in their midst are given up, and those
-    // alone are missing.
+    // Only pulses are lost. Sub-CPIs with a lost pulse inside are discarded, and only those are missing.
     assert!(counts.module_pulses.lost > 0);
     assert!(counts.frames_to_module.lost >= counts.module_pulses.lost);
     assert_eq!(counts.maps_lost, 0);
@@ -135,13 +146,13 @@ fn without_retries_losses_are_told() {
         2 * missing.len(),
         "both patches of each"
     );
-    // The next one is right.
+    // The next sub-CPI is unaffected.
     let after = missing.iter().filter(|&&n| kept.contains_key(&(n + 1, 0)));
     assert!(after.count() > 0);
 }
 
 #[test]
-fn pulses_that_vanish_are_sent_again() {
+fn lost_tail_of_pulses_is_sent_again() {
     for seed in 6..9 {
         let faults = Faults {
             seed,
@@ -153,15 +164,18 @@ fn pulses_that_vanish_are_sent_again() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
         assert!(outcome.counts.maps_fetched_again > 0);
         assert!(outcome.counts.module_pulses.sub_cpis_incomplete > 0);
     }
 }
 
 #[test]
-fn a_module_that_no_pulse_reaches_is_given_up() {
-    // Everything else arrives: it greets, is configured, and answers.
+fn module_that_receives_no_pulse_is_abandoned() {
+    // Everything else arrives: the module greets, is configured, and answers.
     let faults = Faults {
         seed: 12,
         dropped_pulses: 1.0,
@@ -172,7 +186,7 @@ fn a_module_that_no_pulse_reaches_is_given_up() {
         ..settings()
     };
     let (outcome, kept) = session(faults, settings);
-    let Ending::Failed(error) = &outcome.ending else {
+    let TransferEnd::Failed(error) = &outcome.ending else {
         panic!("{outcome:?}");
     };
     println!("{error}");
@@ -182,20 +196,23 @@ fn a_module_that_no_pulse_reaches_is_given_up() {
 }
 
 #[test]
-fn any_number_of_retries_ends_when_nothing_is_missing() {
+fn retries_end_when_no_map_is_missing() {
     let settings = Settings {
         retries: u32::MAX,
         ..settings()
     };
     let (outcome, _) = session(Faults::default(), settings);
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert_eq!(outcome.counts.runs, 1);
 }
 
 #[test]
-fn a_rate_too_low_for_any_pulse_to_end_is_no_panic() {
+fn extremely_low_pulse_rate_does_not_panic() {
     struct Once(bool);
-    impl Watch for Once {
+    impl SessionObserver for Once {
         fn update(&mut self, counts: &Counts) {
             self.0 = counts.pulses_sent + counts.runs > 0 && counts.seconds > 0.2;
         }
@@ -215,13 +232,13 @@ fn a_rate_too_low_for_any_pulse_to_end_is_no_panic() {
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Once(false));
     assert!(
-        matches!(outcome.ending, Ending::Failed(LinkError::Cancelled)),
+        matches!(outcome.ending, TransferEnd::Failed(LinkError::Cancelled)),
         "{outcome:?}"
     );
 }
 
 #[test]
-fn cut_frames_are_lost_and_their_maps_fetched() {
+fn truncated_frames_are_lost_and_maps_repeated() {
     for seed in 9..12 {
         let faults = Faults {
             seed,
@@ -233,14 +250,17 @@ fn cut_frames_are_lost_and_their_maps_fetched() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
         let counts = &outcome.counts;
         assert!(counts.frames_from_module.damaged + counts.frames_from_module.lost > 0);
     }
 }
 
 #[test]
-fn a_host_that_does_not_read_for_a_while_loses_nothing() {
+fn host_that_stops_reading_loses_nothing() {
     let faults = Faults {
         stalls_at: vec![
             (6_000, Duration::from_millis(300)),
@@ -249,38 +269,47 @@ fn a_host_that_does_not_read_for_a_while_loses_nothing() {
         ..Faults::default()
     };
     let (outcome, _) = session(faults, settings());
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert_eq!(outcome.counts.maps_lost, 0);
     assert_eq!(outcome.counts.runs, 1);
 }
 
 #[test]
-fn a_line_that_dies_is_connected_anew() {
+fn failed_line_is_reconnected() {
     let faults = Faults {
         dies_at: vec![5_000, 8_111],
         ..Faults::default()
     };
     let (outcome, _) = session(faults, settings());
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert_eq!(outcome.counts.reconnects, 2);
     assert_eq!(outcome.counts.maps_fetched_again, 0, "they were never lost");
 }
 
 #[test]
-fn a_module_that_begins_anew_is_configured_again() {
+fn restarted_module_is_reconfigured() {
     for at in [4_321, 7_000, 9_500] {
         let faults = Faults {
             restarts_at: vec![at, at + 3_000],
             ..Faults::default()
         };
         let (outcome, _) = session(faults, settings());
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
         assert!(outcome.counts.restarts >= 1, "{outcome:?}");
     }
 }
 
 #[test]
-fn everything_at_once() {
+fn all_faults_together_still_deliver_every_map() {
     for seed in 20..23 {
         let faults = Faults {
             seed,
@@ -296,14 +325,17 @@ fn everything_at_once() {
             ..settings()
         };
         let (outcome, _) = session(faults, settings);
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
     }
 }
 
 #[test]
-fn another_session_finds_the_module_in_mid_run() {
+fn new_session_takes_over_module_in_active_run() {
     struct Leave(u64);
-    impl Watch for Leave {
+    impl SessionObserver for Leave {
         fn update(&mut self, counts: &Counts) {
             self.0 = counts.maps_taken;
         }
@@ -322,7 +354,7 @@ fn another_session_finds_the_module_in_mid_run() {
         let outcome = session.transfer(&mut job, &mut keep, &mut Leave(0));
         assert!(matches!(
             outcome.ending,
-            Ending::Failed(LinkError::Cancelled)
+            TransferEnd::Failed(LinkError::Cancelled)
         ));
         assert!((5..MAPS).contains(&keep.0.len()), "{}", keep.0.len());
         assert_eq!(outcome.missing.len() + keep.0.len(), MAPS);
@@ -331,13 +363,16 @@ fn another_session_finds_the_module_in_mid_run() {
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     judge(&keep.0);
 }
 
 #[test]
-fn at_a_radars_rate_what_has_no_room_is_counted() {
-    // The module needs longer for two maps than four pulses take.
+fn fixed_rate_counts_pulses_without_room() {
+    // Two maps take the module longer than the duration of four pulses.
     let manner = Manner {
         pause: Duration::from_micros(300),
         ..Manner::default()
@@ -348,7 +383,10 @@ fn at_a_radars_rate_what_has_no_room_is_counted() {
     };
     let module = Module::behind(Faults::default(), manner);
     let (outcome, _) = session_with(module, settings);
-    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Incomplete),
+        "{outcome:?}"
+    );
     let counts = &outcome.counts;
     assert_eq!(counts.runs, 1);
     assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
@@ -360,19 +398,22 @@ fn at_a_radars_rate_what_has_no_room_is_counted() {
 }
 
 #[test]
-fn at_a_slow_rate_nothing_is_lost() {
+fn slow_fixed_rate_loses_nothing() {
     let settings = Settings {
         rate_hz: Some(100.0),
         ..settings()
     };
     let (outcome, _) = session(Faults::default(), settings);
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     // 46 pulses, 10 ms apart.
     assert!(outcome.counts.seconds > 0.44);
 }
 
 #[test]
-fn a_dead_line_is_an_error() {
+fn dead_line_is_an_error() {
     let faults = Faults {
         dropped_pulses: 0.0,
         cuts: 1.0,
@@ -389,7 +430,7 @@ fn a_dead_line_is_an_error() {
 }
 
 #[test]
-fn what_the_module_refuses_is_an_error() {
+fn refusal_by_module_is_an_error() {
     let mut scene = scene();
     scene.patches[1].doppler_reach = 200;
     let recording = recorded(&scene);
@@ -400,7 +441,7 @@ fn what_the_module_refuses_is_an_error() {
     assert_eq!(session.identity().arithmetic, Arithmetic::Float);
     assert_eq!(session.identity().capacity.pulses, 8);
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
-    let Ending::Failed(error) = outcome.ending else {
+    let TransferEnd::Failed(error) = outcome.ending else {
         panic!("{outcome:?}");
     };
     assert!(error.to_string().contains("Doppler"), "{error}");
@@ -408,7 +449,7 @@ fn what_the_module_refuses_is_an_error() {
 }
 
 #[test]
-fn narrow_samples_come_at_the_scale_that_is_told() {
+fn sixteen_bit_samples_use_reported_scale() {
     let scene = scene();
     let recording = recorded(&scene);
     let mut job = job(&scene, &recording, Encoding::Sc16);
@@ -424,10 +465,13 @@ fn narrow_samples_come_at_the_scale_that_is_told() {
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
-    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(
+        matches!(outcome.ending, TransferEnd::Complete),
+        "{outcome:?}"
+    );
     assert_eq!(outcome.counts.samples_clamped, 0);
-    // Rounding to 2^-15 of full scale; the echo's power there is some -20 dB of full scale, and noise
-    // of rounding is 2^-15 / sqrt(6): -98 dB. Maps keep the ratio of both, or better.
+    // Rounding to 2^-15 of full scale; the echo's power there is about -20 dB of full scale, and the rounding noise is
+    // 2^-15 / sqrt(6): -98 dB. Maps keep their ratio or improve it.
     let expected = expected(&scene);
     let (mut error, mut power) = (0.0, 0.0);
     for (key, (_, values)) in &keep.0 {
@@ -445,7 +489,7 @@ fn narrow_samples_come_at_the_scale_that_is_told() {
 fn maps_are_verified_against_the_core_on_the_host() {
     let scene = scene();
     let recording = recorded(&scene);
-    // The module has the scene; the host's core the scene, or one of which a pulse differs in one bit.
+    // The module processes the scene; the host's core processes the scene, or one in which one bit of a pulse differs.
     for (changed, fixed) in [(false, false), (true, false), (false, true)] {
         let encoding = match fixed {
             true => Encoding::Sc16,
@@ -472,7 +516,10 @@ fn maps_are_verified_against_the_core_on_the_host() {
         let mut session =
             Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
         let outcome = session.transfer(&mut job, &mut verified, &mut Silent);
-        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(
+            matches!(outcome.ending, TransferEnd::Complete),
+            "{outcome:?}"
+        );
         // Pulse 5 is in sub-CPI 1: two maps.
         let different = if changed { 2 } else { 0 };
         assert_eq!(verified.counts(), (MAPS as u64 - different, different));

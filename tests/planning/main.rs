@@ -1,4 +1,4 @@
-//! What is told before the work: the radar's planner, widths from the support, the survey of an aperture.
+//! Tests of planning: radar planner, widths from the spectral support, survey of an aperture.
 
 mod radar;
 mod support;

@@ -1,9 +1,9 @@
-//! The radar planner against what the image formers do.
+//! Radar planner against images of the formers.
 
 use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::focus::formers::FORMERS;
-use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::monitor::Silent;
@@ -11,7 +11,7 @@ use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::planner::grating::{self, Lobe, Pass};
 use subaperture::planner::{Parameters, RadarPlan, Request};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
 /// Pixels along x, in which places are measured.
 const PIXEL_M: f64 = 0.1;
@@ -29,7 +29,7 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
         position_m: at,
         amplitude: Complex64::ONE,
     };
-    let history = Simulated::new(collection.clone(), vec![scatterer], None);
+    let history = PointTargetHistory::new(collection.clone(), vec![scatterer], None);
     // Lobes lie at the scatterer's range, up to 0.3 m from its row: several rows.
     let axis = |middle: f64, step: f64, half: usize| Axis {
         start: middle - half as f64 * step,
@@ -45,9 +45,9 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
-    let thesis = RangeDoppler {
+    let thesis = RangeDopplerBackprojection {
         mode: Mode::Thesis(Thesis::default()),
         error_db: -60.0,
         sub_cpi: Some(sub_cpi),
@@ -95,7 +95,7 @@ fn assert_lobes(
 }
 
 #[test]
-fn lobes_of_20_sub_cpis_are_where_and_as_high_as_predicted() {
+fn grating_lobes_of_20_sub_cpis_agree_with_prediction() {
     // Figure 4.5. Bilinear reading and Keystone's edges leave errors of -50 dB or so: 0.35 of the third lobe at worst,
     // in quadrature with it (they are real where it is imaginary): 0.5 dB. The closed form is first order in an
     // edge phase of 0.44 rad: 0.44^2 / 10, 0.2 dB.
@@ -117,7 +117,7 @@ fn lobes_of_20_sub_cpis_are_where_and_as_high_as_predicted() {
 }
 
 #[test]
-fn lobes_of_long_sub_cpis_too() {
+fn grating_lobes_of_long_sub_cpis_agree_with_prediction() {
     // Edge phases of 1.8 and 2.8 radians, where the closed form has ended.
     let collection = table_4_1();
     for sub_cpi in [104, 130] {
@@ -128,7 +128,7 @@ fn lobes_of_long_sub_cpis_too() {
 }
 
 #[test]
-fn compensation_to_the_scatterer_takes_its_lobes_away() {
+fn compensation_to_scatterer_removes_its_grating_lobes() {
     let mut collection = table_4_1();
     let uncompensated = grating::lobes(&collection, 104, DVec3::ZERO, 20.0, 3);
     for pulse in &mut collection.pulses {
@@ -154,7 +154,7 @@ fn compensation_to_the_scatterer_takes_its_lobes_away() {
 }
 
 #[test]
-fn a_plan_of_table_4_1() {
+fn radar_plan_of_table_4_1_agrees_with_hand_calculation() {
     let collection = Parameters::default().collection().unwrap();
     let grid: ImageGrid = "x=-40:40:0.25,y=-40:40:0.25,z=0".parse().unwrap();
     let request = Request {

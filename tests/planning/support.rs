@@ -205,7 +205,7 @@ impl Case {
 }
 
 #[test]
-fn widths_predicted_are_widths_measured() {
+fn predicted_widths_agree_with_plain_sum() {
     let mut table =
         "geometry                    along         window        predicted   measured   off\n"
             .to_owned();
@@ -237,7 +237,7 @@ fn widths_predicted_are_widths_measured() {
 
 /// An image with pixels one over the extent apart holds all there is; the extent is that of the outermost samples.
 #[test]
-fn the_extent_is_that_of_the_outermost_samples() {
+fn support_extent_is_that_of_outermost_samples() {
     for case in cases() {
         let looks = Looks::new(&case.collection, Window::None, Window::None);
         for &(along, direction) in &case.cuts {
@@ -268,7 +268,7 @@ fn the_extent_is_that_of_the_outermost_samples() {
 }
 
 #[test]
-fn a_few_looks_recorded_tell_the_same() {
+fn recorded_looks_reproduce_widths() {
     for case in cases() {
         let axes = [DVec3::X, DVec3::Y];
         let few = RecordedLooks::of(&case.collection, case.place_m, axes).unwrap();
@@ -301,7 +301,7 @@ fn a_few_looks_recorded_tell_the_same() {
 
 /// Eight channels in turn on a rail: whatever the number of pulses, none is left out where pulses stand for others.
 #[test]
-fn channels_in_turn_are_all_seen() {
+fn interleaved_channels_are_all_represented() {
     let element = |n: usize| {
         let (channel, stop) = (n % 8, n / 8);
         DVec3::new(stop as f64 * 2e-5, 0.0, channel as f64 * 0.01)
@@ -345,7 +345,7 @@ fn channels_in_turn_are_all_seen() {
 
 /// The beam measured from a recording's own samples predicts the width that the beam leaves.
 #[test]
-fn a_beam_is_measured_from_the_echoes() {
+fn measured_gains_recover_beam_width() {
     let case = cases()
         .into_iter()
         .find(|case| case.name.starts_with("stripmap"))

@@ -1,11 +1,11 @@
-//! What the survey says of apertures of any kind and order, and that the default grid holds what it shows.
+//! Survey of apertures of any kind and pulse order, and alias-free default grids.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 use subaperture::geometry::{Extent, SceneFrame};
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
-use subaperture::resolution::survey::{MOST_PIXELS, Survey};
+use subaperture::resolution::survey::{MAX_PIXELS, Survey};
 use subaperture::simulate::scenario::{Scenario, examples};
 
 const C_M_S: f64 = 299_792_458.0;
@@ -45,7 +45,7 @@ fn near(what: &str, value: f64, wanted: f64, relative: f64) {
 }
 
 #[test]
-fn an_aperture_is_as_long_as_its_antennas_lie_apart() {
+fn aperture_length_is_independent_of_pulse_order() {
     let band = [77e9, 1e7];
     // Eight channels 9 mm apart, taking turns 40 times: summed from pulse to pulse, over 5 m.
     let mimo = (0..320).map(|n| DVec3::new(f64::from(n % 8) * 9e-3, -5.0, 0.0));
@@ -107,7 +107,7 @@ fn an_aperture_is_as_long_as_its_antennas_lie_apart() {
         0.75 * TAU * 700.0,
         2e-3,
     );
-    // One way there and back is no longer than the way there.
+    // A pass there and back is no longer than the pass there.
     let back = (0..100).chain((0..100).rev()).map(pass);
     near(
         "there and back",
@@ -139,7 +139,7 @@ fn extents(collection: &Collection, place_m: DVec3) -> [f64; 2] {
 /// 77 GHz from a short rail, a scene from 1 to 8 m that reaches far off boresight: at the corner, range lies along x as
 /// much as along y, and pixels that suit the middle fold.
 #[test]
-fn the_default_grid_holds_every_pixel_of_a_near_range_scene() {
+fn default_grid_samples_near_range_scene_without_aliasing() {
     let rail = (0..200).map(|n| DVec3::new(f64::from(n) * 1e-3 - 0.1, 0.0, 0.0));
     let extent = [(-4.5, 4.5), (3.0, 7.0)];
     let collection = collection(rail, [76e9, 3.9e7], 100, Some(extent));
@@ -170,7 +170,7 @@ fn the_default_grid_holds_every_pixel_of_a_near_range_scene() {
 }
 
 #[test]
-fn a_scene_that_repeats_or_is_too_large_is_said_so() {
+fn default_grid_reports_ambiguous_or_cropped_scene() {
     // A full circle at 9.6 GHz, 3600 pulses: 9.3 mm of extent over 20 m is 4300 pixels a side at half of it,
     // and lambda R / (2 d) = 10.99 m.
     let around = (0..3600).map(|n| {
@@ -181,7 +181,7 @@ fn a_scene_that_repeats_or_is_too_large_is_said_so() {
     let circle = collection(around, [9.3e9, 4.6875e6], 128, Some(scene));
     let survey = Survey::of(&circle).unwrap();
     let suited = survey.default_grid().unwrap();
-    assert!(suited.grid.num_pixels() <= MOST_PIXELS as u64);
+    assert!(suited.grid.num_pixels() <= MAX_PIXELS as u64);
     let [x, y] = extents(&circle, DVec3::ZERO);
     let (columns, rows) = (suited.grid.columns, suited.grid.rows);
     assert!(
@@ -216,7 +216,7 @@ fn a_scene_that_repeats_or_is_too_large_is_said_so() {
         (deep_m - 100.0).abs() < 1.0 && long.cropped.is_some(),
         "{deep_m}"
     );
-    assert!(long.grid.num_pixels() as f64 > 0.99 * MOST_PIXELS as f64);
+    assert!(long.grid.num_pixels() as f64 > 0.99 * MAX_PIXELS as f64);
     let small = collection(
         pass(),
         [9.7e9, 1e6],
@@ -232,7 +232,7 @@ fn a_scene_that_repeats_or_is_too_large_is_said_so() {
 
 /// Every example to start from is unambiguous over its own scene, and its default grid covers it.
 #[test]
-fn the_examples_do_not_repeat() {
+fn example_scenes_are_unambiguous() {
     for name in examples::names() {
         let text = examples::text(name).unwrap();
         let scenario = Scenario::new(name, text, ".");

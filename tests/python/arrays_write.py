@@ -5,7 +5,8 @@ The same echoes of three points, by the definition in the schema, float64 throug
 - plain.npz, packed.npz: complex64, every frequency listed, one antenna;
 - double.npz: complex128, the conjugate with sign 1, start and step of each pulse, two antennas, one reference a pulse, its path given;
 - channels.npz: two receivers side by side;
-- plain.h5, packed.h5 (chunked, shuffled, gzip), lzf.h5, big.h5 (big-endian numbers): as plain.npz.
+- plain.h5, packed.h5 (chunked, shuffled, gzip), lzf.h5, big.h5 (big-endian numbers): as plain.npz;
+- half.h5, half.npz, integer.h5, integer_big.h5, integer.npz: records of two halves, and of two int16 (10000 of the others' 1).
 """
 
 import pathlib
@@ -37,7 +38,7 @@ def echoes(transmitter, receiver, reference_path):
 
 to_origin = 2 * np.linalg.norm(antenna, axis=1)
 samples = echoes(antenna, antenna, to_origin)
-plain = dict(samples=samples.astype("complex64"), frequency_hz=frequency, antenna_m=antenna)
+plain = dict(samples=samples.astype("complex64"), frequency_hz=frequency, antenna_m=antenna, sign=-1, reference_m=np.zeros(3))
 np.savez(FOLDER / "plain.npz", **plain)
 np.savez_compressed(FOLDER / "packed.npz", **plain, _note=np.arange(3))
 
@@ -63,10 +64,31 @@ second = np.linalg.norm(antenna, axis=1) + np.linalg.norm(aside, axis=1)
 np.savez(
     FOLDER / "channels.npz",
     samples=np.stack([samples, echoes(antenna, aside, second)]).astype("complex64"),
+    sign=-1,
+    reference_m=np.zeros(3),
     frequency_hz=frequency,
     transmitter_m=antenna,
     receiver_m=np.stack([antenna, aside]),
 )
+
+def record(kind, scale, names):
+    made = np.zeros(samples.shape, dtype=[(name, kind) for name in names])
+    for name, part in zip(names, (samples.real, samples.imag)):
+        made[name] = (scale * part).round() if scale != 1 else part
+    return made
+
+
+for name, kind, scale, names in [
+    ("half", "<f2", 1, ("r", "i")),
+    ("integer", "<i2", 1e4, ("re", "im")),
+    ("integer_big", ">i2", 1e4, ("real", "imag")),
+]:
+    own = dict(plain, samples=record(kind, scale, names))
+    if kind[0] == "<":
+        np.savez(FOLDER / f"{name}.npz", **own)
+    with h5py.File(FOLDER / f"{name}.h5", "w") as file:
+        for key, array in own.items():
+            file[key] = array
 
 packing = {
     "plain": {},
@@ -76,8 +98,10 @@ packing = {
 for name, options in packing.items():
     with h5py.File(FOLDER / f"{name}.h5", "w") as file:
         for key, array in plain.items():
-            file.create_dataset(key, data=array, **options)
+            file.create_dataset(key, data=array, **(options if np.ndim(array) else {}))
 with h5py.File(FOLDER / "big.h5", "w", libver="latest") as file:
     file["samples"] = plain["samples"].astype(">c8")
     file["frequency_hz"] = frequency.astype(">f8")
     file["antenna_m"] = antenna.astype(">f8")
+    file["sign"] = np.array(-1, ">f8")
+    file["reference_m"] = np.zeros(3, ">f8")

@@ -7,10 +7,11 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
-    Collection, InMemory, InputFile, Joined, PhaseHistory, Pulse, ReadError, Sweep, Weights,
+    Channels, Collection, InMemory, InputFile, Joined, PhaseHistory, Pulse, ReadError, Sweep,
+    Weights,
 };
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Scatterer, Simulated};
+use subaperture::simulate::{PointTargetHistory, Scatterer};
 
 /// A recording that knows when it began.
 struct Started(InMemory, Option<i64>);
@@ -68,7 +69,7 @@ fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Com
         amplitude: Complex64::ONE,
     };
     let points = vec![point(1.0, 0.5), point(-2.0, 1.5)];
-    let simulated = Simulated::new(collection.clone(), points, None);
+    let simulated = PointTargetHistory::new(collection.clone(), points, None);
     let mut samples = vec![Complex32::ZERO; antennas.len() * 16];
     simulated.read(0..antennas.len(), &mut samples).unwrap();
     (collection, samples)
@@ -93,7 +94,7 @@ fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let former = Backprojection { error_db: -60.0 };
     former.form(&task).unwrap().image.pixels
@@ -255,6 +256,107 @@ fn passes_without_times_share_the_window_of_their_angles() {
             // Two pulses of one angle are neighbours in the window, in either order.
             assert!([one[2 * n], one[2 * n + 1]].contains(weight), "{n}");
         }
+    }
+}
+
+/// The case `message-names-both-files-alike`: files of one collection have one name, and messages name the files.
+#[test]
+fn messages_of_recordings_with_one_name_give_the_file_names() {
+    use subaperture::io::cphd::{Channel, WriteOptions, write};
+    use subaperture::io::open::{Options, open_all, open_channels};
+    use subaperture::monitor::Silent;
+    let folder = tempfile::tempdir().unwrap();
+    let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let stored = |file: &str, range: std::ops::Range<usize>, channels: &[&str], width: usize| {
+        let (mut collection, samples) = recorded("case", &all[range], true);
+        let samples: Vec<Complex32> = (samples.chunks(collection.num_samples))
+            .flat_map(|row| row[..width].to_vec())
+            .collect();
+        collection.num_samples = width;
+        collection.frame = SceneFrame::Earth {
+            origin_ecf_m: DVec3::new(6_378_137.0, 0.0, 0.0),
+            x_axis_ecf: DVec3::Y,
+            y_axis_ecf: DVec3::Z,
+        };
+        for pulse in &mut collection.pulses {
+            pulse.time_s = (pulse.transmitter_m.y / 7000.0).asin();
+        }
+        let history = InMemory::new(collection, samples).unwrap();
+        let channels: Vec<Channel> = (channels.iter())
+            .map(|name| Channel::new(*name, &history))
+            .collect();
+        let path = folder.path().join(file);
+        write(&path, &channels, &WriteOptions::default(), &Silent).unwrap();
+        path
+    };
+    let first = stored("first.cphd", 0..60, &["1"], 16);
+    let second = stored("second.cphd", 50..120, &["1"], 16);
+    let narrow = stored("narrow.cphd", 60..120, &["1"], 12);
+    let refused = |a: &std::path::Path, b: &std::path::Path| {
+        let error = open_all(&[a, b], &Options::default()).err().unwrap();
+        error.to_string()
+    };
+    let both = [&first, &second].map(|path| path.display().to_string());
+    let error = refused(&first, &second);
+    assert!(
+        both.iter().all(|name| error.contains(name.as_str())),
+        "{error}"
+    );
+    assert!(error.contains("share 10 pulses"), "{error}");
+    let error = refused(&first, &narrow);
+    assert!(
+        error.contains("first.cphd has 16 samples") && error.contains("narrow.cphd has 12"),
+        "{error}"
+    );
+    let other = stored("other.cphd", 60..120, &["2"], 16);
+    let opened = [&first, &other]
+        .map(|path| open_channels::<&str>(path, None, &Options::default()).unwrap());
+    let error = Channels::join(opened.into()).err().unwrap().to_string();
+    assert!(
+        error.contains("first.cphd") && error.contains("other.cphd"),
+        "{error}"
+    );
+}
+
+/// A spiral of three turns that climbs, without times.
+fn spiral(num_pulses: usize) -> Vec<DVec3> {
+    let at = |n: usize| {
+        let turns = 3.0 * n as f64 / num_pulses as f64;
+        let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+        DVec3::new(7000.0 * cos, 7000.0 * sin, 5000.0 + 500.0 * turns)
+    };
+    (0..num_pulses).map(at).collect()
+}
+
+#[test]
+fn one_recording_has_the_same_slow_weights_with_and_without_times() {
+    let spiral = spiral(720);
+    let gap: Vec<DVec3> = (spiral.iter().enumerate())
+        .filter(|(n, _)| !(300..330).contains(n))
+        .map(|(_, at)| *at)
+        .collect();
+    let arc: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let there_and_back: Vec<DVec3> = arc.iter().chain(arc.iter().rev()).copied().collect();
+    for antennas in [spiral, gap, arc, there_and_back] {
+        let weights = [false, true].map(|timed| {
+            let (collection, _) = recorded("one", &antennas, timed);
+            Weights::new(&collection, Window::None, Window::default()).slow
+        });
+        assert_eq!(weights[0], weights[1]);
+        assert_eq!(weights[0], Window::default().weights(antennas.len()));
+    }
+}
+
+#[test]
+fn pulses_without_times_in_no_order_are_weighed_by_their_angles() {
+    let arc: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let shuffled: Vec<DVec3> = (0..120).map(|n| arc[n * 49 % 120]).collect();
+    let (collection, _) = recorded("shuffled", &shuffled, false);
+    let weights = Weights::new(&collection, Window::None, Window::default()).slow;
+    let window = Window::default().weights(120);
+    for (n, weight) in weights.into_iter().enumerate() {
+        // The window is symmetric, so either direction around is the same to its rounding.
+        assert!((weight - window[n * 49 % 120]).abs() < 1e-12, "{n}");
     }
 }
 

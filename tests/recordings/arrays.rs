@@ -46,8 +46,18 @@ fn files_of_numpy_and_h5py_are_read_as_the_schema_says() {
         "packed.h5",
         "lzf.h5",
         "big.h5",
+        "half.npz",
+        "half.h5",
+        "integer.npz",
+        "integer.h5",
+        "integer_big.h5",
     ] {
         let history = read(name);
+        let unit = if name.starts_with("integer") {
+            1e4
+        } else {
+            1.0
+        };
         let collection = history.collection();
         assert_eq!(
             (collection.pulses.len(), collection.num_samples),
@@ -62,7 +72,7 @@ fn files_of_numpy_and_h5py_are_read_as_the_schema_says() {
         ];
         for (found, wanted) in at_points(&*history).into_iter().zip(wanted) {
             assert!(
-                (found - wanted).norm() < 0.1,
+                (found / unit - wanted).norm() < 0.1,
                 "{name}: {found} and not {wanted}"
             );
         }
@@ -109,6 +119,8 @@ fn sound() -> Arrays {
         ),
         ("frequency_hz", "<f8", "(2,)", vec![1e9, 1.01e9]),
         ("antenna_m", "<f8", "(3, 3)", antenna),
+        ("sign", "<f8", "()", vec![-1.0]),
+        ("reference_path_m", "<f8", "()", vec![0.0]),
     ]
 }
 
@@ -200,6 +212,17 @@ fn bad_arrays_are_named() {
         (
             with("time_s", "<f8", "(3,)", vec![0.0, 2.0, 1.0]),
             ["array 'time_s': pulse 2 is earlier", "order of time"],
+        ),
+        (
+            without("sign"),
+            ["the phase is not stated", "give 'sign', -1 or 1"],
+        ),
+        (
+            without("reference_path_m"),
+            [
+                "the phase is not stated",
+                "give 'reference_path_m' (0 for raw echoes)",
+            ],
         ),
         (
             with("extent_m", "<f8", "(4,)", vec![1.0, 0.0, 0.0, 1.0]),

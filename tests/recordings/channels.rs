@@ -536,7 +536,11 @@ fn recordings_of_several_channels_are_joined_channel_by_channel() {
         .unwrap();
     assert_eq!(
         error.to_string(),
-        "a recording has channel 'aft' and another has not"
+        format!(
+            "{} has channel 'aft' and {} has not",
+            early.display(),
+            late.display()
+        )
     );
     let one = open_sum(&[&early, &late], Some(&["fore"]), &Options::default()).unwrap();
     assert_eq!(one.collection().pulses.len(), 8);

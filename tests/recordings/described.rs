@@ -47,7 +47,7 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window) -> Image {
         weights: &Weights::new(history.collection(), window, window),
         memory_bytes: u64::MAX,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let former = Backprojection { error_db: -50.0 };
     former.form(&task).unwrap().image
@@ -291,14 +291,14 @@ fn each_error_points_to_its_line() {
             "range_bias = \"14 cm\"",
             "layout = \"pulses-samples\"",
             9,
-            "says nothing with format",
+            "does not apply to format",
         ),
         ("start = \"24 GHz\"", "", 11, "needs 'start'"),
         (
             "slope = \"8 MHz/us\"",
             "slope = \"0 MHz/us\"",
             11,
-            "does not sweep",
+            "expected a non-zero chirp rate",
         ),
         (
             "slope = \"8 MHz/us\"",

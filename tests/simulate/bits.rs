@@ -1,13 +1,13 @@
-//! Simulated recordings are the same bits on every machine: random numbers, transforms and sines are the library's own, so that the digests
-//! below are those of any machine. Written anew by what the test prints, where the simulator's arithmetic changes on purpose.
+//! Simulated recordings are bit-identical on every machine: random numbers, transforms and sines are the library's own.
+//! The digests below are updated from the test's output when the simulator's arithmetic changes on purpose.
 
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::scenario::{Scenario, examples};
 use subaperture_tests::digest;
 use subaperture_tests::experiment::read_whole;
 
-/// An example and the digest of its first channel: 24 pulses over all of the track, as they are recorded, with all that disturbs them.
-const RECORDINGS: [(&str, u64); 8] = [
+/// Example scenarios and the digests of their first channels: 24 pulses with all impairments.
+const RECORDINGS: [(&str, u64); 9] = [
     ("arc", 0x9961_dc4e_215d_4f09),
     ("circular", 0x3c77_d259_51e4_2068),
     ("distributed", 0x58d6_1133_1900_e84c),
@@ -16,15 +16,16 @@ const RECORDINGS: [(&str, u64); 8] = [
     ("spotlight", 0xde0f_34e2_4f20_1273),
     ("stepped", 0x9f87_4485_545e_17ef),
     ("stripmap", 0x5cfc_f25c_1837_3ac8),
+    ("walk", 0xecc0_1c09_ecf5_9daf),
 ];
 
 #[test]
-fn simulated_recordings_are_the_same_bits_on_every_machine() {
+fn simulated_recordings_are_bit_identical_on_every_machine() {
     let mut names = RECORDINGS.map(|(name, _)| name).to_vec();
     names.sort_unstable();
     let mut all = examples::names().to_vec();
     all.sort_unstable();
-    assert_eq!(names, all, "an example that is not in the list");
+    assert_eq!(names, all, "an example is missing from the list");
     let mut other = String::new();
     for (name, expected) in RECORDINGS {
         let text = examples::text(name).unwrap();
@@ -52,5 +53,5 @@ fn simulated_recordings_are_the_same_bits_on_every_machine() {
             other += &format!("\n    (\"{name}\", {found:#x}),");
         }
     }
-    assert!(other.is_empty(), "other bits:{other}");
+    assert!(other.is_empty(), "other digests:{other}");
 }

@@ -1,5 +1,5 @@
-//! From the engine's sum to recordings: every waveform's echoes, received, against the definition of phase
-//! history; the truth in a file. What a receiver adds is in `receiver.rs`.
+//! From the engine's sum to recordings: echoes of every waveform, received, against the definition of phase history;
+//! true antenna positions in a file. Receiver impairments are tested in `receiver.rs`.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -24,21 +24,21 @@ use subaperture_tests::experiment::{
 
 const C: f64 = 299_792_458.0;
 
-/// Raw samples are float32: each errs by 2^-25 of its size RMS in each part, 4e-8, like noise, which the
-/// filter treats as it treats noise. The pulse's energy being spread over fewer samples than the window
-/// has, and `|P|` falling to half at the band's edge or with the code, the errors may grow by some parts
-/// of 10: -147 dB and up to 20. Reading phase history as float32 adds -148 dB.
+/// Raw samples are float32: each part has an RMS error of 2^-25 of its size, 4e-8, which passes the filter like noise.
+/// The pulse's energy is spread over fewer samples than the window has, and `|P|` falls to half at the band's edge or
+/// with the code, so that the errors may grow by up to a factor of 10: -147 dB plus up to 20 dB. Float32 phase history
+/// adds -148 dB.
 const FLOAT_DB: f64 = -125.0;
 
 #[test]
-fn every_waveform_received_is_the_definition() {
+fn phase_history_of_every_waveform_matches_definition() {
     let code = Waveform::Pulsed {
         centre_hz: 10e9,
         sample_rate_hz: 250e6,
         num_samples: 600,
         window_start_s: 3.1e-6,
         shape: PulseShape::PhaseCode {
-            // Barker's code of 13 chips.
+            // Barker code of 13 chips.
             phases_rad: "+++++--++-+-+"
                 .chars()
                 .map(|c| if c == '+' { 0.0 } else { std::f64::consts::PI })
@@ -72,7 +72,7 @@ fn every_waveform_received_is_the_definition() {
             recording.collection().num_samples
         );
         assert!(error_db < FLOAT_DB, "{name}: {error_db}");
-        // Amplitudes at a range of their own: the middle pulse's is that of the reference.
+        // The reference range of the middle pulse, at which amplitudes are 1.
         let path_m = recording.collection().pulses[16].reference_path_m;
         assert!((path_m - 1000.0).abs() < 1e-3, "{path_m}");
     }
@@ -92,14 +92,14 @@ fn image(history: &dyn PhaseHistory) -> Image {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     Exact.form(&task).unwrap().image
 }
 
 #[test]
-fn a_point_reads_the_mean_of_what_lights_it() {
-    // 256 pulses over 25.5 m at 500 m, a beam of 2 degrees (17 m): the middle is seen by most of them, the
+fn point_amplitude_is_mean_of_beam_and_spreading_over_pulses() {
+    // 256 pulses over 25.5 m at 500 m with a beam of 2 degrees (17 m): the middle is illuminated by most of them, the
     // edges by few. Beam and spreading are written out here from their formulas.
     const PULSES: usize = 256;
     let width_rad = 2f64.to_radians();
@@ -137,27 +137,27 @@ fn a_point_reads_the_mean_of_what_lights_it() {
                 let lit = |n: usize| {
                     let azimuth = (x + 12.75 - 0.1 * n as f64).atan2(480.0) / width_rad;
                     let elevation = (140.0 / range_m(n, x)).asin();
-                    // Two ways of exp(-2 ln 2 (...)), a radian wide in elevation.
+                    // Two-way pattern, exp(-2 ln 2 (...)) each way, with a width of one radian in elevation.
                     let two_ways = 0.0625f64.powf(azimuth * azimuth + elevation * elevation);
-                    // R0 is the reference's range in pulse 128 of 256.
+                    // R0 is the range of the reference in pulse 128 of 256.
                     let spread = (range_m(128, 0.0) / range_m(n, x)).powi(2);
                     (if beam { two_ways } else { 1.0 }) * (if spreading { spread } else { 1.0 })
                 };
                 let sum: f64 = (0..PULSES).map(|n| weights.slow[n] * lit(n)).sum();
                 let expected = sum / weights.slow.iter().sum::<f64>();
                 println!("beam {beam}, spreading {spreading}, {x} m: {expected:.4}");
-                // Float32 samples, phases of 2e5 rad in float64.
+                // Float32 samples, and phases of 2e5 rad in float64.
                 assert!((got - expected).norm() < 1e-6, "{got} {expected}");
             }
         }
     }
 }
 
-/// Sweeps of 200 MHz in 10 us: 1 rad of residual video phase at the scene's edge and 0.1 us of skew, a
-/// hundredth of the sweep. The pulsed radar has the very same frequencies, so the images must be the same
-/// but for what deskewing leaves within the scene: side lobes of Fresnel's ripple, which lies outside.
+/// Sweeps of 200 MHz in 10 us: 1 rad of residual video phase at the scene's edge, and a skew of 0.1 us, a hundredth of
+/// the sweep. The pulsed radar has the same frequencies, so that the images agree except for the deskew error within
+/// the scene: sidelobes of the Fresnel ripple, which lies outside.
 #[test]
-fn deskewed_sweeps_focus_as_pulses_do() {
+fn deskewed_fmcw_image_matches_pulsed_image() {
     for falling in [false, true] {
         let swept = experiment(fmcw(falling), five_points());
         let deskewed = swept.record(PAIR).unwrap();
@@ -187,10 +187,10 @@ fn deskewed_sweeps_focus_as_pulses_do() {
     }
 }
 
-/// A scatterer at the reference point reads 1 in every sample, however the radar moves meanwhile, if the
-/// track is known: compensation follows the delay sample by sample.
+/// A scatterer at the reference point has amplitude 1 in every sample for any motion within the sweep, if the track is
+/// known: compensation follows the delay sample by sample.
 #[test]
-fn motion_within_a_sweep_is_compensated_at_the_reference() {
+fn intra_pulse_motion_is_compensated_at_reference_point() {
     let stepped = Waveform::Stepped {
         band: Band {
             start_hz: 1.2e9,
@@ -200,7 +200,7 @@ fn motion_within_a_sweep_is_compensated_at_the_reference() {
         step_s: 5e-3,
         dwell_s: 1e-3,
     };
-    // Towards the scene, so that uncompensated phases would turn by many cycles.
+    // Flight towards the scene: uncompensated phases would change by many cycles.
     let dive = Line {
         start_m: DVec3::new(-30.0, -490.0, 100.0),
         velocity_m_s: DVec3::new(60.0, 40.0, -3.0),
@@ -225,7 +225,7 @@ fn motion_within_a_sweep_is_compensated_at_the_reference() {
         let norm: f64 = weights.iter().sum();
         for (n, row) in read_whole(&recording).chunks_exact(width).enumerate() {
             if sweeps {
-                // The window's mean; Fresnel's ripple of the sweep's edges averages to below 1e-3.
+                // Windowed mean; the Fresnel ripple of the sweep's edges averages to below 1e-3.
                 let mean: Complex64 = row
                     .iter()
                     .zip(&weights)
@@ -234,11 +234,11 @@ fn motion_within_a_sweep_is_compensated_at_the_reference() {
                 let error = (mean / norm - 1.0).norm();
                 assert!(error < 1e-3, "pulse {n}: {error}");
             } else {
-                // Float32, and 1e-9 turns of float64 in the delays.
+                // Float32, and 1e-9 turns of float64 rounding in the delays.
                 let worst = row.iter().map(|z| (z - 1.0).norm()).fold(0.0, f32::max);
                 assert!(worst < 1e-6, "pulse {n}: {worst}");
             }
-            // The middle sample is what the geometry tells of.
+            // The recorded geometry is that of the middle sample.
             let pulse = recording.collection().pulses[n];
             let truth = recording.true_antennas().unwrap()[n];
             assert_eq!([pulse.transmitter_m, pulse.receiver_m], truth);
@@ -246,9 +246,9 @@ fn motion_within_a_sweep_is_compensated_at_the_reference() {
     }
 }
 
-/// Two transmitters take turns; two receivers hear every pulse of either, with noise of their own.
+/// Two alternating transmitters; two receivers receive every pulse of both, with independent noise.
 #[test]
-fn transmitters_take_turns() {
+fn transmitters_alternate_between_pulses() {
     let mut array = experiment(IDEAL, five_points());
     array.radar.num_pulses = 7;
     array.radar.transmitters = vec![
@@ -289,10 +289,10 @@ fn transmitters_take_turns() {
     assert!(array.record(none).is_err());
 }
 
-/// The recorded track differs from the true one; both survive a file. Phases are the truth's, referred with
-/// the recorded one: the definition, but for the path by which it differs.
+/// The recorded track differs from the true one; both survive a file. The phases are those of the true track minus the
+/// recorded reference path: the definition, except for the path difference.
 #[test]
-fn true_and_measured_positions_survive_a_file() {
+fn true_and_measured_positions_round_trip_through_cphd() {
     let mut measured = experiment(IDEAL, vec![point(3.0, 2.0, 1.0)]);
     measured.measured = Some(Arc::new(Line {
         sway_m: 0.05,
@@ -313,14 +313,14 @@ fn true_and_measured_positions_survive_a_file() {
     for n in 0..32 {
         let time_s = n as f64 * 1e-3;
         let place = DVec3::new(-1.6 + 100.0 * time_s, -480.0, 140.0);
-        // 2 nm: float64 in ECF.
+        // 2 nm: float64 in ECF coordinates.
         assert!(truth[n][0].distance(place) < 1e-12);
         assert!(kept[n][0].distance(place) < 2e-9 && kept[n][1].distance(place) < 2e-9);
         let sway = DVec3::Y * (0.05 * (TAU * 7.0 * time_s).sin());
         let pulse = file.collection().pulses[n];
         assert!(pulse.transmitter_m.distance(place + sway) < 2e-9);
     }
-    // The sway's mean square over these 32 samples, by hand.
+    // Mean square of the sway over these 32 samples, written out.
     let squares: f64 = (0..32)
         .map(|n| (0.05 * (TAU * 7e-3 * f64::from(n)).sin()).powi(2))
         .sum();
@@ -329,11 +329,11 @@ fn true_and_measured_positions_survive_a_file() {
         (error.rms_m - (squares / 32.0).sqrt()).abs() < 1e-8,
         "{error:?}"
     );
-    // It still rises at 31 ms, the last.
+    // The sway still increases at 31 ms, the last pulse.
     let most_m = 0.05 * (TAU * 7.0 * 31e-3).sin();
     assert!((error.max_m - most_m).abs() < 1e-8, "{error:?}");
 
-    // Phases: the true path, less the recorded path to the reference.
+    // Phases: the true path minus the recorded path to the reference.
     let samples = read_whole(&recording);
     let worst = (0..32).map(|n| {
         let pulse = recording.collection().pulses[n];
@@ -347,12 +347,12 @@ fn true_and_measured_positions_survive_a_file() {
 }
 
 #[test]
-fn what_cannot_be_recorded_is_refused() {
+fn invalid_experiments_are_refused() {
     let refusal = |experiment: &Experiment, word: &str| {
         let error = experiment.record(PAIR).err().expect("refused").to_string();
         assert!(error.contains(word), "{error}");
     };
-    // A point 400 m behind the scene: its echo ends past the window.
+    // A point 400 m behind the scene: its echo ends after the window.
     let far = experiment(pulsed(10e9, 200e6, true), vec![point(0.0, 400.0, 1.0)]);
     refusal(&far, "window");
     let mut wide = experiment(fmcw(false), five_points());
@@ -360,8 +360,8 @@ fn what_cannot_be_recorded_is_refused() {
         x_m: (-400.0, 400.0),
         y_m: (-400.0, 400.0),
     });
-    refusal(&wide, "sampling rate");
-    // Without an extent it takes what the samples tell apart.
+    refusal(&wide, "sample rate");
+    // Without an extent, the unambiguous range of the samples is used.
     wide.extent = None;
     assert!(wide.record(PAIR).is_ok());
     let mut noisy = experiment(IDEAL, five_points());

@@ -1,5 +1,5 @@
-//! The engine's sums: the plain one against closed forms and an oracle of its own arithmetic, the fast one
-//! against the plain one over scenes of every kind.
+//! Sums of the engine: the plain sum against closed forms and an independent oracle, the fast sum against the plain one
+//! over scenes of every kind.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use subaperture::track::{Pose, Trajectory};
 
 const C: f64 = 299_792_458.0;
 
-/// Constant velocity, without turning.
+/// Constant velocity and attitude.
 #[derive(Clone, Copy, Debug)]
 struct Straight {
     start_m: DVec3,
@@ -32,7 +32,7 @@ impl Trajectory for Straight {
     }
 }
 
-/// A way that shakes and rolls.
+/// Track with vibration and roll.
 #[derive(Clone, Copy, Debug)]
 struct Shaky;
 
@@ -61,7 +61,7 @@ fn antenna(offset_m: DVec3, pattern: Pattern) -> Antenna {
     }
 }
 
-/// A sweep of 150 MHz in 1 ms about 9.6 GHz; mixed with a copy without delay.
+/// Sweep of 150 MHz in 1 ms about 9.6 GHz, mixed with a copy without delay.
 fn sweep(count: usize) -> Sweep {
     Sweep {
         start_hz: 9.525e9,
@@ -107,7 +107,7 @@ fn points(count: usize, half_m: f64) -> Vec<Scatterer> {
 }
 
 fn samples(scene: &Scene, method: Method, view: &View) -> Vec<Complex64> {
-    // What is there before must not matter.
+    // The previous content must not matter.
     let mut out = vec![Complex64::new(7.0, f64::NAN); view.sweep.count];
     Engine::new(scene, method).pulse(view, &mut Scratch::default(), &mut out);
     out
@@ -124,7 +124,7 @@ fn error_db(z: &[Complex64], reference: &[Complex64]) -> f64 {
     10.0 * (error / power).log10()
 }
 
-/// Holds the fast sum to -90 dB of the plain one: 10 dB better than is asked for.
+/// Check the fast sum against the plain one to -90 dB, 10 dB better than required.
 fn hold(name: &str, scene: &Scene, view: &View) {
     let db = error_db(
         &samples(scene, Method::Fast, view),
@@ -135,7 +135,7 @@ fn hold(name: &str, scene: &Scene, view: &View) {
 }
 
 #[test]
-fn a_scatterer_has_its_phase_residual_and_all() {
+fn scatterer_has_exact_phase_with_residual_video_phase() {
     let (one, two) = (
         antenna(DVec3::X, Pattern::Isotropic),
         antenna(DVec3::NEG_X, Pattern::Isotropic),
@@ -148,7 +148,7 @@ fn a_scatterer_has_its_phase_residual_and_all() {
         }],
         ..Scene::default()
     };
-    // At 0.4 s the body is at x = -250: both antennas are 1 m aside.
+    // At 0.4 s the body is at x = -250: both antennas are offset by 1 m.
     let range_m = (1.0f64 + 1000.0 * 1000.0 + 400.0 * 400.0).sqrt();
     let d = 2.0 * (range_m - 900.0) / C;
     let exact: Vec<Complex64> = (0..300)
@@ -158,16 +158,16 @@ fn a_scatterer_has_its_phase_residual_and_all() {
             Complex64::new(0.6, 0.8) * Complex64::new(phase.cos(), phase.sin())
         })
         .collect();
-    // Delays of 8e-6 s are rounded to 1e-21 s, 5e-11 rad, a few times here and there: below 3e-10.
+    // Delays of 8e-6 s are rounded to 1e-21 s, 5e-11 rad, a few times: below 3e-10.
     assert!(error_db(&samples(&scene, Method::Sum, &view), &exact) < -190.0);
     assert!(error_db(&samples(&scene, Method::Fast, &view), &exact) < -110.0);
 }
 
 #[test]
-fn true_motion_towards_a_scatterer_has_the_exact_delay() {
-    // Head on, the light-time equation is linear. With the distance D(t) = D0 - v t at reception and the mover
-    // receding at u: it was at x_r = x0 + u t_r when t - t_r = (x_r - r(t)) / c, and the transmitter at
-    // r(t - tau) when t_r - (t - tau) = (x_r - r(t - tau)) / c. Solved by hand:
+fn delay_is_exact_for_motion_towards_a_scatterer() {
+    // For head-on motion the light-time equation is linear. With the radar at r(t) and the mover receding at u: it was
+    // at x_r = x0 + u t_r when t - t_r = (x_r - r(t)) / c, and the transmitter at r(t - tau) when t_r - (t - tau) =
+    // (x_r - r(t - tau)) / c. Solved by hand:
     let (v, u) = (125.0, 30.0);
     let body = Straight {
         start_m: DVec3::new(10.0, 0.0, 0.0),
@@ -200,13 +200,13 @@ fn true_motion_towards_a_scatterer_has_the_exact_delay() {
             Complex64::cis(-TAU * f * d + PI * 1.5e11 * d * d)
         })
         .collect();
-    // c t of 1e8 m has roundings of 1.5e-8 m in the oracle: 3e-6 rad, a few of them: -105 dB.
+    // In the oracle, c t of 1e8 m has rounding errors of 1.5e-8 m: 3e-6 rad, a few of them: -105 dB.
     let sum = error_db(&samples(&scene, Method::Sum, &view), &exact);
     let fast = error_db(&samples(&scene, Method::Fast, &view), &exact);
     println!("sum {sum:.1} dB, fast {fast:.1} dB");
     assert!(sum < -100.0, "{sum}");
     assert!(fast < -90.0, "{fast}");
-    // Standing still instead is plainly something else: the range changes by 95 mm, three wavelengths, in a sweep.
+    // Stop-and-go differs clearly: the range changes by 95 mm, three wavelengths, within a sweep.
     let still = View {
         motion: Motion::StopAndGo,
         ..view
@@ -215,7 +215,7 @@ fn true_motion_towards_a_scatterer_has_the_exact_delay() {
 }
 
 #[test]
-fn the_fast_sum_is_the_plain_one() {
+fn fast_sum_matches_plain_sum() {
     let at = antenna(DVec3::ZERO, Pattern::Isotropic);
     let far = antenna(DVec3::new(-30.0, 4.0, 1.0), Pattern::Isotropic);
     let narrow = Pattern::Gaussian {
@@ -256,7 +256,7 @@ fn the_fast_sum_is_the_plain_one() {
                 &at,
                 &scene(600, 60.0),
             ),
-            // c / (2 step) is 300 m: these wrap several times.
+            // The unambiguous range c / (2 step) is 300 m: these points wrap several times.
             ("wide", &AIRCRAFT, &at, &at, &scene(600, 900.0)),
             ("bistatic", &AIRCRAFT, &at, &far, &scene(300, 60.0)),
             ("beams", &AIRCRAFT, &beam, &far, &scene(300, 60.0)),
@@ -276,7 +276,7 @@ fn the_fast_sum_is_the_plain_one() {
 }
 
 #[test]
-fn sweeps_of_every_length_and_direction_are_right() {
+fn fast_sum_matches_plain_sum_for_every_sweep_length_and_direction() {
     let at = antenna(DVec3::ZERO, Pattern::Isotropic);
     let scene = Scene {
         points: points(100, 60.0),
@@ -292,7 +292,7 @@ fn sweeps_of_every_length_and_direction_are_right() {
         down.sweep.step_hz *= -1.0;
         down.sweep.residual_hz_s *= -1.0;
         hold(&format!("down, {motion:?}"), &scene, &down);
-        // Stepped carriers, 50 ms in all: 6 m of way in a sweep, for which runs are cut short.
+        // Stepped carriers, 50 ms in total: 6 m of travel within a sweep, for which blocks are shortened.
         let mut slow = view(&AIRCRAFT, &at, &at, motion);
         slow.sweep.step_s *= 50.0;
         slow.sweep.residual_hz_s = 0.0;
@@ -301,8 +301,8 @@ fn sweeps_of_every_length_and_direction_are_right() {
 }
 
 #[test]
-fn patterns_spreading_and_shadows_are_those_of_the_definition() {
-    // An oracle of its own: two points, one behind a wall; beams by their published formula.
+fn antenna_pattern_spreading_and_occlusion_match_definition() {
+    // Independent oracle: two points, one behind a wall; beams by their published formula.
     let width = 0.2;
     let mut beam = antenna(
         DVec3::ZERO,
@@ -335,7 +335,7 @@ fn patterns_spreading_and_shadows_are_those_of_the_definition() {
         view.spreading_from_m = Some(2000.0);
         let range_m = 50f64.hypot(1000.0);
         let azimuth = (50f64 / 1000.0).atan();
-        // Twice the beam's amplitude: its power, half at half the width.
+        // Two-way amplitude: the power pattern, one half at half the width.
         let power = (-4.0 * 2f64.ln() * (azimuth / width).powi(2)).exp();
         let expected = power * (2000.0 / range_m).powi(2);
         for z in samples(&scene, method, &view) {
@@ -349,7 +349,7 @@ fn patterns_spreading_and_shadows_are_those_of_the_definition() {
 }
 
 #[test]
-fn nothing_gives_nothing_and_what_is_not_a_number_does_not_panic() {
+fn empty_scene_gives_zeros_and_nan_positions_do_not_panic() {
     let at = antenna(DVec3::ZERO, Pattern::Isotropic);
     for motion in [Motion::StopAndGo, Motion::True] {
         for method in [Method::Sum, Method::Fast] {
@@ -369,7 +369,7 @@ fn nothing_gives_nothing_and_what_is_not_a_number_does_not_panic() {
 }
 
 #[test]
-fn scratch_that_was_used_for_something_else_changes_no_bit() {
+fn reused_scratch_memory_changes_no_bit() {
     let at = antenna(DVec3::ZERO, Pattern::Isotropic);
     let scene = Scene {
         points: points(700, 60.0),
@@ -390,13 +390,13 @@ fn scratch_that_was_used_for_something_else_changes_no_bit() {
 }
 
 #[test]
-fn recycling_changes_nothing() {
+fn table_reuse_matches_direct_sums() {
     let wide = Pattern::Gaussian {
         azimuth_rad: 0.4,
         elevation_rad: 0.4,
     };
     let (one, two) = (antenna(DVec3::X, wide), antenna(DVec3::NEG_X, wide));
-    // The radar moves 0.125 m a pulse; points 0.0625 or 0.25 m apart, rows anywhere.
+    // The radar moves 0.125 m per pulse; points are 0.0625 or 0.25 m apart, rows at arbitrary positions.
     for pitch_m in [0.0625, 0.25] {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let points = (0..4)
@@ -424,7 +424,7 @@ fn recycling_changes_nothing() {
                 let mut view = view(&AIRCRAFT, &one, &two, Motion::StopAndGo);
                 view.time_s = 0.4 + 1e-3 * f64::from(n);
                 view.sweep.residual_hz_s = 0.0;
-                // As compensation to a point of the scene does it.
+                // As in motion compensation to a point of the scene.
                 view.reference_s += 1e-9 * f64::from(n);
                 view.spreading_from_m = Some(1000.0);
                 view
@@ -437,10 +437,10 @@ fn recycling_changes_nothing() {
             engine.pulse(view, &mut Scratch::default(), &mut out);
             let fast = error_db(&out, &samples(&scene, Method::Fast, view));
             let sum = error_db(&out, &samples(&scene, Method::Sum, view));
-            // Pulses off their places by 1e-6 wavelengths at most: 1.3e-5 rad, -98 dB; here by roundings only.
+            // Pulse positions may be off by at most 1e-6 wavelengths: 1.3e-5 rad, -98 dB; here only by rounding.
             assert!(fast < -110.0 && sum < -110.0, "{fast} {sum}");
         }
-        // Too little memory, a track that is not even, a scene off the lattice: as without.
+        // Too little memory, an uneven track, or a scene off the lattice: no tables.
         assert!(!Engine::for_track(&scene, Method::Fast, &views, 1000).recycles());
         views[7].time_s += 1e-5;
         assert!(!Engine::for_track(&scene, Method::Fast, &views, 1 << 20).recycles());
@@ -448,7 +448,7 @@ fn recycling_changes_nothing() {
         let mut off = scene.clone();
         off.points[5].position_m.x += 1e-4;
         assert!(!Engine::for_track(&off, Method::Fast, &views, 1 << 20).recycles());
-        // A pulse from elsewhere is right all the same.
+        // A pulse off the tables' track is computed directly.
         views[7].time_s += 3.3e-4;
         let mut out = vec![Complex64::ZERO; 300];
         engine.pulse(&views[7], &mut Scratch::default(), &mut out);

@@ -1,4 +1,4 @@
-//! The simulator: its engines, the chain from echoes to recordings, receivers, random scenarios.
+//! Tests of the simulator: engines, chain from echoes to recordings, receivers, random scenarios.
 
 mod bits;
 mod chain;

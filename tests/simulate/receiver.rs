@@ -1,5 +1,4 @@
-//! What a receiver adds to echoes, against theory: noise, a clock's errors, interference; the same whatever the
-//! order of reading.
+//! Receiver impairments against theory: noise, clock errors, interference; independent of the order of reading.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -33,10 +32,10 @@ fn read_echoes(echoes: &dyn Echoes) -> Vec<Complex32> {
     samples
 }
 
-/// Thermal noise by the radar equation, by hand: 4 W, gains 30 and 20, 2 dB of losses, 1.604 dB noise
-/// figure, an antenna at 100 K; 1 m² at 500 m (geometric mean of ways to and fro), band as sampled.
+/// Thermal noise by the radar equation, written out: 4 W, gains of 30 and 20, losses of 2 dB, noise figure 1.604 dB,
+/// antenna temperature 100 K; 1 m² at 500 m (geometric mean of the two ranges), bandwidth as sampled.
 #[test]
-fn noise_has_the_power_of_the_radar_equation() {
+fn thermal_noise_power_matches_radar_equation() {
     let budget = LinkBudget {
         power_w: 4.0,
         transmit_gain_dbi: 10.0 * 30f64.log10(),
@@ -78,17 +77,18 @@ fn noise_has_the_power_of_the_radar_equation() {
         });
         empty.radar.receiver.noise = Some(ThermalNoise::Equation(budget));
         let samples = read_echoes(&empty.echoes(PAIR).unwrap());
-        // At least 20000 exponential variables: standard error 0.7 %; allow five. The range is 500.003 m.
+        // At least 20000 exponential variables: standard error 0.7 %; five times this is allowed. The range is 500.003
+        // m.
         let ratio = power(&samples) / expected;
         assert!((ratio - 1.0).abs() < 0.035, "{ratio}");
     }
 }
 
-/// White noise of power `s^2` becomes `N s^2 mean(1 / |P|^2)` behind the inverse filter and
-/// `N s^2 / mean |P|^2` behind the matched one. In a sweep's band `|P|^2` is `rate^2 T / B` on average but for
-/// what lies outside, 2 % for `B T = 200`, and their ratio is that of the means, above 1.
+/// White noise of power `s^2` becomes `N s^2 mean(1 / |P|^2)` after the inverse filter and `N s^2 / mean |P|^2` after
+/// the matched filter. Within a chirp's band, `|P|^2` is on average `rate^2 T / B` except for the part outside, 2 % for
+/// `B T = 200`. The ratio of the two is that of the means, above 1.
 #[test]
-fn matched_filters_let_less_noise_through() {
+fn matched_filter_passes_less_noise_than_inverse_filter() {
     let mut empty = experiment(pulsed(10e9, 200e6, true), Vec::new());
     empty.radar.num_pulses = 200;
     empty.radar.receiver.noise = Some(ThermalNoise::Relative { power_db: -10.0 });
@@ -98,7 +98,7 @@ fn matched_filters_let_less_noise_through() {
     };
     let (inverse, matched) = (through(Filter::Inverse), through(Filter::Matched));
     let expected = 0.1 * 625.0 * 200e6 / (250e6f64.powi(2) * 1e-6);
-    // 100000 values: 0.3 % of standard error.
+    // 100000 values: standard error 0.3 %.
     let ratio = matched / expected;
     println!(
         "matched {ratio:.4} of N s^2 B / (rate^2 T), inverse {:.4}",
@@ -108,8 +108,8 @@ fn matched_filters_let_less_noise_through() {
     assert!(inverse > 1.01 * matched, "{inverse} {matched}");
 }
 
-/// Delay of a lone scatterer relative to the reference, from the mean turn between frequencies, the band's
-/// edges weighing little.
+/// Delay of a single scatterer relative to the reference, from the mean phase step between frequencies, with a small
+/// weight of the band's edges.
 fn relative_delay_s(row: &[Complex32], step_hz: f64) -> f64 {
     let weights = Window::Hamming.weights(row.len() - 1);
     let pairs = row.windows(2).zip(weights).map(|(pair, weight)| {
@@ -119,12 +119,11 @@ fn relative_delay_s(row: &[Complex32], step_hz: f64) -> f64 {
     -pairs.sum::<Complex64>().arg() / (TAU * step_hz)
 }
 
-/// A clock that is fast by 1e-4 reads all ranges long by 1e-4, 5 cm at 500 m, and takes its pulses
-/// sooner than it says. The range is read off the phase's slope: exact for pulses but for float32, good to
-/// the ripple of the sweep's edges, 3 % in phase at most and weighing a tenth, over 350 steps of 0.4 MHz
-/// below 1 mm, for FMCW.
+/// A clock that is fast by 1e-4 lengthens all ranges by 1e-4, 5 cm at 500 m, and samples its pulses earlier than
+/// recorded. The range is measured by the phase slope: exact for pulses except for float32. For FMCW, the ripple of the
+/// sweep's edges, at most 3 % in phase and weighted by a tenth, gives less than 1 mm over 350 steps of 0.4 MHz.
 #[test]
-fn a_fast_clock_reads_ranges_long() {
+fn fast_clock_lengthens_ranges() {
     let offset = 1e-4;
     for (waveform, tolerance_m) in [
         (IDEAL, 1e-5),
@@ -152,10 +151,10 @@ fn a_fast_clock_reads_ranges_long() {
     }
 }
 
-/// Jitter of 1 ns: over 400 pulses the RMS delay has a standard error of `1 / sqrt(800)`, 3.5 %. A sweep that
-/// is mixed with its own copy does not mind when it is sampled: beats stay what they are.
+/// Jitter of 1 ns: over 400 pulses the RMS delay has a standard error of `1 / sqrt(800)`, 3.5 %. An FMCW sweep mixed
+/// with its own copy is not affected by the sampling time: beat frequencies stay the same.
 #[test]
-fn jitter_moves_pulses() {
+fn jitter_shifts_pulses_but_not_fmcw_beats() {
     for (waveform, expected_s) in [
         (IDEAL, 1e-9),
         (pulsed(10e9, 200e6, true), 1e-9),
@@ -183,11 +182,11 @@ fn jitter_moves_pulses() {
     }
 }
 
-/// A tone 30 MHz beside a pulsed receiver's centre is in every sample, of full power, in the part of the
-/// pulses that its duty says; beyond half the sampling rate it is in none. It crosses a sweep for `rate / chirp`:
-/// 125 of 501 samples. Noise over 20 MHz has its power.
+/// A tone 30 MHz from a pulsed receiver's centre frequency appears with full power in every sample of the fraction of
+/// pulses given by its duty cycle; beyond half the sample rate it does not appear. In an FMCW sweep it appears for
+/// `rate / chirp`: 125 of 501 samples. Noise over 20 MHz has the given power.
 #[test]
-fn interference_has_its_power_place_and_duty() {
+fn interference_has_stated_power_frequency_and_duty() {
     let disturbed = |waveform, interferer: Interferer| {
         let mut quiet = experiment(waveform, Vec::new());
         quiet.radar.num_pulses = 500;
@@ -210,11 +209,11 @@ fn interference_has_its_power_place_and_duty() {
             row.iter()
                 .all(|z| (f64::from(z.norm_sqr()) / full - 1.0).abs() < 1e-5)
         );
-        // 30 MHz at 250 MHz.
+        // 30 MHz at a sample rate of 250 MHz.
         let turn = relative_delay_s(row, 1.0) + 30.0 / 250.0;
         assert!((turn - turn.round()).abs() < 1e-6, "{turn}");
     }
-    // Binomial: 150 of 500, standard deviation 10.2; allow five.
+    // Binomial: 150 of 500, standard deviation 10.2; five times this is allowed.
     assert!((100..=200).contains(&count), "{count}");
 
     let away = Interferer {
@@ -239,12 +238,12 @@ fn interference_has_its_power_place_and_duty() {
         frequency_hz: 10.03e9,
         ..noise
     };
-    // 20 MHz for 2.5 us: 50 independent values a pulse, 25000 in all: 0.6 % of standard error.
+    // 20 MHz for 2.5 us: 50 independent values per pulse, 25000 in total: standard error 0.6 %.
     let ratio = power(&disturbed(pulsed(10e9, 200e6, true), noise)) / full;
     assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
 }
 
-/// Everything that a receiver can add.
+/// Experiment with all receiver impairments.
 fn disturbed(waveform: Waveform) -> Experiment {
     let mut all = experiment(waveform, five_points());
     all.radar.receiver = Receiver {
@@ -278,9 +277,9 @@ fn disturbed(waveform: Waveform) -> Experiment {
     all
 }
 
-/// The same samples whatever the order of reading and the number of threads; others for another seed.
+/// Samples do not depend on the order of reading or the number of threads, and differ for another seed.
 #[test]
-fn samples_depend_on_the_seed_only() {
+fn samples_depend_only_on_the_seed() {
     for waveform in [IDEAL, pulsed(10e9, 200e6, true), fmcw(false)] {
         let mut all = disturbed(waveform);
         let recording = all.record(PAIR).unwrap();

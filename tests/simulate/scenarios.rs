@@ -1,11 +1,11 @@
-//! The simulator's two engines against each other, and against the definition, on random scenarios: radars of every
-//! kind, tracks of every kind, points, corners and movers, antennas with beams, receivers with noise.
+//! The two engines of the simulator against each other, and against the definition, on random scenarios: all kinds of
+//! radars and tracks, points, corners and movers, antenna beams, receiver noise.
 //!
-//! A scenario is a text, as a user writes it, with the two methods set in turn. The engine holds its fast sum to -90 dB
-//! of the plain one (`simulate::engine`), as relative RMS over a channel's pulses; noise is the same in
-//! both, sample for sample. What proptest finds it shrinks to the fewest words.
+//! A scenario is a TOML text, as written by a user, run with both methods. The fast sum must agree with the plain one
+//! to -90 dB (`simulate::engine`), as relative RMS over a channel's pulses. The noise is identical in both, sample by
+//! sample. proptest shrinks failures to the simplest case.
 //!
-//! `SUBAPERTURE_SCENARIOS` is the number of scenarios, 300 if it is not set.
+//! `SUBAPERTURE_SCENARIOS` is the number of scenarios, 300 by default.
 
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -21,31 +21,31 @@ use subaperture_tests::experiment::{definition, difference_db, read_whole};
 
 const C: f64 = 299_792_458.0;
 
-/// The engine's bound.
+/// Error bound of the engine.
 const BOUND_DB: f64 = -90.0;
 
-/// Random numbers from -1 to 1 that a scenario is made of, and choices; all of them shrink towards the plain.
+/// Random numbers and choices that define a scenario; all of them shrink towards the simplest case.
 #[derive(Clone, Debug)]
 struct Case {
-    /// Ideal, stepped, FMCW, pulsed by a sweep, pulsed by a code.
+    /// Ideal, stepped, FMCW, pulsed chirp, pulsed code.
     radar: u8,
     /// Linear, circular, rail, arc, waypoints, spline, fixed.
     track: u8,
-    /// Isotropic, a Gaussian beam, an aperture's.
+    /// Isotropic, Gaussian beam, aperture beam.
     pattern: u8,
-    /// Stop-and-go or true motion.
+    /// Stop-and-go or intra-pulse motion.
     moves: bool,
     spreading: bool,
     falling: bool,
     noise: bool,
-    /// Nothing, sway, vibration, acceleration, wobble.
+    /// None, sway, vibration, acceleration, wobble.
     perturbation: u8,
     receivers: u8,
     pulses: u8,
     samples: u16,
-    /// Logarithms: of carrier, relative bandwidth, range, speed.
+    /// Logarithms of carrier, relative bandwidth, range, speed.
     scales: [f64; 4],
-    /// Of the scene: its size, the squint and the height of the radar.
+    /// Size of the scene, squint and height of the radar.
     view: [f64; 3],
     points: Vec<[f64; 4]>,
     corners: u8,
@@ -71,7 +71,7 @@ prop_compose! {
 }
 
 impl Case {
-    /// From `from` to `to`, evenly by ratio.
+    /// Logarithmic interpolation from `from` to `to`.
     fn scale(&self, n: usize, from: f64, to: f64) -> f64 {
         from * (to / from).powf(self.scales[n])
     }
@@ -81,7 +81,7 @@ impl Case {
         let carrier_hz = self.scale(0, 0.3e9, 90e9);
         let bandwidth_hz = carrier_hz * self.scale(1, 2e-3, 0.5);
         let range_m = self.scale(2, 3.0, 30e3);
-        // So far as the scene is small beside the range and not smaller than some cells.
+        // The scene is small compared with the range, and not smaller than some resolution cells.
         let half_m = range_m * (0.003 + 0.25 * self.view[0]);
         let speed_m_s = self.scale(3, 0.1, 300.0);
         self.scene(&mut text, half_m);
@@ -131,7 +131,7 @@ impl Case {
         let mut radar = format!("[radar]\npulses = {pulses}\ncentre = \"{carrier_hz} Hz\"\n");
         let sweep = if self.falling { "down" } else { "up" };
         let mut pulse = String::new();
-        // Echoes of the scene, seen from anywhere, come within this time.
+        // Echoes of the scene, seen from any direction, arrive within this time.
         let scene_s = 2.0 * 2.0 * 1.5 * half_m / C;
         let lasts_s = match self.radar {
             0 => {
@@ -150,7 +150,7 @@ impl Case {
                 f64::from(samples) * step_s
             }
             2 => {
-                // Four times the beat of the farthest.
+                // Four times the largest beat frequency.
                 let sweep_s = 200.0 * scene_s + 1e-5;
                 let rate_hz = f64::from(samples) / sweep_s;
                 let beat_hz = bandwidth_hz / sweep_s * scene_s;
@@ -164,7 +164,7 @@ impl Case {
                 sweep_s
             }
             kind => {
-                // A window of at most 4000 samples, whatever the band then is.
+                // A window of at most 4000 samples; the bandwidth is reduced for that.
                 let chips = 13.0;
                 let wide_hz = bandwidth_hz.min(2000.0 / scene_s);
                 let (rate_hz, duration_s) = (1.5 * wide_hz, chips / wide_hz);
@@ -283,7 +283,7 @@ fn raw(experiment: &Experiment, pair: Pair) -> Result<Vec<Complex32>, String> {
     Ok(samples)
 }
 
-/// Relative RMS difference, dB. Silence is like silence.
+/// Relative RMS difference, dB. Two zero signals are equal.
 fn error_db(fast: &[Complex32], sum: &[Complex32]) -> f64 {
     let square = |z: Complex32| f64::from(z.re).powi(2) + f64::from(z.im).powi(2);
     let error: f64 = fast.iter().zip(sum).map(|(a, b)| square(a - b)).sum();
@@ -295,7 +295,7 @@ fn error_db(fast: &[Complex32], sum: &[Complex32]) -> f64 {
     }
 }
 
-/// What became of a scenario: the largest error, or why it is none.
+/// Largest error of a scenario, or the reason why it is invalid.
 fn compare(case: &Case, text: &str) -> Result<f64, String> {
     let (fast, sum) = (experiment(text, "fast")?, experiment(text, "sum")?);
     let mut worst_db = f64::NEG_INFINITY;
@@ -303,7 +303,7 @@ fn compare(case: &Case, text: &str) -> Result<f64, String> {
         let (fast, plain) = (raw(&fast, pair)?, raw(&sum, pair)?);
         assert!(plain.iter().all(|z| z.is_finite()));
         worst_db = worst_db.max(error_db(&fast, &plain));
-        // Points alone, alike everywhere, that stand still: that is the definition of phase history.
+        // Static isotropic points only: this is the definition of phase history.
         let plain_scene = sum.scene.movers.is_empty() && sum.scene.corners.is_empty();
         if case.radar == 0
             && case.pattern == 0
@@ -323,7 +323,7 @@ fn compare(case: &Case, text: &str) -> Result<f64, String> {
 }
 
 #[test]
-fn the_fast_sum_is_the_plain_one_on_random_scenarios() {
+fn fast_sum_matches_plain_sum_on_random_scenarios() {
     let cases = std::env::var("SUBAPERTURE_SCENARIOS")
         .ok()
         .and_then(|text| text.parse().ok());
@@ -361,7 +361,7 @@ fn the_fast_sum_is_the_plain_one_on_random_scenarios() {
     if let Err(error) = result {
         panic!("{error}");
     }
-    // Scenarios that are refused show nothing.
+    // Refused scenarios test nothing.
     assert!(
         refused < compared / 3,
         "{refused} of {} were refused",

@@ -15,6 +15,8 @@ use subaperture::simulate::scene::Scene;
 use subaperture::simulate::{Experiment, Pair, Scatterer};
 use subaperture::track::{Pose, Trajectory};
 
+use crate::plain_history::{complex, plain_pulse};
+
 /// A straight track with a sway across it.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
@@ -161,21 +163,16 @@ pub fn read_whole(history: &dyn PhaseHistory) -> Vec<Complex32> {
 
 /// Phase history by its definition, Schone 2020 (2.11), in float64, with the collection's geometry.
 pub fn definition(collection: &Collection, points: &[Scatterer]) -> Vec<Complex64> {
-    let c = 299_792_458.0;
+    let points = points.iter();
+    let points: Vec<_> = points
+        .map(|s| (s.position_m.to_array(), [s.amplitude.re, s.amplitude.im]))
+        .collect();
     let mut all = Vec::new();
     for pulse in &collection.pulses {
-        for k in 0..collection.num_samples {
-            let f = pulse.start_hz + k as f64 * pulse.step_hz;
-            let value = |s: &Scatterer| {
-                let path = pulse.transmitter_m.distance(s.position_m)
-                    + pulse.receiver_m.distance(s.position_m);
-                let turns = f * ((path - pulse.reference_path_m) / c);
-                s.amplitude * Complex64::cis(-TAU * (turns - turns.round()))
-            };
-            all.push(points.iter().map(value).sum());
-        }
+        let pulse = plain_pulse(pulse, 1.0);
+        all.extend((0..collection.num_samples).map(|k| pulse.echo(k, &points)));
     }
-    all
+    complex(&all)
 }
 
 /// Relative RMS difference, dB.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use subaperture::onboard::link::Transport;
+use subaperture::module::link::Transport;
 
 /// Most bytes taken for the line at a time.
 const CHUNK_BYTES: usize = 2048;

@@ -1,6 +1,7 @@
 //! Shared by the integration tests.
 #![forbid(unsafe_code)]
 
+pub mod accuracy_table;
 pub mod dem;
 pub mod experiment;
 pub mod faults;
@@ -14,6 +15,8 @@ pub mod module;
 pub mod module_report;
 pub mod numpy;
 pub mod odometer_scene;
+pub mod plain_history;
+pub mod plain_sum;
 pub mod random;
 pub mod statistics;
 pub mod stream_scene;

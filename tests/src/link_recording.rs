@@ -8,13 +8,13 @@ use num_complex::Complex64;
 use subaperture::io::cphd::{Channel, WriteOptions, write};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Pulse};
-use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
 /// Frequencies a pulse: 200 MHz in steps that are unambiguous over 48 m.
 const SAMPLES: usize = 64;
 
 /// The recording, 104 pulses.
-pub fn recording() -> Simulated {
+pub fn recording() -> PointTargetHistory {
     let table = Preset::Table41.simulate(&Variation::default());
     let mut collection = table.collection().clone();
     let step_hz = 200e6 / SAMPLES as f64;
@@ -36,7 +36,7 @@ pub fn recording() -> Simulated {
         position_m: DVec3::new(x, y, 0.0),
         amplitude: Complex64::cis(x) * amplitude,
     });
-    Simulated::new(collection, scatterers.to_vec(), None)
+    PointTargetHistory::new(collection, scatterers.to_vec(), None)
 }
 
 /// Writes it as a CPHD file.

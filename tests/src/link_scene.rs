@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
-use subaperture::onboard::link::{Job, MapSink, PulseSource, SinkError};
+use subaperture::module::link::{Job, MapSink, PulseSource, SinkError};
 use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 use subaperture_core::link::{AssembledMap, Encoding};
 use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};

@@ -3,7 +3,7 @@
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture::SPEED_OF_LIGHT_M_S;
-use subaperture::onboard::maps::{OwnedMap, OwnedSamples};
+use subaperture::module::maps::{OwnedMap, OwnedSamples};
 use subaperture::phase_history::{PhaseHistory, Pulse};
 use subaperture_core::Sc16;
 use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, Setup};

@@ -8,7 +8,7 @@ use std::io::Write;
 pub enum Value {
     /// Class double, stored as doubles. Rows, columns, values in column-major order.
     Double(i32, i32, Vec<f64>),
-    /// Class single.
+    /// Class single, stored as singles. Rows, columns, values in column-major order.
     Single(i32, i32, Vec<f32>),
     /// Class single, complex: real parts, imaginary parts.
     Complex(i32, i32, Vec<f32>, Vec<f32>),

@@ -7,15 +7,15 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use subaperture::onboard::link::Transport;
+use subaperture::module::link::Transport;
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FixedBuffers, FloatBuffers, SubCpiProcessor};
+use subaperture_firmware::endpoint::{Endpoint, LinkBuffers};
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
-use subaperture_firmware::station::{LinkBuffers, Station};
 
 use crate::faults::{Device, Faults, FaultyLine};
 use crate::sweep_scene::SceneProfiler;
@@ -176,7 +176,7 @@ fn serve<E: WireEngine>(
     };
     let mut odometer = Box::new(Odometer::<8, 4, 64, 256>::new());
     let mut profiler = Box::new(SceneProfiler::new());
-    let mut station = Station::new(processor, link, products, "station of the tests")
+    let mut station = Endpoint::new(processor, link, products, "station of the tests")
         .with_odometer(&mut *odometer)
         .with_profiler(&mut *profiler);
     let mut bytes = [0; 64];

@@ -170,11 +170,11 @@ pub fn render(all: &[Figures]) -> String {
     table(
         "Sizes",
         &[
-            ("pulses a sub-CPI, `M`", Count("pulses")),
+            ("pulses per sub-CPI, `M`", Count("pulses")),
             ("frequencies, `F`", Count("frequencies")),
             ("range transform, `R`", Count("range_length")),
-            ("rows of the map", Count("rows_of_map")),
-            ("bins of a row", Count("bins_of_row")),
+            ("map rows", Count("rows_of_map")),
+            ("bins per row", Count("bins_of_row")),
             ("patches", Count("patches")),
         ],
     );
@@ -190,81 +190,81 @@ pub fn render(all: &[Figures]) -> String {
         ],
     );
     table(
-        "Instructions of a map, thousands",
+        "Instructions per map, thousands",
         &[
             ("begin: phases", Kilo("begin")),
             ("columns: compensation", Kilo("compensation")),
-            ("columns: Keystone", Kilo("keystone")),
+            ("columns: keystone", Kilo("keystone")),
             ("rows", Kilo("rows")),
-            ("of these, range transforms", Kilo("ffts")),
+            ("range transforms within rows", Kilo("ffts")),
             ("**map**", Kilo("map")),
-            ("share of the transforms", Share("ffts")),
-            ("share of Keystone", Share("keystone")),
+            ("share of range transforms", Share("ffts")),
+            ("share of keystone", Share("keystone")),
             ("share of the rest", Share("rest")),
-            ("map without Keystone, over transforms", Ratio),
+            ("map without keystone, relative to range transforms", Ratio),
             (
-                "Keystone a pair of pulses and bin",
+                "keystone per pair of pulses and bin",
                 Tenths("keystone_tenths_a_pair"),
             ),
         ],
     );
     table(
-        "Instructions of the rest, thousands",
+        "Other instructions, thousands",
         &[
-            ("one transform of `R`", Kilo("fft")),
+            ("one range transform", Kilo("fft")),
             ("`nodes` of a sub-CPI", Kilo("nodes")),
-            ("taking a sub-CPI's pulses", Kilo("receive_pulses")),
+            ("receiving the pulses of a sub-CPI", Kilo("receive_pulses")),
             (
                 "products of a map: 1024 pixels, detections",
                 Kilo("products"),
             ),
             ("encoding a map", Kilo("send_map")),
             (
-                "a sub-CPI: pulses, all maps, their encoding",
+                "sub-CPI in total: pulses, all maps, encoding",
                 Kilo("sub_cpi"),
             ),
-            ("longest piece of work: column", Kilo("column_worst")),
-            ("longest piece of work: row", Kilo("row_worst")),
-            ("longest piece of work: detection", Kilo("products_worst")),
-            ("longest frame taken", Kilo("receive_worst")),
-            ("longest frame made", Kilo("send_worst")),
+            ("longest step: column", Kilo("column_worst")),
+            ("longest step: row", Kilo("row_worst")),
+            ("longest step: detection", Kilo("products_worst")),
+            ("longest received frame", Kilo("receive_worst")),
+            ("longest sent frame", Kilo("send_worst")),
         ],
     );
     table(
-        "Increments instead of maps: a pulse of four targets",
+        "Motion increments: a pulse with four targets",
         &[
             ("channels", Count("odometer_channels")),
             ("frequencies", Count("odometer_frequencies")),
             ("range transform", Count("odometer_bins")),
             (
-                "settings, thousands of instructions",
+                "configuration, thousands of instructions",
                 Kilo("odometer_configure"),
             ),
             (
-                "taking the channels' samples, thousands",
+                "receiving the channels' samples, thousands",
                 Kilo("odometer_receive"),
             ),
-            ("finding the increment, thousands", Kilo("odometer_work")),
-            ("longest piece of work, thousands", Kilo("odometer_worst")),
+            ("estimating the increment, thousands", Kilo("odometer_work")),
+            ("longest step, thousands", Kilo("odometer_worst")),
             ("the pulse, bytes", Bytes("odometer_up_bytes")),
             ("its increment, bytes", Bytes("increment_bytes")),
         ],
     );
     table(
-        "Range profiles instead of maps: a sweep of a stepped-carrier radar",
+        "Range profiles: a sweep of a stepped-frequency radar",
         &[
             ("carriers", Count("profiler_carriers")),
-            ("samples a step", Count("profiler_samples")),
+            ("samples per carrier", Count("profiler_samples")),
             ("bins", Count("profiler_bins")),
             (
-                "taking a step's samples, thousands of instructions",
+                "receiving a carrier's samples, thousands of instructions",
                 Kilo("profiler_step"),
             ),
             (
-                "longest part taken, of 64 samples, thousands",
+                "longest received part of 64 samples, thousands",
                 Kilo("profiler_receive_worst"),
             ),
-            ("making the profile, thousands", Kilo("profiler_work")),
+            ("forming the profile, thousands", Kilo("profiler_work")),
             ("encoding it, thousands", Kilo("profiler_send")),
             ("the sweep, bytes", Bytes("profiler_up_bytes")),
             ("its profile, bytes", Bytes("profile_bytes")),
@@ -316,42 +316,42 @@ impl Show {
 }
 
 const HEAD: &str = "\
-# What the module costs
+# Cost of the embedded module
 
 Written by `cargo xtask module-report`, compared by `cargo xtask module-report --check`; the budgets are in
 `tests/firmware/budgets.rs`.
 
-**Method.** Instructions: the program `cycles` under QEMU's Cortex-M7, whose time is tied to instructions
-(`-icount shift=5`); a sub-CPI goes through the station as it does on the board, and every call is
-timed. One patch fills the map buffer; a second of one Doppler bin has columns that are compensation
-and one sum, so that Keystone is the difference. Cycles on a real STM32H743 were not measured. Memory: section sizes of the
-application linked for the STM32H743ZI. Stack: the painted part that `cycles` had overwritten after the
-run, with chip, detections, increments and profiles. Link: bytes of the frames of that run. Increments: of the largest pulses that the odometer has room for, after
-two that confirm their targets; its buffers are in DTCM. Range profiles: of a sweep of all carriers that the profiler has room for, 512 samples each in parts of 64; its buffers
-are in DTCM too.
+**Method.** Instructions: the program `cycles` under QEMU's Cortex-M7, with time tied to instructions
+(`-icount shift=5`). A sub-CPI passes through the endpoint as on the board, and every call is
+timed. One patch fills the map buffer; a second one with one Doppler bin has columns of compensation
+and one sum, so that the keystone transform is the difference. Cycles on a real STM32H743 were not measured. Memory: section
+sizes of the application linked for the STM32H743ZI. Stack: the part overwritten after the run of `cycles`, with chip,
+detections, increments and profiles. Link: bytes of the frames of that run. Increments: for pulses of the maximum size of the
+odometer, after two pulses that confirm the targets; its buffers are in DTCM. Range profiles: for a sweep with the maximum number
+of carriers of the profiler, 512 samples each in parts of 64; its buffers are in DTCM as well.
 ";
 
 const TAIL: &str = "
-## Floors, and where the rest goes
+## Lower bounds, and the remaining cost
 
-*Range transforms.* microfft (float32), `fixed_point::fft` (integers): one of `R` points a row of the map.
+*Range transforms.* microfft (float32), `fixed_point::fft` (integers): one of `R` points per map row.
 
-*Keystone* folds pulses `u` and `-u` and serves the bins `d` and `-d` together, so a unit of it is a pair
-of pulses at a pair of bins. In float32 a unit takes 4 products and 4 sums for the bins, 4 products and
-2 sums to turn the phasor, and 4 loads: 18 instructions, where no multiply-add may be fused. In fixed
-point it takes 8 multiplications of 32 to 64 bits, 2 double loads, and 4 instructions for each
-of the phasor's two parts to round: 18. What is above that is loop control, the phasors that begin a bin
-(one, in fixed point two) and the stores; in fixed point also scaling and narrowing of every bin,
-and registers: four 64-bit sums do not fit beside phasor and step, and of the loop's 46 instructions 18
-are loads and stores of the stack.
+*Keystone* folds pulses `u` and `-u` and processes the bins `d` and `-d` together, so its unit is a pair of
+pulses at a pair of bins. In float32 a unit takes 4 products and 4 sums for the bins, 4 products and
+2 sums to rotate the phasor, and 4 loads: 18 instructions, without fused multiply-add. In fixed point it
+takes 8 multiplications of 32 to 64 bits, 2 double loads, and 4 instructions to round each of the
+phasor's two parts: 18. The rest is loop control, the first phasors of a bin (one, in fixed point two) and
+stores; in fixed point also scaling and narrowing of every bin, and register spills: four 64-bit sums do
+not fit in registers together with phasor and step, and 18 of the loop's 46 instructions access the stack.
 
-*The rest* of a map: compensation (a rotation and a product a sample, a fresh phasor every 16
-frequencies), filling and emptying the row of the transform, and at the beginning two square roots of
-float64 a pulse, in software.
+*Remaining cost* of a map: compensation (a rotation and a product per sample, a directly computed phasor
+every 16 frequencies), filling and reading the range transform buffer, and initially two float64 square
+roots per pulse, in software.
 
-*Not in pieces.* The search for detections is one piece of work, the longest there is; a row of a chip is
-one too. Columns, rows and frames are short.
+*Longest steps.* The CFAR search is a single step, the longest of all; a row of a chip is a single step too.
+Columns, rows and frames are short.
 
-*An increment* is a transform of each channel; a search, and three rounds over the targets, each of which takes an echo away and adds it again, with
-three looks at its range in every channel: a product with a phasor and three sums a sample. Motion itself, in float64, is the least of it.
+*An increment* takes one transform per channel, a search, and three rounds over the targets. Each round adds an echo back and
+subtracts it again, with three evaluations at its range in every channel: a product with a phasor and three sums per sample. The
+motion estimate itself, in float64, is the smallest part.
 ";

@@ -9,7 +9,7 @@ use subaperture::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
 };
 use subaperture_core::link::{Increment, Motion};
-use subaperture_core::motion::{Antennas, Follow, Odometer, Progress, Setup, Step};
+use subaperture_core::motion::{Antennas, Odometer, Progress, Setup, Step, TrackerSettings};
 
 use crate::random::Random;
 
@@ -43,7 +43,7 @@ pub fn setup() -> Setup {
         rank: 0.6,
         false_alarm_probability: 1e-5,
         least_snr_db: 10.0,
-        follow: Follow::default(),
+        follow: TrackerSettings::default(),
     }
 }
 

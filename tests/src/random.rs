@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 pub struct Random(pub u64);
 
 impl Random {
-    /// 64 random bits.
+    /// Next 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

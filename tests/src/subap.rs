@@ -54,9 +54,9 @@ fn built(what: &[&str]) -> PathBuf {
 pub struct Ran {
     /// Exit status; `None` if a signal ended it.
     pub code: Option<i32>,
-    /// Standard output.
+    /// Text written to standard output.
     pub stdout: String,
-    /// Standard error.
+    /// Text written to standard error.
     pub stderr: String,
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use num_complex::{Complex, Complex64};
-use subaperture::onboard::link::{SweepBurst, SweepSource};
+use subaperture::module::link::{SweepBurst, SweepSource};
 use subaperture::phase_history::ReadError;
 use subaperture_core::Window;
 use subaperture_core::sweep::{Profiler, Setup};

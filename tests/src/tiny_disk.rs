@@ -21,7 +21,7 @@ impl TinyDisk {
         mounted.then_some(Self(place))
     }
 
-    /// Where it is.
+    /// Mount point of the file system.
     pub fn path(&self) -> &Path {
         self.0.path()
     }

@@ -1,4 +1,4 @@
-//! Accumulators of the core, end to end: a point simulated in float64 must focus to 1 with phase 0.
+//! Accumulators of the core, end to end: a point simulated in float64 must focus to amplitude 1 and phase 0.
 
 use std::f64::consts::{PI, TAU};
 
@@ -18,7 +18,7 @@ fn length(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Samples of a unit scatterer by way of a relative path.
+/// Samples of a unit scatterer at a relative path.
 fn echo(num_frequencies: usize, path_m: f64) -> Vec<Complex32> {
     (0..num_frequencies)
         .map(|k| {
@@ -32,8 +32,8 @@ fn along(start: [f64; 3], velocity: [f64; 3], pulses: f64) -> [f64; 3] {
     [0, 1, 2].map(|i| start[i] + velocity[i] * pulses)
 }
 
-/// Antennas on straight tracks, transmitter and receiver apart, both moving; the reference path is
-/// that of a moving point plus a clock's drift: nothing cancels by chance.
+/// Antennas on straight tracks, bistatic and both moving. The reference path is that of a moving point plus a clock drift, so
+/// that nothing cancels by chance.
 struct Tracks {
     pulses: usize,
 }
@@ -43,7 +43,7 @@ impl Tracks {
     const RECEIVER: ([f64; 3], [f64; 3]) = ([500.0, -4100.0, 1500.0], [0.07, -0.05, 0.03]);
     const REFERENCE: ([f64; 3], [f64; 3]) = ([3.0, -2.0, 1.0], [0.001, 0.002, 0.0]);
 
-    /// Two-way path to `point`, and the reference path, `p` pulses from the sub-CPI's mean pulse.
+    /// Two-way path to `point` and reference path, `p` pulses from the mean pulse of the sub-CPI.
     fn paths(p: f64, point: [f64; 3]) -> (f64, f64) {
         let (t, r) = (
             along(Self::TRANSMITTER.0, Self::TRANSMITTER.1, p),
@@ -61,8 +61,8 @@ impl Tracks {
         echo(FREQUENCIES, path - reference)
     }
 
-    /// Centre state, the reference path's rate by a central difference, good to its third derivative
-    /// over 24: below 1e-12 m a pulse here.
+    /// Centre state. The rate of the reference path is a central difference, with an error of its third derivative over 24: below
+    /// 1e-12 m per pulse here.
     fn centre() -> Centre {
         let reference = |p| Self::paths(p, [0.0; 3]).1;
         Centre {
@@ -75,7 +75,7 @@ impl Tracks {
         }
     }
 
-    /// Largest deviation of the relative path from a straight line over the sub-CPI, in radians.
+    /// Maximum deviation of the relative path from a straight line over the sub-CPI, in radians.
     fn curvature_rad(&self, point: [f64; 3]) -> f64 {
         let half = (self.pulses as f64 - 1.0) / 2.0;
         let relative = |p| {
@@ -116,7 +116,7 @@ fn map_of(pulses: &[Vec<Complex32>], range_bins: usize, doppler_bins: usize) -> 
     let mut scratch = vec![Complex32::ZERO; plan.scratch_len()];
     let mut samples = vec![Complex32::ZERO; shape.map_len()];
     for (m, pulse) in pulses.iter().enumerate() {
-        plan.window(m, pulse, &mut history);
+        plan.window(m, pulse, &mut history).unwrap();
     }
     plan.process(&history, &mut scratch, &mut samples).unwrap();
     MapOf {
@@ -146,12 +146,12 @@ fn one_pixel(point: [f64; 3]) -> PixelGrid {
     }
 }
 
-/// The pixel on the scatterer through a map of padding 8 in both axes.
+/// Pixel on the scatterer, from a map oversampled by 8 in both axes.
 ///
-/// Tolerance: linear interpolation, pi^2/24 (1/8^2 + 1/8^2) = 0.0129 of the peak. For an even number
-/// of frequencies or pulses the aperture's centroid is half a cell from the reference, which turns
-/// the phase by a sawtooth that interpolation also follows: second moment 1/12 + (1/(2N))^2, a factor
-/// 1 + 3/N^2. Curvature of the path: its largest phase. Rounding: 1e-5.
+/// Tolerance: linear interpolation, pi^2/24 (1/8^2 + 1/8^2) = 0.0129 of the peak. For an even number of frequencies or
+/// pulses the centroid of the aperture is half a cell from the reference, which rotates the phase by a sawtooth that
+/// interpolation also follows: second moment 1/12 + (1/(2N))^2, a factor 1 + 3/N^2. Curvature of the path: its largest
+/// phase. Rounding: 1e-5.
 fn focused(num_pulses: usize, point: [f64; 3]) -> (Complex32, f64) {
     let tracks = Tracks { pulses: num_pulses };
     let pulses: Vec<_> = (0..num_pulses).map(|m| tracks.pulse(m, point)).collect();
@@ -167,7 +167,7 @@ fn focused(num_pulses: usize, point: [f64; 3]) -> (Complex32, f64) {
 }
 
 #[test]
-fn simulated_point_focuses_to_one_with_phase_zero() {
+fn simulated_point_focuses_to_amplitude_one_and_phase_zero() {
     for point in [
         [0.0, 0.0, 0.0],
         [4.0, 9.0, 0.0],
@@ -184,14 +184,13 @@ fn simulated_point_focuses_to_one_with_phase_zero() {
     }
 }
 
-/// Where a point falls on bins exactly and its path is straight, interpolation and curvature drop out:
-/// the map reads the phase of its reference pulse and frequency, and the pixel 1. A monostatic radar
-/// flies straight at the point, 3 bins of Doppler and 5 of range from a reference at rest.
+/// If a point falls exactly on bins and its path is straight, interpolation and curvature do not contribute: the map has the
+/// phase of its reference pulse and frequency, and the pixel is 1. A monostatic radar flies straight at the point, 3 Doppler
+/// bins and 5 range bins from a stationary reference.
 ///
-/// Tolerance: rounding. Two transforms of 32 and one of 64 have 16 levels, each in error by about
-/// u = 2^-24 of the norm and independently: 4 u. The norm spreads over twice as many bins as there
-/// are samples in range, and over L/M = 2 in the chirp-z convolution: 2 times as much relative to the
-/// peak, 5e-7. Four times that are allowed.
+/// Tolerance: rounding. Two transforms of 32 points and one of 64 have 16 levels, each with an independent error of about
+/// u = 2^-24 of the norm: 4 u. The norm spreads over twice as many bins as there are samples in range, and over L/M = 2 in
+/// the chirp-z convolution: 2 times as much relative to the peak, 5e-7. Four times that is allowed.
 fn on_a_bin(num_pulses: usize, num_frequencies: usize) {
     const TOLERANCE: f32 = 2e-6;
     let (range_bins, doppler_bins) = (5.0, 3.0);
@@ -239,7 +238,7 @@ fn on_a_bin_the_phase_is_exact() {
     on_a_bin(15, 31);
 }
 
-/// Sub-CPIs that see the scene from ever other places add in phase: eight of them still give 1.
+/// Sub-CPIs from different positions add in phase: eight of them still give 1.
 #[test]
 fn sub_cpis_add_in_phase() {
     let point = [2.5, -1.5, 0.0];
@@ -268,8 +267,8 @@ fn sub_cpis_add_in_phase() {
         let centre = Centre::monostatic(antenna(mean_pulse), [0.25, 0.0, 0.0], [0.0; 3]);
         assert_eq!(image.accumulate(&map.view(), &centre, 1.0 / 8.0), 9);
     }
-    // Bilinear bound as above, 0.0130; curvature of the relative path over 16 pulses: the reference
-    // compensates all but x^2 d / R^2 terms, (2 m)^2 * 2.5 m / (3162 m)^2 * 2 = 2e-6 m, 4e-4 rad.
+    // Bilinear bound as above, 0.0130. Curvature of the relative path over 16 pulses: the reference compensates all except
+    // terms in x^2 d / R^2, (2 m)^2 * 2.5 m / (3162 m)^2 * 2 = 2e-6 m, 4e-4 rad.
     let centre = image.pixels()[4];
     assert!((centre - 1.0).norm() < 0.0135, "{centre}");
     // The resolution is C / (2 * 200 MHz) = 0.75 m and about 1.4 m: the corners are off the main lobe.
@@ -277,7 +276,7 @@ fn sub_cpis_add_in_phase() {
 }
 
 #[test]
-fn pixels_outside_the_map_receive_nothing() {
+fn pixels_outside_map_receive_nothing() {
     let shape = Shape {
         num_pulses: 4,
         num_frequencies: 4,
@@ -302,7 +301,7 @@ fn pixels_outside_the_map_receive_nothing() {
     for (i, pixel) in pixels.iter().enumerate() {
         assert_eq!((2..7).contains(&i), *pixel != Complex32::ZERO, "{i}");
     }
-    // At the antenna the direction is undefined: nothing, rather than not a number.
+    // At the antenna the direction is undefined: the pixel receives nothing instead of NaN.
     let at_antenna = one_pixel([0.0; 3]);
     let mut pixel = [Complex32::ZERO];
     assert_eq!(add_map(&mut pixel, &at_antenna, &map, &centre, 1.0), Ok(0));
@@ -310,7 +309,7 @@ fn pixels_outside_the_map_receive_nothing() {
 }
 
 #[test]
-fn capacities_and_shapes_are_kept() {
+fn capacity_and_shape_are_checked() {
     let mut image = CoherentGrid::<8>::new();
     let mut grid = one_pixel([0.0; 3]);
     (grid.num_columns, grid.num_rows) = (4, 2);

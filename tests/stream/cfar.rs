@@ -1,11 +1,11 @@
-//! The detector of the core: its false alarms counted, its places measured, its edges and limits.
+//! CFAR detector of the core: false-alarm rate, position accuracy, edges and limits.
 
 use std::f64::consts::{PI, TAU};
 
 use num_complex::{Complex32, Complex64};
 use proptest::prelude::*;
 use subaperture_core::Sc16;
-use subaperture_core::cfar::{Cfar, CfarError, Column, Detection, Reach, Tally};
+use subaperture_core::cfar::{CellCounts, Cfar, CfarError, Column, Detection, TrainingWindow};
 use subaperture_core::stream::{
     BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two,
 };
@@ -21,15 +21,15 @@ fn noise_power(random: &mut Random) -> f64 {
     -unit(random).ln()
 }
 
-fn reach(guard: u16, training: u16) -> Reach {
-    Reach { guard, training }
+fn reach(guard: u16, training: u16) -> TrainingWindow {
+    TrainingWindow { guard, training }
 }
 
 fn detect<const CAPACITY: usize>(
     cfar: &Cfar,
     power: &[f32],
     width: usize,
-) -> (Tally, heapless::Vec<Detection, CAPACITY>) {
+) -> (CellCounts, heapless::Vec<Detection, CAPACITY>) {
     let mut columns = vec![Column::default(); width];
     let mut detections = heapless::Vec::new();
     let tally = cfar
@@ -38,7 +38,7 @@ fn detect<const CAPACITY: usize>(
     (tally, detections)
 }
 
-/// Every cell's ring summed on its own; cells tested, and the peaks among those above the threshold.
+/// Every ring summed separately. Returns the number of cells tested, the number above the threshold, and the peaks among them.
 fn one_by_one(cfar: &Cfar, power: &[f32], width: usize) -> (u32, u32, Vec<(i64, i64)>) {
     let rows = (power.len() / width) as i64;
     let at = |row: i64, column: i64| {
@@ -84,10 +84,10 @@ fn one_by_one(cfar: &Cfar, power: &[f32], width: usize) -> (u32, u32, Vec<(i64, 
     (tested, above, peaks)
 }
 
-/// Sliding sums find what sums made anew for every cell find: rings of all forms, larger than the map
-/// too, in maps with cells that are no numbers.
+/// Sliding sums equal sums computed anew for every cell, for rings of all shapes, also larger than the map, and for maps with
+/// NaN cells.
 #[test]
-fn sliding_sums_are_the_sums() {
+fn sliding_sums_match_direct_sums() {
     let mut random = Random(1);
     let mut found = 0;
     for (range, doppler) in [
@@ -125,7 +125,7 @@ fn sliding_sums_are_the_sums() {
                 .map(|d| (d.doppler_bin, d.range_bin))
                 .collect();
             assert_eq!(places.len(), peaks.len());
-            // Refined by half a bin at most: to each peak its own.
+            // Interpolation shifts by at most half a bin: each peak matches its own.
             for (d, r) in &peaks {
                 let near = |&(a, b): &(f32, f32)| {
                     (a - *d as f32).abs() <= 0.5 && (b - *r as f32).abs() <= 0.5
@@ -144,14 +144,14 @@ fn sliding_sums_are_the_sums() {
     assert!(found > 100);
 }
 
-/// The share of cells above the threshold in exponential noise is the probability asked for, at the
-/// edges too: the maps are hardly larger than the ring, so that nearly every cell's is cut.
+/// The fraction of cells above the threshold in exponential noise equals the requested probability, at edges too: the maps are
+/// hardly larger than the ring, so almost every ring is cut.
 ///
-/// Tolerance: cells of one map share training cells, maps share nothing. So the count's standard error
-/// is taken from its scatter from map to map, and four of them are allowed: one run in 16 000 would
-/// fail by chance, and this one is always the same.
+/// Tolerance: cells of one map share training cells, maps share nothing. The standard error is therefore taken from the
+/// scatter between maps, and four of it are allowed: one run in 16 000 would fail by chance, and this run is always the
+/// same.
 #[test]
-fn false_alarms_are_as_many_as_asked_for() {
+fn false_alarm_rate_matches_requested_probability() {
     const ROWS: usize = 12;
     const WIDTH: usize = 20;
     let mut random = Random(2);
@@ -186,7 +186,7 @@ fn false_alarms_are_as_many_as_asked_for() {
     }
 }
 
-/// Power summed over four maps stays below the threshold more often, as the module says.
+/// Power summed over four maps exceeds the threshold less often, as the module documentation states.
 #[test]
 fn summed_power_has_fewer_false_alarms() {
     let mut random = Random(3);
@@ -204,7 +204,7 @@ fn summed_power_has_fewer_false_alarms() {
     assert!(rate < 1e-3);
 }
 
-/// Response of `n` samples under Hamming's window, or none, `x` bins of an `n padding` transform off.
+/// Response of `n` samples with or without a Hamming window, `x` bins off in a transform of length `n padding`.
 fn response(n: usize, padding: usize, hamming: bool, x: f64) -> Complex64 {
     let mut sum = Complex64::ZERO;
     let mut weights = 0.0;
@@ -248,25 +248,24 @@ fn powers(map: &[Complex64]) -> Vec<f32> {
 }
 
 const NEAR_THE_POINT: Cfar = Cfar {
-    range: Reach {
+    range: TrainingWindow {
         guard: 4,
         training: 6,
     },
-    doppler: Reach {
+    doppler: TrainingWindow {
         guard: 4,
         training: 3,
     },
     false_alarm_probability: 1e-6,
 };
 
-/// Places and powers of a single point, all over the cell, without noise. The bounds are the figures
-/// measured; that the parabola is exact at the middle of a bin and between two, by symmetry, and the
-/// order of magnitude follow from theory: of `ln sinc^2(s) = -(pi s)^2/3 - (pi s)^4/90 - ...`, `s` in
-/// resolution cells, the quartic term moves the top of three points `h` apart by about
-/// `(pi h)^2 / 15 e (1 - 4 e^2)` bins where it is `e` bins off: at most 0.03 for `h = 1/2`, and 0.13 for
-/// `h = 1`, where higher terms count too.
+/// Position and power errors of a single point, across the whole cell, without noise. The bounds are measured figures. By
+/// symmetry the parabola is exact on a bin and midway between two. The order of magnitude follows from theory: with
+/// `ln sinc^2(s) = -(pi s)^2/3 - (pi s)^4/90 - ...`, `s` in resolution cells, the quartic term moves the vertex through
+/// three points spaced `h` by about `(pi h)^2 / 15 e (1 - 4 e^2)` bins at an offset of `e` bins: at most 0.03 for
+/// `h = 1/2`, and 0.13 for `h = 1`, where higher terms matter too.
 #[test]
-fn places_are_within_a_fraction_of_a_bin() {
+fn detection_position_error_is_within_stated_bounds() {
     for (padding, hamming, place_bound, power_bound_db) in [
         (2, false, BOUNDS[0].0, BOUNDS[0].1),
         (2, true, BOUNDS[1].0, BOUNDS[1].1),
@@ -292,31 +291,31 @@ fn places_are_within_a_fraction_of_a_bin() {
     }
 }
 
-/// As measured, rounded up: bins and decibels, in the order of the test above.
+/// Measured bounds, rounded up, in bins and decibels, in the order of the test above.
 const BOUNDS: [(f64, f64); 4] = [(0.021, 0.57), (0.0034, 0.036), (0.167, 5.47), (0.017, 0.80)];
 
-/// Guards wide enough for two targets.
+/// Guard region wide enough for two targets.
 const AROUND_BOTH: Cfar = Cfar {
-    range: Reach {
+    range: TrainingWindow {
         guard: 10,
         training: 4,
     },
-    doppler: Reach {
+    doppler: TrainingWindow {
         guard: 8,
         training: 3,
     },
     false_alarm_probability: 1e-6,
 };
 
-/// Two targets three resolution cells apart in one axis, or two in each, 30 dB and 24 dB above the
-/// noise: both are found where they are, and nothing else.
+/// Two targets three resolution cells apart in one axis, or two in each, 30 dB and 24 dB above the noise: both are detected at
+/// their positions, and nothing else.
 ///
-/// Tolerance: near its top the response of Hamming's window on twice as many bins falls as
-/// `1 - (x / 2.5)^2` in amplitude, as its samples' mean square `u^2` says, and noise adds a slope of the
-/// order of its amplitude a bin: `sqrt(1 / 250) 2.5^2 / 2 = 0.2` bins, standard deviation. Four fifths of
-/// a bin are 4 of these. Sidelobes, of -43 dB, are below the noise.
+/// Tolerance: near its maximum the response of the Hamming window with twice as many bins falls as `1 - (x / 2.5)^2` in
+/// amplitude, as follows from the mean square `u^2` of its samples. Noise adds a slope of about its amplitude per bin:
+/// `sqrt(1 / 250) 2.5^2 / 2 = 0.2` bins standard deviation. Four fifths of a bin are 4 of these. Sidelobes at -43 dB are
+/// below the noise.
 #[test]
-fn two_targets_near_each_other() {
+fn two_close_targets_are_both_detected() {
     let mut random = Random(4);
     let amplitude = |power: f64, turns: f64| Complex64::from_polar(power.sqrt(), TAU * turns);
     let strong = (-2.3, -4.4);
@@ -340,9 +339,9 @@ fn two_targets_near_each_other() {
             }
         }
     }
-    // In the strong one's shadow, as the module says: its 1000 in 2 * 1.36 cells each way (the
-    // window's noise bandwidth) among 234 training cells are a mean of 31, less what reaches beyond the ring,
-    // and the threshold is 14.2 times that.
+    // Masked by the strong target, as the module documentation states: its 1000 in 2 * 1.36 cells in each axis (the noise
+    // bandwidth of the window) among 234 training cells give a mean of 31, minus what lies beyond the ring, and the
+    // threshold is 14.2 times that.
     let targets = [
         (strong.0, strong.1, amplitude(1000.0, 0.0)),
         (strong.0, strong.1 + 8.0, amplitude(250.0, 0.0)),
@@ -356,7 +355,7 @@ fn two_targets_near_each_other() {
 }
 
 #[test]
-fn edges_are_tested_with_the_cells_there_are() {
+fn edge_cells_use_available_training_cells() {
     let mut power = [1.0f32; 7 * 9];
     power[0] = 1e4; // row 0, column 0
     power[6 * 9 + 4] = 2e4; // last row, middle
@@ -372,7 +371,7 @@ fn edges_are_tested_with_the_cells_there_are() {
         .iter()
         .map(|d| (d.doppler_bin, d.range_bin, d.noise))
         .collect();
-    // Not refined across the edge; along it, neighbours are equal.
+    // Not interpolated across the edge; along it the neighbours are equal.
     assert_eq!(
         places,
         [(0.0, 4.0, 1.0), (3.0, 0.0, 1.0), (-3.0, -4.0, 1.0)]
@@ -386,8 +385,8 @@ fn edges_are_tested_with_the_cells_there_are() {
 }
 
 #[test]
-fn the_weakest_are_dropped_and_counted() {
-    // Eleven targets, the strongest in the middle of the order in which they are met.
+fn full_list_drops_and_counts_weakest_detections() {
+    // Eleven targets, with the strongest in the middle of the scan order.
     let strengths = [5, 9, 2, 11, 7, 1, 10, 3, 8, 6, 4];
     let mut power = vec![1.0f32; 110];
     for (i, strength) in strengths.into_iter().enumerate() {
@@ -408,11 +407,11 @@ fn the_weakest_are_dropped_and_counted() {
     assert_eq!(tally.dropped, 11);
 }
 
-/// After a cell of 1e15 has slid through, the ring's sum is off by roundings of it: of the two columns'
-/// and the ring's additions and subtractions, ten at most, each of half a unit in the last place of
-/// 1e15, 1/16. The noise is the sum over 28 cells: 10 / 16 / 28 = 0.022.
+/// After a cell of 1e15 has passed through, the ring's sum has rounding errors of it: at most ten additions and subtractions of
+/// the two columns and the ring, each with half a unit in the last place of 1e15, 1/16. The noise level is the sum over 28
+/// cells: 10 / 16 / 28 = 0.022.
 #[test]
-fn a_strong_cell_leaves_no_trace_in_the_sums() {
+fn strong_cell_leaves_only_rounding_in_sums() {
     let mut power = vec![1.0f32; 5 * 100];
     power[2 * 100 + 10] = 1e15;
     power[3 * 100 + 80] = 1e3;
@@ -429,19 +428,28 @@ fn a_strong_cell_leaves_no_trace_in_the_sums() {
 }
 
 #[test]
-fn nothing_is_found_where_nothing_is() {
+fn zero_power_has_no_detections() {
     for value in [0.0, 1.0, -1.0, f32::NAN, f32::INFINITY, f32::MAX, 1e-45] {
         let (tally, detections) = detect::<4>(&NEAR_THE_POINT, &[value; 400], 20);
         assert_eq!((tally.above, detections.len()), (0, 0), "{value}");
     }
-    assert_eq!(detect::<4>(&NEAR_THE_POINT, &[], 20).0, Tally::default());
-    assert_eq!(detect::<4>(&NEAR_THE_POINT, &[], 0).0, Tally::default());
-    // One cell has no training cells.
-    assert_eq!(detect::<4>(&NEAR_THE_POINT, &[1e9], 1).0, Tally::default());
+    assert_eq!(
+        detect::<4>(&NEAR_THE_POINT, &[], 20).0,
+        CellCounts::default()
+    );
+    assert_eq!(
+        detect::<4>(&NEAR_THE_POINT, &[], 0).0,
+        CellCounts::default()
+    );
+    // A single cell has no training cells.
+    assert_eq!(
+        detect::<4>(&NEAR_THE_POINT, &[1e9], 1).0,
+        CellCounts::default()
+    );
 }
 
 #[test]
-fn settings_that_cannot_be_are_refused() {
+fn invalid_settings_are_rejected() {
     let mut columns = [Column::default(); 10];
     let mut detections = heapless::Vec::<Detection, 4>::new();
     detections.push(Detection::default()).unwrap();
@@ -466,17 +474,17 @@ fn settings_that_cannot_be_are_refused() {
     };
     assert_eq!(refused(&cfar, 100, 10), CfarError::NoTraining);
     for (length, width, what) in [
-        (95, 10, "power: 95 elements given, 90 needed"),
-        (95, 0, "power: 95 elements given, 0 needed"),
-        (90, 9, "columns: 10 elements given, 9 needed"),
+        (95, 10, "power: expected 90 elements, found 95"),
+        (95, 0, "power: expected 0 elements, found 95"),
+        (90, 9, "columns: expected 9 elements, found 10"),
     ] {
         assert_eq!(refused(&NEAR_THE_POINT, length, width).to_string(), what);
     }
 }
 
-/// A map is searched as its power is, in floating point and in blocks of a common exponent.
+/// A map is searched like its power, in floating point and in block floating point.
 #[test]
-fn maps_are_searched_as_their_power() {
+fn map_detections_match_those_of_its_power() {
     let mut random = Random(5);
     let (rows, width) = (11usize, 41usize);
     let blocks = BlockFloat::blocks(width);
@@ -530,8 +538,7 @@ fn maps_are_searched_as_their_power() {
 }
 
 proptest! {
-    /// Any bits in any map with any settings: an answer or an error, places within the map, and no
-    /// number that is none.
+    /// Any bits in any map with any settings give a result or an error, with positions within the map and only finite numbers.
     #[test]
     fn never_panics(
         bits in proptest::collection::vec(any::<u32>(), 0..200),
@@ -560,8 +567,8 @@ proptest! {
 }
 
 #[test]
-fn lift_is_bounded_by_the_loss_between_bins() {
-    // Two equal neighbours on nothing: the parabola is as steep as floats allow.
+fn interpolated_peak_gain_is_bounded_by_straddle_loss() {
+    // Two equal neighbours on zero: the parabola is as steep as floats allow.
     let mut power = [0.0f32; 21];
     (power[10], power[11]) = (1.0, 1.0);
     power[2] = 1e-3; // something to train on
@@ -573,6 +580,6 @@ fn lift_is_bounded_by_the_loss_between_bins() {
     let (_, detections) = detect::<2>(&cfar, &power, 21);
     let strongest = detections[0];
     assert!((strongest.range_bin - 0.5).abs() < 1e-6);
-    // One row: refined in range alone.
+    // One row: interpolated in range only.
     assert!((f64::from(strongest.power) - (PI / 2.0).powi(2)).abs() < 1e-5);
 }

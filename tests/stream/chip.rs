@@ -1,5 +1,5 @@
-//! Chips from maps of patches against the exact sum over pulses and frequencies. Maps are evaluated from
-//! their definition in float64, so that nodes, kernel and phase are what is judged.
+//! Image chips from patch maps against the exact sum over pulses and frequencies. Maps are evaluated from their definition in
+//! float64, so that nodes, kernel and phase are tested.
 
 use std::f64::consts::TAU;
 
@@ -25,7 +25,7 @@ const SETUP: Setup = Setup {
     step_hz: 6.25e6,
 };
 
-/// Points in the scene, metres, and their amplitudes' phases in turns.
+/// Point positions in metres and the phases of their amplitudes in turns.
 const POINTS: [([f64; 3], f64); 6] = [
     ([0.0, 0.0, 0.0], 0.0),
     ([11.3, -1.6, 0.0], 0.3),
@@ -43,8 +43,8 @@ fn path(pulse: &Pulse, point: [f64; 3]) -> f64 {
     distance(pulse.transmitter_m, point) + distance(point, pulse.receiver_m)
 }
 
-/// Antennas 8 km away on bent tracks, apart from each other, tapered weights, and a reference path
-/// that follows no point: nothing cancels by chance.
+/// Bistatic antennas at 8 km on curved tracks, tapered weights, and a reference path that follows no point, so that nothing
+/// cancels by chance.
 fn track(count: usize) -> Vec<Pulse> {
     (0..count)
         .map(|m| {
@@ -84,7 +84,7 @@ fn echoes(pulses: &[Pulse]) -> Vec<Complex64> {
     samples
 }
 
-/// The map's definition, `crate::stream`'s, with equal fast-time weights.
+/// Map by the definition in `crate::stream`, with uniform fast-time weights.
 fn map_of(pulses: &[Pulse], samples: &[Complex64], patch: &Patch) -> Vec<Complex32> {
     let m = pulses.len();
     let reference_hz = frequency_hz(F / 2);
@@ -138,7 +138,7 @@ fn header_of(pulses: &[Pulse], patch: &Patch) -> MapHeader {
     }
 }
 
-/// The image by its definition: `sum w_m w_f z exp(+j 2 pi f path / c) / sum w_m`.
+/// Image by its definition: `sum w_m w_f z exp(+j 2 pi f path / c) / sum w_m`.
 fn exact(pulses: &[Pulse], samples: &[Complex64], grid: &PixelGrid) -> Vec<Complex64> {
     let weights: f64 = pulses.iter().map(|pulse| f64::from(pulse.weight)).sum();
     (0..grid.num_rows * grid.num_columns)
@@ -162,7 +162,7 @@ fn exact(pulses: &[Pulse], samples: &[Complex64], grid: &PixelGrid) -> Vec<Compl
         .collect()
 }
 
-/// Relative RMS difference, decibels.
+/// Relative RMS difference in decibels.
 fn difference_db(pixels: &[Complex32], exact: &[Complex64]) -> f64 {
     assert_eq!(pixels.len(), exact.len());
     let (mut error, mut power) = (0.0, 0.0);
@@ -174,7 +174,7 @@ fn difference_db(pixels: &[Complex32], exact: &[Complex64]) -> f64 {
     10.0 * (error / power).log10()
 }
 
-/// `columns` of 2 m and `rows` of 0.37 m about a centre.
+/// Grid of `columns` of 2 m and `rows` of 0.37 m around a centre.
 fn grid(centre: [f64; 3], columns: usize, rows: usize) -> PixelGrid {
     PixelGrid {
         origin_m: [
@@ -189,15 +189,15 @@ fn grid(centre: [f64; 3], columns: usize, rows: usize) -> PixelGrid {
     }
 }
 
-/// 4.1 m of range to either side are 8.2 m of path at most, 10.9 bins, and half a kernel of 16 taps; 36 m
-/// across change the path by at most `36 (0.7 + 0.6) / 8000 m` a pulse, 4.7 bins.
+/// A half-width of 4.1 m in range is at most 8.2 m of path, 10.9 bins, plus half a kernel of 16 taps. A half-width of 36 m in
+/// cross-range changes the path by at most `36 (0.7 + 0.6) / 8000 m` per pulse, 4.7 bins.
 const PATCH: Patch = Patch {
     centre_m: [0.0, 0.0, 0.0],
     range_reach: 20,
     doppler_reach: 13,
 };
 
-/// `(a, b)` by the test's own hand.
+/// `(a, b)` computed independently by the test.
 fn line(header: &MapHeader, point: [f64; 3]) -> (f64, f64) {
     let m = f64::from(header.num_pulses);
     let [early, late] = header.nodes.map(|node| {
@@ -208,7 +208,7 @@ fn line(header: &MapHeader, point: [f64; 3]) -> (f64, f64) {
     ((early + late) / 2.0, (late - early) / spacing)
 }
 
-/// What bilinear reading would give.
+/// Pixels by bilinear interpolation.
 fn bilinear(map: &PatchMap<'_>, grid: &PixelGrid) -> Vec<Complex32> {
     let wavenumber = frequency_hz(F / 2) / C;
     (0..grid.num_rows * grid.num_columns)
@@ -230,14 +230,13 @@ fn bilinear(map: &PatchMap<'_>, grid: &PixelGrid) -> Vec<Complex32> {
 
 /// One sub-CPI, one patch: the chip against the exact sum.
 ///
-/// Expected: the kernels' RMS error in both axes (module `accumulate::kernel`, times sqrt 2), on data
-/// that fill the band: 8 taps -63.9 dB, 10 taps -77.2 dB. And the curvature of the relative path, which
-/// more taps leave alone: an aperture of `t = 12 (0.7 + 0.6)/2 / 8000 = 1e-3` rad bends the path of
-/// points 36 m off by at most `36 t^2 / 4 = 9e-6 m` at its ends, 1.9e-3 rad, of which `sqrt(4/45)` is
-/// left about the mean: -65 dB, and less nearer the middle; 16 taps show -71 dB. Powers of both added,
-/// and 1 dB for what such a sum leaves out.
+/// Expected: the RMS error of the kernels in both axes (module `accumulate::kernel`, times sqrt 2) for data that fill the
+/// band: 8 taps -63.9 dB, 10 taps -77.2 dB. In addition the curvature of the relative path, which more taps do not reduce:
+/// an aperture of `t = 12 (0.7 + 0.6)/2 / 8000 = 1e-3` rad bends the path of points 36 m off by at most
+/// `36 t^2 / 4 = 9e-6 m` at its ends, 1.9e-3 rad; `sqrt(4/45)` of it remains about the mean: -65 dB, and less nearer the
+/// middle; 16 taps show -71 dB. The powers are added, plus 1 dB for what this sum omits.
 #[test]
-fn a_short_sub_cpi_is_the_exact_sum() {
+fn chip_of_one_sub_cpi_matches_exact_sum() {
     let pulses = track(12);
     let samples = echoes(&pulses);
     let grid = grid([0.5, 0.1, 0.0], 37, 23);
@@ -276,9 +275,9 @@ fn a_short_sub_cpi_is_the_exact_sum() {
     assert!(db > -25.0, "the kernels' bounds would say nothing");
 }
 
-/// Three sub-CPIs, the last a short one, and two patches: their maps add up to the whole image.
+/// Three sub-CPIs, the last one short, and two patches: their maps add up to the whole image.
 #[test]
-fn sub_cpis_and_patches_add_up() {
+fn sub_cpis_and_patches_sum_to_whole_image() {
     let pulses = track(31);
     let samples = echoes(&pulses);
     let kernel = Kernel::<10, 128>::new();
@@ -305,7 +304,7 @@ fn sub_cpis_and_patches_add_up() {
         let db = difference_db(chip.pixels(), &exact);
         println!("patch at {centre:?}: {db:.1} dB");
         assert!(db < -60.0);
-        // A point of its own in each half: phase too.
+        // One point in each half: the phase is checked too.
         let (point, turns) = if centre[0] > 0.0 {
             POINTS[3]
         } else {
@@ -331,15 +330,15 @@ fn sub_cpis_and_patches_add_up() {
         let expected = Complex64::cis(TAU * turns);
         let pixel = pixel.pixels()[0];
         let error = (Complex64::new(pixel.re.into(), pixel.im.into()) - expected).norm();
-        // The other points' sidelobes are what differs: five, some resolution cells off in both axes.
+        // The difference is the sidelobes of the other five points, some resolution cells off in both axes.
         println!("point {point:?}: {pixel:.3}, {error:.3} from {expected:.3}");
         assert!(error < 0.15);
     }
 }
 
-/// A single pulse has no Doppler: one row is enough, and it is read without neighbours.
+/// A single pulse has no Doppler extent: one row is sufficient, and it is read without neighbours.
 #[test]
-fn a_single_pulse_has_a_map_of_one_row() {
+fn single_pulse_map_has_one_row() {
     let pulses = track(1);
     let samples = echoes(&pulses);
     let patch = Patch {
@@ -362,7 +361,7 @@ fn a_single_pulse_has_a_map_of_one_row() {
     assert!(db < -70.0);
 }
 
-/// A monostatic radar at rest: range bins alone, 75 m of path in two, so that places can be counted.
+/// Stationary monostatic radar: range bins only, 75 m of two-way path, so that positions can be counted.
 fn at_rest(samples: &[Complex32], range_reach: u16) -> PatchMap<'_> {
     PatchMap {
         header: MapHeader {
@@ -383,8 +382,8 @@ fn at_rest(samples: &[Complex32], range_reach: u16) -> PatchMap<'_> {
 }
 
 #[test]
-fn pixels_whose_taps_are_outside_receive_nothing() {
-    // A bin of one metre of range: c / (R step) = 2 m.
+fn pixels_with_taps_outside_map_receive_nothing() {
+    // Bins of one metre of range: c / (R step) = 2 m.
     let setup = Setup {
         step_hz: C / 128.0,
         ..SETUP
@@ -399,7 +398,7 @@ fn pixels_whose_taps_are_outside_receive_nothing() {
         num_columns: count,
         num_rows: 1,
     };
-    // On bins, every one of the 17 and no more.
+    // On bins: all 17 and no more.
     let mut pixels = [Complex32::ZERO; 21];
     let on_bins = line(990.0, 1.0, 21);
     assert_eq!(
@@ -410,7 +409,7 @@ fn pixels_whose_taps_are_outside_receive_nothing() {
         let expected = if (2..19).contains(&i) { 1.0 } else { 0.0 };
         assert!((pixel.norm() - expected).abs() < 1e-5, "{i}: {pixel}");
     }
-    // Between bins, those with four bins to either side: from -4.5 to +4.5.
+    // Between bins: those with four bins on each side, from -4.5 to +4.5.
     let mut pixels = [Complex32::ZERO; 21];
     let between = line(990.5, 1.0, 21);
     assert_eq!(
@@ -421,7 +420,7 @@ fn pixels_whose_taps_are_outside_receive_nothing() {
         let inside = (5..15).contains(&i);
         assert_eq!(*pixel != Complex32::ZERO, inside, "{i}: {pixel}");
     }
-    // A map of other samples than it says, positions that are no numbers, far away: nothing, quietly.
+    // A map with a wrong number of samples, positions that are not finite, or far away: no contribution and no panic.
     for (map, origin) in [
         (at_rest(&ones[..5], 8), 1000.5),
         (at_rest(&[], 8), 1000.5),
@@ -437,7 +436,7 @@ fn pixels_whose_taps_are_outside_receive_nothing() {
         );
         assert_eq!(pixels, [Complex32::ZERO]);
     }
-    // Too few pixels, too many, more than can be counted.
+    // Too few pixels, too many, and a number that overflows.
     let mut pixels = [Complex32::ZERO; 3];
     for (columns, rows) in [(2, 1), (2, 2), (0, 3), (usize::MAX, 2)] {
         let grid = PixelGrid {
@@ -453,10 +452,10 @@ fn pixels_whose_taps_are_outside_receive_nothing() {
     );
 }
 
-/// Blocks of a common exponent hold the same numbers as floats: the same chip to the bit but for the
-/// order of two products, and the same power to the bit.
+/// Block floating point represents the same numbers as float: the same chip except for the order of two products, and the same
+/// power bit by bit.
 #[test]
-fn fixed_point_maps_add_up_like_floating_ones() {
+fn fixed_point_maps_accumulate_like_float_maps() {
     let pulses = track(12);
     let values = map_of(&pulses, &echoes(&pulses), &PATCH);
     let width = PATCH.num_range_bins();
@@ -493,7 +492,7 @@ fn fixed_point_maps_add_up_like_floating_ones() {
         assert_eq!((power.num_maps(), power.bins()), (2, [27, 41]));
         (chip.pixels().to_vec(), power.power().to_vec())
     });
-    // A scale that is a power of two rounds nothing: the products are the same.
+    // A scale that is a power of two causes no rounding: the products are equal.
     assert_eq!(float, fixed);
     for (power, value) in float.1.iter().zip(&floats) {
         assert_eq!(*power, 2.0 * value.norm_sqr());
@@ -514,7 +513,7 @@ fn fixed_point_maps_add_up_like_floating_ones() {
     let ones = [Complex32::ONE; 17];
     small.accumulate_patch(&at_rest(&ones, 8)).unwrap();
     let error = small.accumulate_patch(&at_rest(&ones, 3)).unwrap_err();
-    let text = "a map of 1 Doppler x 7 range bins cannot be added to maps of 1 x 17";
+    let text = "map shape: expected 1 Doppler x 17 range bins like the maps before, found 1 x 7";
     assert_eq!(error.to_string(), text);
     assert_eq!(small.power(), [1.0; 17]);
 }

@@ -1,19 +1,19 @@
-//! What each of the core's features costs in dependencies: as its documentation says, and no more.
+//! Dependencies of each feature of the core: as documented and no more.
 
 use std::collections::BTreeSet;
 
 use subaperture_xtask::cargo;
 
-/// What the Keystone alone needs.
+/// Dependencies of the keystone transform alone.
 const ALWAYS: [&str; 3] = ["libm", "microfft", "num-complex"];
 
-/// Features and what they add to [`ALWAYS`]: the table at the head of `core/src/lib.rs`.
+/// Features and the dependencies they add to [`ALWAYS`]: the table in `core/src/lib.rs`.
 const ADDED: [(&str, &[&str]); 8] = [
     ("", &[]),
     ("stream", &["heapless"]),
-    // With the stream.
+    // In addition to those of the stream.
     ("fixed", &["heapless", "fixed"]),
-    // With both.
+    // In addition to those of both.
     (
         "link",
         &["heapless", "fixed", "cobs", "crc", "postcard", "serde"],
@@ -24,7 +24,7 @@ const ADDED: [(&str, &[&str]); 8] = [
     ("defmt", &["defmt"]),
 ];
 
-/// Normal dependencies with `features` alone, as deep as `depth` says; the core itself is not one.
+/// Normal dependencies with `features` only, to the given depth, without the core itself.
 fn dependencies(features: &str, depth: &str) -> BTreeSet<String> {
     let output = cargo()
         .args(["tree", "--package", "subaperture-core", "--locked"])
@@ -33,8 +33,8 @@ fn dependencies(features: &str, depth: &str) -> BTreeSet<String> {
         .args(["--prefix", "none", "--format", "{p}"])
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{features}: {told}");
+    let reported = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{features}: {reported}");
     let lines = String::from_utf8(output.stdout).unwrap();
     let names = lines.lines().filter_map(|line| line.split(' ').next());
     let mut names: BTreeSet<String> = names.map(String::from).collect();
@@ -43,7 +43,7 @@ fn dependencies(features: &str, depth: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn a_feature_takes_the_dependencies_that_are_written_of_it() {
+fn feature_has_documented_dependencies() {
     for (feature, added) in ADDED {
         let expected = ALWAYS.iter().chain(added).map(|name| name.to_string());
         assert_eq!(dependencies(feature, "1"), expected.collect(), "{feature}");
@@ -51,16 +51,16 @@ fn a_feature_takes_the_dependencies_that_are_written_of_it() {
 }
 
 #[test]
-fn all_features_take_what_each_takes() {
+fn all_features_have_union_of_dependencies() {
     let together = dependencies("stream,fixed,link,selftest,motion,sweep,defmt", "1");
     let added = ADDED.iter().flat_map(|(_, added)| *added);
     let expected = ALWAYS.iter().chain(added).map(|name| name.to_string());
     assert_eq!(together, expected.collect());
 }
 
-/// Nor do the three bring another of them by the back door, or a macro that is compiled for the host.
+/// The three dependencies bring in no others indirectly, and no procedural macro compiled for the host.
 #[test]
-fn the_keystone_alone_takes_little_indirectly() {
+fn keystone_alone_has_few_indirect_dependencies() {
     let own = dependencies("", "100");
     let optional = ADDED.iter().flat_map(|(_, added)| *added);
     for name in optional.chain(&["syn", "thiserror", "zerocopy"]) {
@@ -69,9 +69,9 @@ fn the_keystone_alone_takes_little_indirectly() {
     assert_eq!(own, dependencies("selftest", "100"));
 }
 
-/// What is documented is what is declared: a new feature is a new line of both tables.
+/// The documented features are the declared ones: a new feature needs a new line in both tables.
 #[test]
-fn every_feature_is_written_of() {
+fn every_feature_is_documented() {
     let read = |path| std::fs::read_to_string(subaperture_xtask::root().join(path)).unwrap();
     let (manifest, documentation) = (read("core/Cargo.toml"), read("core/src/lib.rs"));
     let (_, declared) = manifest.split_once("[features]\n").unwrap();

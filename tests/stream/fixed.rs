@@ -1,4 +1,4 @@
-//! The fixed-point engine against a float64 evaluation of the defining sum, and its stages.
+//! Fixed-point engine and its stages against a float64 evaluation of the defining sum.
 
 use std::f64::consts::TAU;
 
@@ -30,14 +30,13 @@ const SCENES: [Scene; 3] = [
     ("noise", Case::noise),
 ];
 
-/// Rounding a column to 16 bits errs by `2^-15 / sqrt 12` of the column's power of two in each part, 98 dB
-/// below that power of two. A point's peak is at least half of it, and its mean power over the rows
-/// about `D / (M (2Q + 1))` of the peak's: 79 to 85 dB at 30 pulses, 70 to 76 dB at 200 pulses and 201
-/// rows. Noise has its mean power 8 to 11 dB below the peak: 81 dB and more. The second rounding is less
-/// than the first on points, and at most of its size. Level does not enter as long as a unit of the
-/// 32-bit numbers, 9 bits below a sample's, does not.
+/// Rounding a column to 16 bits causes an error of `2^-15 / sqrt 12` of the column's power of two in each part, 98 dB below
+/// that power of two. The peak of a point is at least half of it, and its mean power over the rows about `D / (M (2Q + 1))` of
+/// the peak's: 79 to 85 dB at 30 pulses, 70 to 76 dB at 200 pulses and 201 rows. Noise has a mean power 8 to 11 dB below its
+/// peak: 81 dB and more. The second rounding is smaller than the first on points, and at most equal to it. The signal level
+/// does not matter as long as a unit of the 32-bit numbers, 9 bits below that of a sample, does not.
 #[test]
-fn maps_agree_with_the_defining_sum() {
+fn fixed_point_maps_match_defining_sum() {
     for shape in SHAPES {
         for (name, scene) in SCENES {
             for level_db in [0.0, -30.0, -60.0] {
@@ -54,9 +53,9 @@ fn maps_agree_with_the_defining_sum() {
     }
 }
 
-/// The last sub-CPI of a run is shorter than the setup says; the weights are those of its own pulses.
+/// The last sub-CPI of a run is shorter than the setup states; the weights are those of its own pulses.
 #[test]
-fn a_short_sub_cpi_is_its_own_sum() {
+fn short_sub_cpi_matches_its_own_sum() {
     let mut case = Case::new(shape([7, 33, 64, 16, 5, 20]));
     case.setup.num_pulses = 12;
     let samples = case.noise();
@@ -64,7 +63,7 @@ fn a_short_sub_cpi_is_its_own_sum() {
     assert!(signal_to_error_db(&run(&case).0, &case.exact()) > 70.0);
 }
 
-/// A power of two in the weights is in the exponents, and nowhere else.
+/// A power of two in the weights changes the exponents only.
 #[test]
 fn weights_scale_exactly() {
     let case = |factor: f32, pulse_factor: f32| {
@@ -90,10 +89,10 @@ fn weights_scale_exactly() {
     }
 }
 
-/// Weights that no window has: negative ones are right, zeros give zeros, what is no number counts and is
-/// left out, and an exponent past 127 is clamped and counted.
+/// Weights that no window has: negative ones are correct, zeros give zeros, weights that are not finite count as saturated and
+/// are treated as zero, and an exponent above 127 is clamped and counted.
 #[test]
-fn strange_weights_are_borne() {
+fn unusual_weights_are_handled() {
     let case = |weight: fn(usize) -> f32, pulse_weight: fn(usize) -> f32| {
         let mut case = Case::new(shape([7, 33, 64, 16, 5, 20]));
         for (k, w) in case.weights.iter_mut().enumerate() {
@@ -133,7 +132,7 @@ fn strange_weights_are_borne() {
     assert!(saturated > 0);
 }
 
-/// Parts at the ends of their range, next to zero, or anywhere.
+/// Sample parts at the limits of the range, next to zero, or anywhere.
 fn part(kind: u8, place: usize, random: &mut Random) -> i16 {
     let rails = [i16::MIN, i16::MAX];
     match kind {
@@ -150,13 +149,12 @@ fn part(kind: u8, place: usize, random: &mut Random) -> i16 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the samples, nothing overflows (checks are on in tests), nothing is clamped, and every
-    /// value is right. A column of weight `w` has parts of at most `sqrt 2 w`, so a power of two of at
-    /// most twice that: rounding moves it by at most `sqrt 2  2^-16  2 sqrt 2 w = 2^-14 w`, the columns'
-    /// sum by `2^-14` as weights sum to 1; the map's own rounding as much. All 32-bit steps are below
-    /// a hundredth of it.
+    /// For any samples nothing overflows (overflow checks are on in tests), nothing is clamped, and every value is correct. A
+    /// column of weight `w` has parts of at most `sqrt 2 w`, so a power of two of at most twice that: rounding changes it by at
+    /// most `sqrt 2  2^-16  2 sqrt 2 w = 2^-14 w`, and the columns' sum by `2^-14` since weights sum to 1; the map's own
+    /// rounding by as much. All 32-bit steps are below a hundredth of it.
     #[test]
-    fn any_samples_are_borne(
+    fn any_samples_neither_overflow_nor_saturate(
         shape in prop::sample::select(SHAPES[1..].to_vec()),
         kinds in (0..7u8, 0..7u8),
         seed: u64,
@@ -177,11 +175,10 @@ proptest! {
     }
 }
 
-/// The largest sums that there are: every sample at a corner of its square and turned so that all add up
-/// at one bin; weights whose mantissas are all ones, and numbers of pulses next to a power of two, which
-/// come closest to the bounds.
+/// The largest possible sums: every sample at a corner of its square and rotated so that all add up in one bin; weights whose
+/// mantissas are all ones; and numbers of pulses next to a power of two, which come closest to the bounds.
 #[test]
-fn aligned_rails_do_not_overflow() {
+fn aligned_full_scale_samples_do_not_overflow() {
     let full = [31, 63, 127].map(|pulses| shape([pulses, 16, 16, 128, 3, 7]));
     for shape in SHAPES.into_iter().chain(full) {
         let mut case = Case::new(shape);
@@ -206,10 +203,10 @@ fn aligned_rails_do_not_overflow() {
     }
 }
 
-/// The bits of a small map, the same on every machine: FNV-1a of mantissas, then exponents. Input is
-/// integers, dyadic fractions and positions without rounding.
+/// Bits of a small map, equal on every machine: FNV-1a of mantissas, then exponents. Input is integers, dyadic fractions and
+/// exact positions.
 #[test]
-fn bits_do_not_change() {
+fn map_bits_are_reproducible() {
     let mut case = Case::new(shape([7, 5, 8, 16, 6, 3]));
     case.weights = vec![0.125, 0.25, 0.25, 0.25, 0.125];
     for (m, pulse) in case.pulses.iter_mut().enumerate() {
@@ -228,9 +225,9 @@ fn bits_do_not_change() {
     assert_eq!(hash, 0x341b_64ac_769a_5c49, "{hash:#018x}");
 }
 
-/// Buffers too short are refused by name; a patch too large is refused, and harmless if worked on.
+/// Buffers that are too short are rejected by name. A patch that is too large is rejected, and harmless if processed anyway.
 #[test]
-fn what_does_not_fit_is_refused() {
+fn oversized_patch_and_short_buffers_are_rejected() {
     let case = Case::new(shape([7, 33, 64, 16, 5, 20]));
     let capacity = capacity(&case);
     type Shorten = fn(&mut Memory);
@@ -303,7 +300,7 @@ fn what_does_not_fit_is_refused() {
 }
 
 #[test]
-fn row_exponents_are_enough_for_any_patch() {
+fn row_exponent_buffer_suffices_for_any_patch() {
     for frequencies in [1, 5, 31, 32, 33, 424] {
         for doppler_bins in [1, 2, 41] {
             let capacity = Capacity {
@@ -325,8 +322,8 @@ fn row_exponents_are_enough_for_any_patch() {
 }
 
 #[test]
-fn samples_at_the_rails_are_told() {
+fn samples_at_converter_limit_are_counted() {
     let samples = [[0, 0], [i16::MAX, 0], [5, i16::MIN], [i16::MIN + 1, 9]];
-    let told = samples.map(|[re, im]| Sc16::from_bits(re, im).at_limit());
-    assert_eq!(told, [false, true, true, false]);
+    let reported = samples.map(|[re, im]| Sc16::from_bits(re, im).at_limit());
+    assert_eq!(reported, [false, true, true, false]);
 }

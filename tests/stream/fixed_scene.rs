@@ -11,7 +11,7 @@ use subaperture_core::{Pulse, Sc16};
 
 pub(crate) const C_M_S: f64 = 299_792_458.0;
 
-/// Sizes of a case.
+/// Dimensions of a case.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     pub(crate) pulses: u16,
@@ -53,7 +53,7 @@ pub(crate) const SHAPES: [Shape; 8] = [
     shape([200, 16, 16, 256, 100, 7]),
 ];
 
-/// A sub-CPI: everything an engine is told.
+/// A sub-CPI with all inputs of an engine.
 pub(crate) struct Case {
     pub(crate) setup: Setup,
     pub(crate) patch: Patch,
@@ -62,7 +62,7 @@ pub(crate) struct Case {
     pub(crate) samples: Vec<Sc16>,
 }
 
-/// A generator of tests' numbers: Knuth's MMIX.
+/// Pseudo-random generator: Knuth's MMIX.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -72,15 +72,15 @@ impl Random {
         self.0 >> 32
     }
 
-    /// In -1 .. 1.
+    /// Uniform in -1 .. 1.
     pub(crate) fn uniform(&mut self) -> f64 {
         self.bits() as f64 / 2f64.powi(31) - 1.0
     }
 }
 
 impl Case {
-    /// Pulses 0.15 m apart, 7 km from a patch off the reference point, bistatic; Hamming weights over the
-    /// frequencies, raised cosine over the pulses; no samples yet.
+    /// Pulses 0.15 m apart, 7 km from a patch off the reference point, bistatic; Hamming weights over the frequencies, raised
+    /// cosine over the pulses; no samples yet.
     pub(crate) fn new(shape: Shape) -> Self {
         let setup = Setup {
             num_pulses: shape.pulses,
@@ -121,7 +121,7 @@ impl Case {
         }
     }
 
-    /// Rounds `samples` to 16 bits, their largest part at `level_db` below full scale.
+    /// Round `samples` to 16 bits, with their largest part `level_db` below full scale.
     pub(crate) fn with_samples(mut self, samples: &[Complex64], level_db: f64) -> Self {
         let peak = samples
             .iter()
@@ -185,7 +185,7 @@ impl Case {
         }
     }
 
-    /// The defining sum in float64: over the pulses for each frequency, then over the frequencies.
+    /// Defining sum in float64: over the pulses for each frequency, then over the frequencies.
     pub(crate) fn exact(&self) -> Vec<Complex64> {
         let (frequencies, pulses) = (self.weights.len(), self.pulses.len());
         let (doppler_reach, range_reach) = (
@@ -242,7 +242,7 @@ pub(crate) fn path_m(pulse: &Pulse, point_m: [f64; 3]) -> f64 {
     distance_m(pulse.transmitter_m) + distance_m(pulse.receiver_m) - pulse.reference_path_m
 }
 
-/// Buffers of exactly the lengths that are asked for.
+/// Buffers of exactly the required lengths.
 pub(crate) struct Memory {
     pub(crate) cells: Vec<Sc16>,
     pub(crate) column_exponents: Vec<i8>,
@@ -277,11 +277,11 @@ impl Memory {
     }
 }
 
-/// The least capacity for a case.
+/// Smallest capacity for a case.
 pub(crate) fn capacity(case: &Case) -> Capacity {
     Capacity {
         pulses: case.setup.num_pulses,
-        // Rows hold a pulse's frequencies, then the gate.
+        // Rows hold a pulse's frequencies, later the gate.
         frequencies: case.setup.row_stride(&case.patch) as u16,
         range_bins: case.setup.range_length,
         doppler_bins: case.patch.num_doppler_bins() as u16,
@@ -289,7 +289,7 @@ pub(crate) fn capacity(case: &Case) -> Capacity {
     }
 }
 
-/// The engine's map as values, read by [`PatchMap::at`]; its bits; and the clamped results.
+/// The engine's map as values, read by [`PatchMap::at`]; its bits; and the number of saturated results.
 pub(crate) fn run(case: &Case) -> (Vec<Complex64>, Vec<u8>, u32) {
     let capacity = capacity(case);
     case.setup.check(&capacity).unwrap();
@@ -335,7 +335,7 @@ pub(crate) fn run(case: &Case) -> (Vec<Complex64>, Vec<u8>, u32) {
     (values, bits, engine.saturated())
 }
 
-/// Signal to error, both summed over the map, dB.
+/// Signal-to-error ratio in dB, both summed over the map.
 pub(crate) fn signal_to_error_db(values: &[Complex64], exact: &[Complex64]) -> f64 {
     assert_eq!(values.len(), exact.len());
     let errors = values.iter().zip(exact);

@@ -1,4 +1,4 @@
-//! Sines and transforms in integers.
+//! Integer sine and FFT.
 
 use std::f64::consts::TAU;
 
@@ -8,15 +8,15 @@ use subaperture_core::fixed_point::{fft, sine};
 
 use crate::fixed_scene::{Random, signal_to_error_db};
 
-/// Bound of the module's head: 2 units of `2^-30`.
+/// Bound in the module documentation: 2 units of `2^-30`.
 #[test]
-fn phasors_are_right_to_two_units() {
+fn phasor_error_is_below_two_units() {
     let one = f64::from(sine::ONE);
     let mut worst = 0f64;
     for i in 0..1_000_003u64 {
         let turns = Turns(i.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let phasor = sine::phasor(turns);
-        // Of half a turn at most, so that float64 has the argument to 2^-53 turns.
+        // At most half a turn, so that float64 resolves the argument to 2^-53 turns.
         let exact = Complex64::cis(TAU * (turns.0 as i64 as f64 / 2f64.powi(64)));
         let error = (f64::from(phasor.re) - one * exact.re)
             .abs()
@@ -28,7 +28,7 @@ fn phasors_are_right_to_two_units() {
     for index in 0..sine::POINTS {
         let point = sine::unit(index);
         let exact = Complex64::cis(TAU * index as f64 / sine::POINTS as f64) * one;
-        // Rounded to nearest; float64 is right to 2^-22 of a unit.
+        // Rounded to nearest; float64 is correct to 2^-22 of a unit.
         assert!((f64::from(point.re) - exact.re).abs() < 0.500_001);
         assert!((f64::from(point.im) - exact.im).abs() < 0.500_001);
         assert_eq!(sine::phasor(Turns((index as u64) << 52)), point);
@@ -36,7 +36,7 @@ fn phasors_are_right_to_two_units() {
     }
 }
 
-/// The transform of `input`, unscaled, and what float64 makes of the same sum.
+/// Transform of `input`, unscaled, and the same sum in float64.
 fn transformed(input: &[Complex<i32>]) -> (Vec<Complex64>, Vec<Complex64>) {
     let length = input.len();
     let mut buffer = vec![Complex::new(0, 0); length];
@@ -58,12 +58,13 @@ fn transformed(input: &[Complex<i32>]) -> (Vec<Complex64>, Vec<Complex64>) {
     )
 }
 
-/// White input of amplitude `2^31`: a stage rounds its input by shifts and its products, a unit or less in
-/// RMS, where parts are `2^25` and more in RMS, below `2^28`: 150 dB for a stage, at most 8 dB less for
-/// six. Amplitude `2^20`, RMS `2^19`, before any stage needs to shift: 114 dB for the first that has
+/// White input of amplitude `2^31`: a stage rounds its input by shifts, and its products, by a unit RMS or less, while parts
+/// are `2^25` RMS or more and below `2^28`: 150 dB per stage, at most 8 dB less for six. Amplitude `2^20`, RMS `2^19`,
+/// before any stage needs to shift: 114 dB for the first stage with products; later ones, on larger parts, add less than
+/// half of that in total.
 /// products; later ones, on larger parts, add less than half of that between them.
 #[test]
-fn transforms_agree_with_the_sum() {
+fn integer_fft_matches_dft_sum() {
     for log in 1..=12 {
         let length = 1usize << log;
         for (amplitude, least_db) in [(2147483647.0, 140.0), (1048576.0, 112.0)] {
@@ -75,7 +76,7 @@ fn transforms_agree_with_the_sum() {
             println!("{length} points, noise of {amplitude}: {ratio_db:.1} dB");
             assert!(ratio_db > least_db);
         }
-        // Coherent sums as large as there can be, from either end of the range.
+        // The largest possible coherent sums, from either end of the range.
         for sign in [1.0, -1.0] {
             for turn in [0, 1, length / 3] {
                 let corner = |p: usize| {

@@ -1,11 +1,11 @@
-//! The streaming core in float32 against a float64 evaluation of its defining sum.
+//! Stream in float32 against a float64 evaluation of its defining sum.
 
 use num_complex::Complex64;
 use subaperture_core::stream::{FloatBuffers, Progress, PulseError, Quantity, SetupError};
 use subaperture_core::{Complex32, Pulse};
 use subaperture_tests::stream_scene::{Scene, at, patch, relative_error_db};
 
-/// Maps of every patch of every sub-CPI, in the order they come.
+/// Maps of every patch of every sub-CPI, in order.
 macro_rules! run {
     ($buffers:expr, $scene:expr) => {{
         let scene: &Scene = $scene;
@@ -33,7 +33,7 @@ struct Made {
     samples: Vec<Complex32>,
 }
 
-/// Settles the scene's run and begins it.
+/// Configure the scene's run and start it.
 fn begin(processor: &mut Processor<'_>, scene: &Scene) {
     processor.configure(&scene.setup).unwrap();
     processor
@@ -64,14 +64,14 @@ fn drain(processor: &mut Processor<'_>, maps: &mut Vec<Made>) {
 }
 
 #[test]
-fn maps_are_the_defining_sum() {
+fn float_maps_match_defining_sum() {
     let mut worst = f64::NEG_INFINITY;
     for (scene, mut buffers) in [
         (
             Scene::new(30, 48, 128, 64, 30, vec![patch([0.0; 3], 20, 12)]),
             Box::new(FloatBuffers::<30, 48, 128, 41, 4>::new()),
         ),
-        // Two patches, a short last sub-CPI, odd sizes, a Doppler axis of no power of two.
+        // Two patches, a short last sub-CPI, odd dimensions, a Doppler length that is not a power of two.
         (
             Scene::new(
                 7,
@@ -86,7 +86,7 @@ fn maps_are_the_defining_sum() {
             ),
             Box::new(FloatBuffers::<30, 48, 128, 41, 4>::new()),
         ),
-        // One pulse a sub-CPI, one frequency: the ends of both axes.
+        // One pulse per sub-CPI, one frequency: the extremes of both axes.
         (
             Scene::new(1, 48, 64, 4, 3, vec![patch([1.0, 0.0, 0.0], 23, 1)]),
             Box::new(FloatBuffers::<30, 48, 128, 41, 4>::new()),
@@ -111,9 +111,9 @@ fn maps_are_the_defining_sum() {
             let exact = scene.map(pulses, made.patch);
             let error_db = relative_error_db(&made.samples, &exact);
             worst = worst.max(error_db);
-            // A phasor is good to 1.6e-7 (-136 dB), and rotated up to 15 times for compensation and up
-            // to M/2 for Doppler: 15 + 15 roundings of 6e-8 that add as noise make -130 dB; sums of
-            // M F float32 terms add as much. 10 dB are left for what does not add as noise.
+            // A phasor is accurate to 1.6e-7 (-136 dB), and rotated up to 15 times for compensation and up to M/2 times for Doppler:
+            // 15 + 15 roundings of 6e-8 that add as noise make -130 dB; sums of M F float32 terms add as much. 10 dB are
+            // reserved for what does not add as noise.
             assert!(error_db < -120.0, "{error_db:.1} dB");
         }
     }
@@ -121,8 +121,8 @@ fn maps_are_the_defining_sum() {
 }
 
 #[test]
-fn a_scatterer_is_where_the_definition_puts_it() {
-    // A point in the patch: its place on both axes from the path's line over the sub-CPI.
+fn scatterer_lies_at_defined_range_and_doppler() {
+    // A point in the patch: its position on both axes from the linear path over the sub-CPI.
     let scene = Scene::point(30, 48, 128, 64, patch([0.0; 3], 23, 12), [2.0, 1.0, 0.0]);
     let mut buffers = Box::new(FloatBuffers::<30, 48, 128, 43, 1>::new());
     let maps = run!(buffers, &scene);
@@ -138,15 +138,15 @@ fn a_scatterer_is_where_the_definition_puts_it() {
         .unwrap();
     let (d, r) = ((peak / 47) as f64 - 12.0, (peak % 47) as f64 - 23.0);
     assert!((d - doppler).abs() <= 0.51 && (r - range).abs() <= 0.51);
-    // There it has the phase -2 pi f_ref a / c and, but for the place between bins, size 1.
+    // There it has the phase -2 pi f_ref a / c and, apart from straddle loss, amplitude 1.
     let value = scene.value_at(0, 0, doppler, range);
     let expected = Complex64::cis(-std::f64::consts::TAU * scene.setup.centre_hz() * a_m / c);
-    // What the straight line leaves of the path, and migration within: held small by the scene.
+    // Deviation of the path from the line, and range migration: kept small by the scene.
     assert!((value - expected).norm() < 2e-3, "{value} {expected}");
 }
 
 #[test]
-fn what_is_missing_is_counted_and_the_next_sub_cpi_is_right() {
+fn missing_pulses_are_counted_and_next_sub_cpi_is_correct() {
     let mut scene = Scene::new(6, 16, 32, 8, 36, vec![patch([0.0; 3], 7, 3)]);
     let mut buffers = Box::new(FloatBuffers::<6, 16, 32, 7, 1>::new());
     let whole = run!(buffers, &scene);
@@ -154,7 +154,7 @@ fn what_is_missing_is_counted_and_the_next_sub_cpi_is_right() {
     begin(&mut processor, &scene);
     let mut maps = Vec::new();
     for n in 0..36 {
-        // Pulse 8 is lost; 15 is not a number; 20 comes twice.
+        // Pulse 8 is lost; 15 is not finite; 20 is repeated.
         if n == 8 {
             continue;
         }
@@ -188,7 +188,7 @@ fn what_is_missing_is_counted_and_the_next_sub_cpi_is_right() {
 }
 
 #[test]
-fn a_processor_that_nobody_works_drops_and_goes_on() {
+fn processor_without_work_drops_pulses_and_recovers() {
     let scene = Scene::new(4, 16, 32, 8, 24, vec![patch([0.0; 3], 7, 3)]);
     let mut buffers = Box::new(FloatBuffers::<4, 16, 32, 7, 1>::new());
     let whole = run!(buffers, &scene);
@@ -222,7 +222,7 @@ fn a_processor_that_nobody_works_drops_and_goes_on() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_and_changes_nothing() {
+fn invalid_setup_is_rejected_without_effect() {
     let scene = Scene::new(4, 16, 32, 8, 4, vec![patch([0.0; 3], 7, 3)]);
     let mut buffers = Box::new(FloatBuffers::<4, 16, 32, 7, 1>::new());
     let mut processor = buffers.processor();

@@ -1,4 +1,4 @@
-//! How maps are read between bins, and the track that they are read by.
+//! Interpolation of maps between bins, and the track nodes that maps are read at.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use subaperture_core::Pulse;
 use subaperture_core::accumulate::Kernel;
 use subaperture_core::stream::{Node, nodes};
 
-/// Worst and RMS error of reading `exp(j 2 pi nu x)`, `|nu| <= 1/4`, anywhere between two bins.
+/// Worst and RMS error of interpolating `exp(j 2 pi nu x)`, `|nu| <= 1/4`, anywhere between two bins.
 fn error_db<const TAPS: usize>(weights: impl Fn(f32) -> [f32; TAPS]) -> (f64, f64) {
     let (mut worst, mut sum, mut count) = (0f64, 0.0, 0.0);
     for i in 0..=300 {
@@ -32,11 +32,11 @@ fn error_db<const TAPS: usize>(weights: impl Fn(f32) -> [f32; TAPS]) -> (f64, f6
     (10.0 * worst.log10(), 10.0 * (sum / count).log10())
 }
 
-/// Kaiser's design formula promises ripples of `-(7.95 + 2.285 pi T)` dB; over all images of a wave at
-/// the edge of the band they add up to some times that, and in the mean over the band to about that.
-/// The bounds are the figures in the module's table, rounded up.
+/// Kaiser's design formula gives ripples of `-(7.95 + 2.285 pi T)` dB. Over all spectral images of a wave at the edge of the
+/// band they add up to several times that, and in the mean over the band to about that. The bounds are the figures in the
+/// module's table, rounded up.
 #[test]
-fn kernels_err_as_stated() {
+fn kernel_errors_match_stated_figures() {
     let cases = [
         (
             6,
@@ -65,10 +65,10 @@ fn kernels_err_as_stated() {
     }
     let (worst, rms) = error_db(|t| [1.0 - t, t]);
     println!("bilinear, one axis: worst {worst:.1} dB, RMS {rms:.1} dB");
-    // Half way between two bins cos(pi / 4) is read in place of 1.
+    // Midway between two bins cos(pi / 4) results instead of 1.
     assert!((worst - 20.0 * (1.0 - 0.5f64.sqrt()).log10()).abs() < 0.1);
-    // Few phases, h = 1/8 apart: linear interpolation of a wave errs by (2 pi nu)^2 h^2 t (1 - t) / 2. The
-    // RMS of nu^2 within the band is 1/16 / sqrt 5, that of t (1 - t) 1 / sqrt 30: -56.1 dB.
+    // Few phases, h = 1/8 apart: linear interpolation of a wave has the error (2 pi nu)^2 h^2 t (1 - t) / 2. The RMS of
+    // nu^2 within the band is 1/16 / sqrt 5, that of t (1 - t) 1 / sqrt 30: -56.1 dB.
     let (_, coarse) = error_db(|t| Kernel::<10, 9>::new().weights(t));
     let theory = TAU * TAU / 16.0 / 5f64.sqrt() / 64.0 / 2.0 / 30f64.sqrt();
     println!("10 taps, 9 phases: RMS {coarse:.1} dB");
@@ -107,11 +107,10 @@ fn quadratic_at_nodes(values: &[f64]) -> [f64; 2] {
     })
 }
 
-/// Any track, not only quadratic ones, against the normal equations, whose condition of about 1e3
-/// leaves 1e-12 of metres; and far from the origin, where a position itself is rounded to half of
-/// 9e-10 m and so is the result.
+/// Any track, not only quadratic ones, against the normal equations, whose condition of about 1e3 leaves 1e-12 of metres; and
+/// far from the origin, where a position itself is rounded to half of 9e-10 m and so is the result.
 #[test]
-fn nodes_are_on_the_fitted_quadratic() {
+fn track_nodes_lie_on_fitted_quadratic() {
     for count in [3, 4, 5, 12, 31] {
         let near = |m: usize| {
             let t = m as f64;
@@ -151,7 +150,7 @@ fn nodes_are_on_the_fitted_quadratic() {
 }
 
 #[test]
-fn nodes_of_few_pulses() {
+fn track_nodes_of_one_and_two_pulses() {
     assert_eq!(nodes(&[]), [Node::default(); 2]);
     let at = |x: f64| Pulse {
         transmitter_m: [x, 1.0, 2.0],
@@ -169,7 +168,7 @@ fn nodes_of_few_pulses() {
         (early.transmitter_m, late.receiver_m),
         ([4.0, 1.0, 2.0], [-7.0, 1e7, 0.0])
     );
-    // What is no number stays none, and stops nothing.
+    // NaN stays NaN and does not affect the rest.
     let bad = nodes(&[at(f64::NAN), at(1.0), at(f64::INFINITY)]);
     assert!(bad[0].transmitter_m[0].is_nan() && bad[0].transmitter_m[1] == 1.0);
 }

@@ -1,4 +1,4 @@
-//! The streaming core: every stage by itself, maps, chips and detection, in float and in integers.
+//! The core without the link: every stage by itself, maps, chips and detection, in float and fixed point.
 
 mod accumulate;
 mod cfar;

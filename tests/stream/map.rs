@@ -1,5 +1,5 @@
-//! The core's map against a float64 evaluation of the sums that define it, written from the
-//! definitions alone: no code of the core is used but what is judged.
+//! Map of the core's plan against a float64 evaluation of its defining sums, written from the definitions alone: no code of the
+//! core is used except what is tested.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use num_complex::{Complex32, Complex64};
 use subaperture_core::keystone::KeystoneTable;
 use subaperture_core::{Params, Plan, Shape, Tables, Window};
 
-/// A bound of the issue: single precision reaches about -125 dB, an error of method would not.
+/// Single precision reaches about -125 dB; an error of the method would not.
 const BOUND_DB: f64 = -100.0;
 
 #[derive(Clone, Copy)]
@@ -35,7 +35,7 @@ fn uniform(state: &mut u64) -> f64 {
 }
 
 impl Case {
-    /// Noise samples and uneven weights: nothing symmetric, so no error can hide.
+    /// Noise samples and uneven weights: nothing symmetric, so no error is hidden.
     fn noise(m: usize, f: usize, r: usize, d: usize, start_hz: f64, step_hz: f64) -> Self {
         let mut state = (m * 1_000_003 + f * 1009 + r + d) as u64;
         let mut weights = |n| -> Vec<f32> {
@@ -73,7 +73,7 @@ impl Case {
         self.core_map_in(form, Complex32::ZERO)
     }
 
-    /// The map made in buffers that hold `before` throughout.
+    /// Map formed in buffers that contain `before` everywhere.
     fn core_map_in(&self, form: Form, before: Complex32) -> Vec<Complex32> {
         let shape = self.shape;
         let params = Params {
@@ -103,14 +103,14 @@ impl Case {
         let mut scratch = vec![before; plan.scratch_len()];
         let mut map = vec![before; shape.map_len()];
         for (m, pulse) in self.samples.iter().enumerate() {
-            plan.window(m, pulse, &mut history);
+            plan.window(m, pulse, &mut history).unwrap();
         }
         plan.process(&history, &mut scratch, &mut map).unwrap();
         map
     }
 
-    /// The defining sum. Doppler first, frequency by frequency, then range: the two sums in the order
-    /// of fewer terms, each term evaluated by itself.
+    /// Defining sum: Doppler first, frequency by frequency, then range, in the order of fewer terms, each term evaluated
+    /// separately.
     fn oracle(&self, form: Form) -> Vec<Complex64> {
         let Shape {
             num_pulses,
@@ -131,7 +131,7 @@ impl Case {
                     * f64::from(self.fast[k])
                     * f64::from(self.slow[m])
             };
-            // Slow-time samples, and by what their phase is scaled.
+            // Slow-time samples and the scale of their phase.
             let (pulses, scaled): (Vec<Complex64>, f64) = match form {
                 Form::ChirpZ => ((0..num_pulses).map(windowed).collect(), ratio),
                 Form::Sinc => {
@@ -188,7 +188,7 @@ fn widen(map: &[Complex32]) -> Vec<Complex64> {
         .collect()
 }
 
-/// Sizes odd and even, exact fits, the degenerate, a 40 % band, and those of GOTCHA.
+/// Odd and even sizes, exact fits, degenerate cases, a 40 % band, and the sizes of GOTCHA.
 fn cases() -> Vec<Case> {
     vec![
         Case::noise(32, 64, 128, 64, 9.9e9, 3.125e6),
@@ -204,7 +204,7 @@ fn cases() -> Vec<Case> {
 }
 
 #[test]
-fn chirp_z_map_is_the_defining_sum() {
+fn chirp_z_keystone_map_matches_defining_sum() {
     for case in cases() {
         let error = error_db(
             &widen(&case.core_map(Form::ChirpZ)),
@@ -216,7 +216,7 @@ fn chirp_z_map_is_the_defining_sum() {
 }
 
 #[test]
-fn sinc_map_is_its_own_defining_sum() {
+fn sinc_keystone_map_matches_its_defining_sum() {
     for case in cases() {
         let reference = case.oracle(Form::Sinc);
         let error = error_db(&widen(&case.core_map(Form::Sinc)), &reference);
@@ -225,9 +225,9 @@ fn sinc_map_is_its_own_defining_sum() {
     }
 }
 
-/// A map does not depend, to the bit, on what was in its buffers: not even on what is not a number.
+/// A map does not depend on the previous contents of its buffers, not even on NaN.
 #[test]
-fn a_map_depends_on_its_own_pulses_only() {
+fn map_is_independent_of_buffer_contents() {
     let bits = |map: Vec<Complex32>| -> Vec<[u32; 2]> {
         map.iter()
             .map(|z| [z.re.to_bits(), z.im.to_bits()])
@@ -245,11 +245,11 @@ fn a_map_depends_on_its_own_pulses_only() {
     }
 }
 
-/// How far the sinc form is from the exact one, on scatterers as a radar sees them (Doppler within a
-/// quarter of the PRF): what the module's doc says of it. 200 MHz at 10 GHz, Hamming in slow time or
+/// Difference between the sinc and the exact keystone on scatterers as observed by a radar (Doppler within a quarter of the
+/// PRF), as stated in the module documentation. 200 MHz at 10 GHz, with a Hamming window in slow time or
 /// none.
 #[test]
-fn sinc_form_differs_from_the_exact_one_at_the_edges() {
+fn sinc_keystone_differs_from_exact_at_edges_as_documented() {
     for (hamming, low_db, high_db) in [(false, -45.0, -25.0), (true, -70.0, -40.0)] {
         let mut case = Case::noise(32, 64, 64, 64, 9.9e9, 3.125e6);
         let (m_count, f_count) = (32, 64);
@@ -284,9 +284,9 @@ fn sinc_form_differs_from_the_exact_one_at_the_edges() {
     }
 }
 
-/// A unit scatterer on a bin reads 1 there: (r, d) from path and Doppler by the formulas of the axes.
+/// A unit scatterer on a bin has the value 1: (r, d) from path and Doppler by the formulas of the axes.
 #[test]
-fn unit_scatterer_on_a_bin_reads_one() {
+fn unit_scatterer_on_bin_has_value_one() {
     let mut case = Case::noise(20, 24, 32, 32, 9.9e9, 5.0e6);
     let (range_bin, doppler_bin) = (21, 5);
     for m in 0..20 {

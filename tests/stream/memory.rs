@@ -1,7 +1,7 @@
-//! The memory of the streaming core is what its documentation and the plan for a module say.
+//! Memory of the stream equals that in its documentation and in the plan of a module.
 
-use subaperture::onboard::maps::Arithmetic;
-use subaperture::onboard::plan::RamBudget;
+use subaperture::module::maps::Arithmetic;
+use subaperture::module::plan::RamBudget;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{
@@ -12,7 +12,7 @@ use subaperture_core::{Complex32, Sc16};
 use subaperture_firmware::sizes;
 
 #[test]
-fn buffers_take_the_documented_bytes() {
+fn buffers_have_documented_sizes() {
     let (m, f, r, rows, p) = (30, 424, 1024, 41, 16);
     let blocks = 424usize.div_ceil(32);
     let stores = PulseStores::<Complex32, 30, 424>::BYTES;
@@ -25,7 +25,7 @@ fn buffers_take_the_documented_bytes() {
     assert_eq!(map, 8 * f * rows);
     assert_eq!(map, 139_072);
     let map = FixedMap::<424, 41, 15>::BYTES;
-    // Rounded up to the 16 bits of a sample's part.
+    // Rounded up to the 16 bits of a sample part.
     let documented = ((4 * f + blocks + 1) * rows + f).next_multiple_of(2);
     assert_eq!(map, documented);
     assert_eq!(map, 70_576);
@@ -45,8 +45,7 @@ fn buffers_take_the_documented_bytes() {
     );
 }
 
-/// The statics of the firmware's application of these sizes, in float and in fixed point, and those of
-/// its options.
+/// Statics of the firmware's application with these sizes, in float and in fixed point, and of its options.
 fn statics<
     const M: usize,
     const F: usize,
@@ -70,7 +69,7 @@ fn statics<
 }
 
 #[test]
-fn plans_count_what_the_firmware_declares() {
+fn module_plan_memory_matches_firmware_statics() {
     macro_rules! check {
         ($m:literal, $f:literal, $r:literal, $d:literal, $b:literal, $p:literal) => {
             let capacity = Capacity {
@@ -90,7 +89,7 @@ fn plans_count_what_the_firmware_declares() {
             assert_eq!(budget.total_bytes, sum);
         };
     }
-    // Those of `firmware/src/sizes.rs`, odd ones, the smallest.
+    // The sizes of `firmware/src/sizes.rs`, odd ones, and the smallest.
     check!(16, 64, 128, 17, 3, 4);
     check!(32, 432, 1024, 45, 15, 16);
     check!(62, 512, 2048, 70, 17, 64);

@@ -1,4 +1,4 @@
-//! Increments of the core against the motion itself, against the host's, and to the bit.
+//! Increments of the core against the true motion, against the host's, and bit by bit.
 
 use std::f64::consts::TAU;
 
@@ -13,7 +13,7 @@ const RECEIVERS_M: [[f64; 2]; 3] = [[0.0, 0.0], [0.002, 0.0], [0.006, 0.0]];
 const PLACES_M: [[f64; 2]; 5] = [[-0.8, 2.2], [0.3, 3.1], [1.6, 3.6], [-1.1, 4.7], [0.9, 1.9]];
 const CHANNELS: usize = 6;
 
-/// Changes only when the arithmetic changes: then look at why, and write the new one.
+/// Changes only if the arithmetic changes: find the reason, then update the value.
 const CHECKSUM: u32 = 0xeeb9_a44a;
 
 fn antennas() -> Antennas<'static> {
@@ -24,7 +24,7 @@ fn antennas() -> Antennas<'static> {
     }
 }
 
-/// Numbers from -1 to 1 without a pattern that matters.
+/// Pseudo-random numbers from -1 to 1.
 fn scatter(seed: &mut u64) -> f64 {
     *seed = seed
         .wrapping_mul(6_364_136_223_846_793_005)
@@ -32,7 +32,7 @@ fn scatter(seed: &mut u64) -> f64 {
     (*seed >> 33) as f64 / (1u64 << 30) as f64 - 1.0
 }
 
-/// Where the radar is at pulse `n`: along and aside, and its turn.
+/// Pose of the radar at pulse `n`: displacement along and aside, and rotation.
 fn pose(n: usize) -> ([f64; 2], f64) {
     let u = n as f64 / 300.0;
     let sway = |cycles: f64| (TAU * cycles * u).sin();
@@ -81,17 +81,18 @@ fn host_array() -> host::Array {
     }
 }
 
-/// Both are written apart, of the same equations; what differs is the order of sums. Phases of 1e4 rad, rounded by 2^-53 of that a step in a dozen steps, are
-/// 1e-11 rad: of range 1e-14 m, of a turn, which is told by antennas 1 mm from their middle, 1e-11 rad, ten times that for directions that are alike.
+/// Both are implemented separately from the same equations; they differ in the order of sums. Phases of 1e4 rad, rounded by
+/// 2^-53 of that in a dozen steps, have errors of 1e-11 rad: 1e-14 m in range, and 1e-11 rad in rotation, which is determined
+/// by antennas 1 mm from their centre, ten times that for similar directions.
 #[test]
-fn increments_are_those_of_the_host() {
+fn increments_match_host() {
     for noise_rad in [0.01, 0.05, 0.2] {
         let mut core = Pairwise::<5, CHANNELS>::new(&antennas()).unwrap();
         let mut on_host = host::Pairwise::new(host_array(), Heading::Found).unwrap();
         let mut seed = 1;
         for n in 0..300 {
             let mut echoes = pulse(n, noise_rad, &mut seed);
-            // Targets come and go, in any order.
+            // Targets appear and disappear, in any order.
             echoes.remove(n % 5);
             echoes.rotate_left(n % 3);
             let sightings: Vec<host::Sighting> = echoes
@@ -123,9 +124,9 @@ fn increments_are_those_of_the_host() {
     }
 }
 
-/// Room for more channels, and what is in it, changes nothing.
+/// Unused channel capacity and its contents have no effect.
 #[test]
-fn channels_may_be_fewer_than_there_is_room_for() {
+fn unused_channel_capacity_has_no_effect() {
     let mut exact = Pairwise::<5, CHANNELS>::new(&antennas()).unwrap();
     let mut roomy = Pairwise::<7, 9>::new(&antennas()).unwrap();
     let mut seed = 8;
@@ -144,9 +145,9 @@ fn channels_may_be_fewer_than_there_is_room_for() {
     }
 }
 
-/// Without noise: to what ranges from the antennas' middle leave out, as on the host.
+/// Without noise: accurate up to the near-field terms neglected on the host as well.
 #[test]
-fn increments_are_the_motion() {
+fn increments_match_true_motion() {
     let mut core = Pairwise::<5, CHANNELS>::new(&antennas()).unwrap();
     let mut seed = 1;
     for n in 0..300 {
@@ -159,13 +160,13 @@ fn increments_are_the_motion() {
         let [along, ahead] = [cos * x + sin * y, cos * y - sin * x];
         let off_m = (moved.increment.moved_m[0] - along).hypot(moved.increment.moved_m[1] - ahead);
         let off_rad = (moved.increment.turn_rad - (next_rad - heading_rad)).abs();
-        // (Antennas' spread)^2 / (2 range), 1e-4 / 4 m, over 2 m, of a millimetre, and three times that for directions; a turn by the same share, over the antennas' 2 mm.
+        // (Antenna spread)^2 / (2 range), 1e-4 / 4 m, over 2 m, of a millimetre, and three times that for directions; the same fraction for a rotation, over the antennas' 2 mm.
         assert!(off_m < 4e-8 && off_rad < 2e-5, "{n}: {off_m} {off_rad}");
     }
 }
 
 #[test]
-fn increments_have_the_bits_of_every_machine() {
+fn increment_checksum_is_reproducible() {
     let first = MotionSelfTest::new().unwrap().run().unwrap();
     assert_eq!(
         first, CHECKSUM,
@@ -175,7 +176,7 @@ fn increments_have_the_bits_of_every_machine() {
 }
 
 #[test]
-fn what_tells_nothing_is_refused() {
+fn echoes_without_motion_information_are_rejected() {
     let new = |antennas: &Antennas<'_>| Pairwise::<2, CHANNELS>::new(antennas).map(|_| ());
     assert_eq!(new(&antennas()), Ok(()));
     let receivers_m = &RECEIVERS_M[..1];

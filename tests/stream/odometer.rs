@@ -1,4 +1,4 @@
-//! A module's own motion, of samples: against the true way, against the host's on the same recording, and to the bit.
+//! Odometer of the core, from samples: against the true track, against the host's on the same recording, and bit by bit.
 
 use glam::DVec2;
 use subaperture::motion::{self as host, Heading};
@@ -11,20 +11,20 @@ use subaperture_tests::odometer_scene::{
     BINS, FREQUENCIES, STEP_HZ, Scene, between, pose, setup, wavelength_m,
 };
 
-/// Changes only when the arithmetic changes: then look at why, and write the new one.
+/// Changes only if the arithmetic changes: find the reason, then update the value.
 const CHECKSUM: u32 = 0x1b04_56da;
 
 type Small = Odometer<8, 4, FREQUENCIES, BINS>;
 
-/// Works until there is nothing to do; the step that came of it.
+/// Work until idle. Returns the resulting step.
 fn drain(odometer: &mut Small) -> Option<Step> {
-    let mut told = None;
-    // No more pieces than there can be.
+    let mut reported = None;
+    // At most the possible number of steps.
     for _ in 0..100 {
         match odometer.work() {
-            Progress::Idle => return told,
+            Progress::Idle => return reported,
             Progress::Busy => {}
-            Progress::Step(step) => assert_eq!(told.replace(step), None),
+            Progress::Step(step) => assert_eq!(reported.replace(step), None),
         }
     }
     panic!("the work does not end")
@@ -54,17 +54,19 @@ fn steps(scene: &Scene, pulses: usize) -> Vec<Step> {
     each.collect()
 }
 
-/// The host's increments, by the number of the later pulse: targets of the same settings, the same way of finding increments.
-fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::Moved>> {
-    let told = setup();
+/// The host's increments, indexed by the later pulse, with the same detector settings, and targets subtracted with one path for all channels as in the
+/// core.
+fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::MotionEstimate>> {
+    let reported = setup();
     let settings = targets::Settings {
         cfar: targets::cfar::Cfar {
-            guard: told.guard.into(),
-            training: told.training.into(),
-            level: targets::cfar::Level::Ordered(told.rank),
+            guard: reported.guard.into(),
+            training: reported.training.into(),
+            level: targets::cfar::Level::Ordered(reported.rank),
             ..targets::cfar::Cfar::default()
         },
-        ranges_m: Some((told.ranges_m[0], told.ranges_m[1])),
+        ranges_m: Some((reported.ranges_m[0], reported.ranges_m[1])),
+        subtraction: targets::Subtraction::Common,
         ..targets::Settings::default()
     };
     let silent = subaperture::monitor::Silent;
@@ -77,7 +79,7 @@ fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::Moved>> {
         .collect()
 }
 
-/// How far the steps' increments are from the way: RMS of place along and ahead, metres, and of turn. All from pulse `from` on.
+/// RMS error of the steps' increments against the true track: along and ahead in metres, and rotation, from pulse `from` on.
 fn off(steps: &[Step], from: usize) -> [f64; 3] {
     let mut sums = [0.0; 3];
     let mut count = 0.0;
@@ -95,12 +97,14 @@ fn off(steps: &[Step], from: usize) -> [f64; 3] {
     sums.map(|sum| (sum / count).sqrt())
 }
 
-/// Of two targets weights say nothing, so that both have to find the same: by samples in float32 and in float64, by two implementations that share no code.
+/// With two targets weights have no influence, so both must give the same: from float32 and float64 samples, by two
+/// implementations that share no code.
 ///
-/// Phases are sums of 64 float32 terms of up to 3 in 1, in which others are taken away: 1e-6 of the parts, 1e-5 rad at most. Of two targets whose sines are 0.54 apart that is
-/// `1e-5 wavelength / (4 pi) 2 / 0.54` = 1e-8 m; a turn is told by receivers half a wavelength apart: `1e-5 / pi`, times 4 for what is alike in both directions.
+/// Phases are sums of 64 float32 terms of up to 3 in 1, with other targets subtracted: 1e-6 of the parts, at most 1e-5 rad.
+/// For two targets whose sines differ by 0.54 that is `1e-5 wavelength / (4 pi) 2 / 0.54` = 1e-8 m. A rotation is determined
+/// by receivers half a wavelength apart: `1e-5 / pi`, times 4 for what is common to both directions.
 #[test]
-fn increments_are_those_of_the_host() {
+fn increments_match_host() {
     for snr_db in [25.0, 120.0] {
         let mut scene = Scene::new(2).with_snr_db(snr_db, 3);
         scene.reflectors.truncate(2);
@@ -122,17 +126,19 @@ fn increments_are_those_of_the_host() {
             most = [most[0].max(off_m), most[1].max(off_rad)];
         }
         println!("{snr_db} dB: {compared} of {pulses}, {most:?}");
-        // Five pulses make a target.
+        // A target is confirmed after five pulses.
         assert!(compared >= pulses - 6, "{compared}");
         assert!(most[0] < 1e-8 && most[1] < 2e-5, "{most:?}");
     }
 }
 
-/// Without noise what is left is the range from the middle of the antennas, `(antennas' distance)^2 / (2 range)` in 2.4 m: 4e-5 of 0.7 mm, three times that for directions; of a
-/// turn the same over the receivers' half wavelength. With noise of 30 dB a phase errs by 0.022 rad, a path between pulses by `0.022 wavelength / (2 pi)` in two channels, a step by half of that over
-/// the spread of the sines, 0.35: 2e-5 m. The host, which finds targets for itself and has float64, is no better.
+/// Without noise the remaining error is that of the range from the centre of the antennas, `(antenna spacing)^2 / (2 range)` at
+/// 2.4 m: 4e-5 of 0.7 mm, three times that for directions; for a rotation the same over the receivers' half wavelength. With
+/// noise at 30 dB a phase has an error of 0.022 rad, a path between pulses of `0.022 wavelength / (2 pi)` in two channels, a
+/// step of half of that over the spread of the sines, 0.35: 2e-5 m. The host, which detects targets itself and uses
+/// float64, is no better.
 #[test]
-fn increments_are_the_motion() {
+fn increments_match_true_motion() {
     let clean = off(&steps(&Scene::new(2), 40), 6);
     println!("{clean:?}");
     assert!(
@@ -168,15 +174,15 @@ fn increments_are_the_motion() {
     }
 }
 
-/// What a moving reflector leaves: a path that is not the radar's own.
+/// Residual of a moving reflector, whose path change is not due to the radar's motion.
 #[test]
-fn what_is_left_tells_of_a_target_that_moves() {
+fn residual_reveals_moving_target() {
     let mut odometer = started(&Scene::new(2));
     let mut residuals_m = [0.0f64; 2];
     for n in 0..60usize {
         let mut scene = Scene::new(2).with_snr_db(40.0, 2);
         let moving = n >= 40;
-        // From pulse 40 on 0.2 mm a pulse towards the radar.
+        // From pulse 40 on 0.2 mm per pulse towards the radar.
         scene.reflectors[1].0[1] -= 2e-4 * f64::from(n.saturating_sub(40) as u32);
         let step = push(&mut odometer, &scene, n).unwrap();
         if let (Some(moved), false) = (step.moved, n == 40) {
@@ -187,21 +193,21 @@ fn what_is_left_tells_of_a_target_that_moves() {
             };
         }
     }
-    // A path that is 0.4 mm too short is shared out over four targets, of which two are fitted.
+    // A path that is 0.4 mm too short is distributed over four targets, with two fitted parameters.
     let [still, moving] = residuals_m;
     assert!(still < 3e-5 && moving > 1e-4, "{residuals_m:?}");
 }
 
 #[test]
-fn lost_pulses_and_channels_are_bridged() {
+fn lost_pulses_and_channels_are_bridged_over() {
     let scene = Scene::new(2);
     let mut odometer = started(&scene);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for n in 0..40 {
         match n {
-            // Lost altogether.
+            // Pulse lost entirely.
             20 => {}
-            // A channel is lost, and comes twice.
+            // One channel lost, and later received twice.
             25 => {
                 let samples = &scene.pulse(n)[1];
                 let again = || samples.iter().copied();
@@ -216,7 +222,7 @@ fn lost_pulses_and_channels_are_bridged() {
                 );
                 assert_eq!(drain(&mut odometer), None);
             }
-            // No number.
+            // NaN.
             30 => {
                 let mut samples = scene.pulse(n)[0].clone();
                 samples[3].im = f32::NAN;
@@ -224,21 +230,21 @@ fn lost_pulses_and_channels_are_bridged() {
                 assert_eq!(result, Err(SampleError::NotFinite));
                 assert_eq!(drain(&mut odometer), None);
             }
-            _ => told.extend(push(&mut odometer, &scene, n)),
+            _ => reported.extend(push(&mut odometer, &scene, n)),
         }
     }
-    assert_eq!(told.len(), 37);
+    assert_eq!(reported.len(), 37);
     assert_eq!(odometer.incomplete(), 2);
-    for pair in told.windows(2) {
+    for pair in reported.windows(2) {
         assert_eq!(pair[1].since, pair[0].pulse);
     }
-    let clean = off(&told, 6);
-    // As without gaps, of steps up to twice as long.
+    let clean = off(&reported, 6);
+    // As without gaps, for steps of up to twice the length.
     assert!(clean[0].hypot(clean[1]) < 1.6e-7, "{clean:?}");
 }
 
 #[test]
-fn a_target_that_is_hidden_for_a_while_is_the_same_afterwards() {
+fn hidden_target_keeps_its_track() {
     let mut odometer = started(&Scene::new(2));
     let mut seen = Vec::new();
     for n in 0..50 {
@@ -262,10 +268,11 @@ fn a_target_that_is_hidden_for_a_while_is_the_same_afterwards() {
     assert_eq!(seen[31], (4, Some(4)));
 }
 
-/// Peaks of noise, of which as many cells as asked for are above the threshold: of 53 cells a pulse within the ranges 21 in all. A peak between bins of a cell apart is one
-/// that these would not have seen, which at four bins a cell up to doubles them; Poisson's deviation is 5 to 7, and for ordered cells a quarter more are expected under a window.
+/// Noise peaks, as many cells as requested above the threshold: with 53 cells per pulse within the range limits, 21 in total. A
+/// peak between bins that are one cell apart would be missed by such bins; four bins per cell up to double the number.
+/// Poisson's deviation is 5 to 7, and for the order statistic a quarter more are expected under a window.
 #[test]
-fn noise_alone_is_no_motion() {
+fn noise_alone_gives_no_motion() {
     let mut scene = Scene::new(2).with_snr_db(0.0, 11);
     scene.reflectors.clear();
     let mut odometer = Box::new(Small::new());
@@ -290,14 +297,15 @@ fn noise_alone_is_no_motion() {
     }
 }
 
-/// The nearest range told lies from just before a target to a bin nearer, so that its peak is now the first bin told, now one before, which is counted as the last: it is seen at its range all
-/// the same. So is one that a farthest range lies just behind.
+/// The near range limit varies from just before a target to one bin nearer, so that its peak is first the first bin searched,
+/// then one before it, which is counted as the last: it is detected at its range in both cases. The same holds for a target
+/// just before the far limit.
 #[test]
-fn a_target_at_the_end_of_the_ranges_is_seen() {
+fn target_at_range_limit_is_detected() {
     let cell_m = 0.5 * 299_792_458.0 / (FREQUENCIES as f64 * STEP_HZ);
     let bin_m = cell_m * FREQUENCIES as f64 / BINS as f64;
     let scene = Scene::new(2);
-    // Half the path there and back again of each antenna's distance, to a tenth of a millimetre.
+    // Half of the two-way path to each antenna, to a tenth of a millimetre.
     let nearest_m = 0.9f64.hypot(2.25);
     for part in 0..12 {
         let before_m = 2e-3 + bin_m * f64::from(part) / 12.0;
@@ -320,9 +328,9 @@ fn a_target_at_the_end_of_the_ranges_is_seen() {
     }
 }
 
-/// A pulse so strong that the power of its noise is no number, nor then its echoes' deviations: the next motion is told from the pulse before it, and says so.
+/// A pulse so strong that the power of its noise overflows, and the deviations of its echoes are not finite: the next motion is relative to the pulse before it, and states so.
 #[test]
-fn a_pulse_without_numbers_is_no_pulse_to_tell_from() {
+fn pulse_with_overflow_is_not_used_as_reference() {
     let scene = Scene::new(2).with_snr_db(20.0, 8);
     let own = Setup {
         least_snr_db: -999.0,
@@ -331,31 +339,31 @@ fn a_pulse_without_numbers_is_no_pulse_to_tell_from() {
     let mut odometer = Box::new(Small::new());
     odometer.configure(&own, &scene.antennas()).unwrap();
     odometer.start(0);
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for n in 0..24u32 {
         let scale = if n == 16 { 4.5e18 } else { 1.0 };
         for (c, samples) in scene.pulse(n as usize).into_iter().enumerate() {
             let samples = samples.into_iter().map(|z| z * scale);
             odometer.push(n, c, 0.0, samples).unwrap();
         }
-        told.push(drain(&mut odometer).unwrap());
+        reported.push(drain(&mut odometer).unwrap());
     }
-    assert!(told[16].moved.is_none() && told[17].moved.is_some());
+    assert!(reported[16].moved.is_none() && reported[17].moved.is_some());
     assert_eq!(
-        (told[16].since, told[17].since, told[18].since),
+        (reported[16].since, reported[17].since, reported[18].since),
         (15, 15, 17)
     );
-    for step in &told[8..] {
+    for step in &reported[8..] {
         let Some(moved) = step.moved else { continue };
         let (true_m, _) = between(pose(step.since as usize), pose(step.pulse as usize));
         let [x, y] = moved.increment.moved_m;
-        // A step is 7e-4 m, its error some 6e-5 m.
+        // A step is 7e-4 m, its error about 6e-5 m.
         assert!((x - true_m[0]).hypot(y - true_m[1]) < 2.5e-4, "{step:?}");
     }
 }
 
 #[test]
-fn settings_that_cannot_be_are_refused() {
+fn invalid_settings_are_rejected() {
     let scene = Scene::new(2);
     let with = |change: &dyn Fn(&mut Setup)| {
         let mut own = setup();
@@ -387,20 +395,20 @@ fn settings_that_cannot_be_are_refused() {
     assert_eq!(with(&|own| own.rank = 1.5), Err(SetupError::Detection));
     let certain = |own: &mut Setup| own.false_alarm_probability = 1.0;
     assert_eq!(with(&certain), Err(SetupError::Detection));
-    assert_eq!(with(&|own| own.follow.seen = 9), Err(SetupError::Follow));
+    assert_eq!(with(&|own| own.follow.seen = 9), Err(SetupError::Tracker));
     assert_eq!(
         with(&|own| own.follow.gate_cells = 0.0),
-        Err(SetupError::Follow)
+        Err(SetupError::Tracker)
     );
     for bridge in [256, u16::MAX] {
         assert_eq!(
             with(&|own| own.follow.bridge = bridge),
-            Err(SetupError::Follow)
+            Err(SetupError::Tracker)
         );
     }
     assert_eq!(
         with(&|own| own.follow.within = 256),
-        Err(SetupError::Follow)
+        Err(SetupError::Tracker)
     );
     let channels = Small::new().configure(&setup(), &Scene::new(5).antennas());
     assert_eq!(channels, Err(SetupError::Channels { most: 4 }));
@@ -413,7 +421,7 @@ fn settings_that_cannot_be_are_refused() {
         Small::new().configure(&setup(), &antennas),
         Err(SetupError::Array)
     );
-    // What was configured stays.
+    // The configuration is kept.
     let mut odometer = started(&scene);
     assert!(odometer.configure(&setup(), &antennas).is_err());
     assert_eq!(odometer.setup(), Some(&setup()));
@@ -437,7 +445,7 @@ fn settings_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn steps_have_the_bits_of_every_machine() {
+fn step_checksum_is_reproducible() {
     let mut test = OdometerSelfTest::new();
     let first = test.run().unwrap();
     assert_eq!(test.run(), Ok(first), "buffers in use leave no trace");
@@ -447,9 +455,9 @@ fn steps_have_the_bits_of_every_machine() {
     );
 }
 
-/// What the documentation states, and below half a kilobyte a target.
+/// As documented, and below half a kilobyte per target.
 #[test]
-fn memory_is_what_is_stated() {
+fn memory_matches_documentation() {
     const C: usize = 4;
     const F: usize = 256;
     const R: usize = 1024;

@@ -1,11 +1,13 @@
-//! The streaming core under any order of pushes and work: a sub-CPI whose pulses were all taken gives
-//! its map once, to the bit, whatever came before and between; no other does; every pulse is counted.
+//! The stream processor under any order of pushes and work: a sub-CPI whose pulses were all accepted gives its map once,
+//! bit-identical whatever came before and in between; no other sub-CPI does; every pulse is counted.
 
 use proptest::prelude::*;
+use subaperture_core::fixed_point::FixedSlices;
 use subaperture_core::stream::{
-    FixedBuffers, FloatBuffers, FloatEngine, Progress, PulseError, Setup, SubCpiProcessor,
+    Capacity, FixedBuffers, FixedEngine, FloatBuffers, FloatEngine, Patch, Progress, PulseError,
+    PulsePhase, Setup, Store, SubCpiProcessor,
 };
-use subaperture_core::{Complex32, Pulse, Sc16};
+use subaperture_core::{Complex32, LengthError, Pulse, Sc16, fixed_point};
 use subaperture_tests::stream_scene::{at, patch};
 
 const PULSES: u32 = 3;
@@ -24,17 +26,17 @@ const SETUP: Setup = Setup {
 
 #[derive(Clone, Copy, Debug)]
 enum Action {
-    /// The pulse that is due.
+    /// The expected pulse.
     Push,
-    /// One that comes after so many that are lost.
+    /// A pulse after this many lost ones.
     Skip(u32),
-    /// One that came before, or too late.
+    /// A repeated or late pulse.
     Late(u32),
-    /// One of another number of samples.
+    /// A pulse with a wrong number of samples.
     Length(u32),
-    /// One with a sample, or a position, that is not a number.
+    /// A pulse with a sample or position that is not finite.
     NotFinite(bool),
-    /// So many pieces of work.
+    /// This many calls of `work`.
     Work(usize),
 }
 
@@ -70,10 +72,10 @@ fn start(buffers: &mut Buffers, first: u32) -> Processor<'_> {
     processor
 }
 
-/// The sub-CPI's number and the map's bits.
+/// Sub-CPI number and bits of the map.
 type Made = (u32, Vec<[u32; 2]>);
 
-/// One piece of work, and the map if it is the last of one.
+/// One call of `work`. Collects the map if it completes one.
 fn work(processor: &mut Processor<'_>, maps: &mut Vec<Made>) -> Progress {
     let progress = processor.work();
     if progress == Progress::Map {
@@ -84,7 +86,7 @@ fn work(processor: &mut Processor<'_>, maps: &mut Vec<Made>) -> Progress {
     progress
 }
 
-/// The map of a sub-CPI by itself, in buffers of its own.
+/// Map of a sub-CPI by itself, in separate buffers.
 fn alone(sub_cpi: u32) -> Made {
     let mut buffers = Buffers::new();
     let first = sub_cpi * PULSES;
@@ -102,7 +104,7 @@ fn alone(sub_cpi: u32) -> Made {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
-    fn whole_sub_cpis_give_their_maps_and_no_others(
+    fn only_complete_sub_cpis_give_maps(
         actions in prop::collection::vec(action(), 1..120)
     ) {
         let mut buffers = Buffers::new();
@@ -157,15 +159,15 @@ proptest! {
     }
 }
 
-/// Pushes a good pulse.
+/// Push a valid pulse.
 fn push(processor: &mut Processor<'_>, number: u32) -> Result<(), PulseError> {
     let samples = (0..FREQUENCIES).map(|k| sample(number, k));
     processor.push(&pulse(number), samples)
 }
 
 #[test]
-fn a_rest_that_is_known_to_miss_a_pulse_is_given_up() {
-    // The rest as it is: two pulses of three.
+fn partial_sub_cpi_with_missing_pulse_is_discarded() {
+    // A rest without gaps: two pulses of three.
     let mut buffers = Buffers::new();
     let mut processor = start(&mut buffers, 0);
     for number in 0..2 {
@@ -175,7 +177,7 @@ fn a_rest_that_is_known_to_miss_a_pulse_is_given_up() {
     let mut maps = Vec::new();
     while work(&mut processor, &mut maps) != Progress::Idle {}
     assert_eq!(maps.len(), 1);
-    // The third came, but short.
+    // The third pulse arrived, but too short.
     processor.start(0).unwrap();
     for number in 0..2 {
         push(&mut processor, number).unwrap();
@@ -188,7 +190,7 @@ fn a_rest_that_is_known_to_miss_a_pulse_is_given_up() {
 }
 
 #[test]
-fn a_rest_waits_for_the_full_store_before_it() {
+fn partial_sub_cpi_waits_for_full_store() {
     let mut buffers = Buffers::new();
     let mut processor = start(&mut buffers, 0);
     for number in 0..5 {
@@ -205,9 +207,9 @@ fn a_rest_waits_for_the_full_store_before_it() {
     assert!(!processor.is_working());
 }
 
-/// The largest number would be followed by itself: it would count as new for ever.
+/// The largest number would be followed by itself and count as new forever.
 #[test]
-fn the_largest_number_is_no_pulse() {
+fn largest_pulse_number_is_rejected() {
     let first = u32::MAX / PULSES * PULSES;
     let mut buffers = Buffers::new();
     let mut processor = start(&mut buffers, first - PULSES);
@@ -226,7 +228,7 @@ fn the_largest_number_is_no_pulse() {
 }
 
 #[test]
-fn a_place_far_outside_a_map_is_zero() {
+fn bin_far_outside_map_is_zero() {
     let mut buffers = Buffers::new();
     let mut processor = start(&mut buffers, 0);
     for number in 0..PULSES {
@@ -243,7 +245,7 @@ fn a_place_far_outside_a_map_is_zero() {
 
 /// Weights so large that mantissas are clamped, in one run of two.
 #[test]
-fn clamped_results_are_counted_from_the_beginning_of_a_run() {
+fn saturated_results_are_counted_per_run() {
     let mut buffers = FixedBuffers::<3, 4, 4, 3, 2, 1>::new();
     let mut processor = buffers.processor().unwrap();
     processor.configure(&SETUP).unwrap();
@@ -266,4 +268,111 @@ fn clamped_results_are_counted_from_the_beginning_of_a_run() {
     assert!(clamped > 0);
     assert_eq!(run(1.0), 0);
     assert_eq!(run(f32::MAX), clamped);
+}
+
+/// Every buffer in turn is one element too short for a capacity of 3 pulses, 4 frequencies, 4 range bins, 3 Doppler bins and 1
+/// patch: pulses could not be stored completely, so the processor is not created.
+#[test]
+fn from_parts_rejects_each_short_buffer() {
+    let capacity = Capacity {
+        pulses: 3,
+        frequencies: 4,
+        range_bins: 4,
+        doppler_bins: 3,
+        patches: 1,
+    };
+    let sizes = [4, 1, 12, 3, 12, 3, 12, 4, 3, 3];
+    let names = [
+        "weights",
+        "patches",
+        "pulse store samples",
+        "pulse store headers",
+        "pulse store samples",
+        "pulse store headers",
+        "map",
+        "range row",
+        "column",
+        "pulse phases",
+    ];
+    let lend = |sizes: [usize; 10], capacity: Capacity| {
+        let zeros = |i: usize| vec![Complex32::ZERO; sizes[i]];
+        let pulses = |i: usize| vec![Pulse::EMPTY; sizes[i]];
+        let (mut weights, mut patches) = (vec![0.0; sizes[0]], vec![Patch::EMPTY; sizes[1]]);
+        let (mut a, mut first, mut b, mut second) = (zeros(2), pulses(3), zeros(4), pulses(5));
+        let (mut map, mut row, mut column) = (zeros(6), zeros(7), zeros(8));
+        let mut phases = vec![PulsePhase::EMPTY; sizes[9]];
+        let engine = FloatEngine::new(&mut map, &mut row, &mut column, &mut phases);
+        let stores = [
+            Store::new(&mut a, &mut first),
+            Store::new(&mut b, &mut second),
+        ];
+        SubCpiProcessor::from_parts(engine, capacity, &mut weights, &mut patches, stores).map(
+            |mut processor| {
+                processor.configure(&SETUP).unwrap();
+                processor.set_patch(0, &patch([1.0; 3], 1, 1)).unwrap();
+                processor.start(0).unwrap();
+                for number in 0..PULSES {
+                    let samples = (0..FREQUENCIES).map(|k| sample(number, k));
+                    processor.push(&pulse(number), samples).unwrap();
+                }
+                while processor.work() == Progress::Busy {}
+                at(&processor.map().unwrap())
+            },
+        )
+    };
+    // Bit-identical to a processor on arrays.
+    let mut buffers = Buffers::new();
+    let mut processor = start(&mut buffers, 0);
+    for number in 0..PULSES {
+        let samples = (0..FREQUENCIES).map(|k| sample(number, k));
+        processor.push(&pulse(number), samples).unwrap();
+    }
+    while processor.work() == Progress::Busy {}
+    assert_eq!(lend(sizes, capacity), Ok(at(&processor.map().unwrap())));
+    for (i, what) in names.into_iter().enumerate() {
+        let mut short = sizes;
+        short[i] -= 1;
+        let error = LengthError {
+            what,
+            expected: sizes[i],
+            got: short[i],
+        };
+        assert_eq!(lend(short, capacity), Err(error), "{i}");
+    }
+}
+
+/// An engine made for a smaller capacity than the processor states.
+#[test]
+fn from_parts_rejects_engine_smaller_than_capacity() {
+    let mut memory = FixedBuffers::<3, 4, 4, 3, 2, 1>::new();
+    let small = *memory.processor().unwrap().capacity();
+    let capacity = Capacity {
+        doppler_bins: 5,
+        range_bins: 8,
+        ..small
+    };
+    let zero = num_complex::Complex { re: 0, im: 0 };
+    let slices = FixedSlices {
+        cells: &mut vec![Sc16::ZERO; FixedSlices::cells_len(&small)],
+        column_exponents: &mut vec![0; FixedSlices::column_exponents_len(&small)],
+        row_exponents: &mut vec![0; FixedSlices::row_exponents_len(&small)],
+        work: &mut vec![zero; FixedSlices::work_len(&small)],
+        phases: &mut [fixed_point::PulsePhase::EMPTY; 3],
+        folded: &mut [zero; 3],
+    };
+    let engine = FixedEngine::new(slices, &small).unwrap();
+    let (mut weights, mut patches) = ([0.0; 4], [Patch::EMPTY; 1]);
+    let (mut a, mut b) = ([Sc16::ZERO; 12], [Sc16::ZERO; 12]);
+    let (mut first, mut second) = ([Pulse::EMPTY; 3], [Pulse::EMPTY; 3]);
+    let stores = [
+        Store::new(&mut a, &mut first),
+        Store::new(&mut b, &mut second),
+    ];
+    let lent = SubCpiProcessor::from_parts(engine, capacity, &mut weights, &mut patches, stores);
+    let error = LengthError {
+        what: "cells",
+        expected: 20,
+        got: 12,
+    };
+    assert_eq!(lent.err(), Some(error));
 }

@@ -1,15 +1,15 @@
-//! The self-tests' own test: their checksums are pinned (`tests/firmware/selftest.rs` and `golden.rs` compare those of
-//! targets). That maps and pixels are right is shown by `map.rs`, `accumulate.rs`, `float.rs` and `fixed.rs`.
+//! Checksums of the self-tests (`tests/firmware/selftest.rs` and `golden.rs` compare those of targets). That maps and pixels are
+//! correct is verified by `map.rs`, `accumulate.rs`, `float.rs` and `fixed.rs`.
 
 use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
 
-/// Changes only when the arithmetic changes: then run this test, look at why, and write the new one.
+/// Changes only if the arithmetic changes: run this test, find the reason, then update the value.
 const CHECKSUM: u32 = 0x8043_76ec;
 const FLOAT_STREAM_CHECKSUM: u32 = 0xbef4_6d58;
 const FIXED_STREAM_CHECKSUM: u32 = 0xd2ed_8aa6;
 
 #[test]
-fn checksum_is_the_recorded_one_and_repeats() {
+fn selftest_checksum_is_recorded_and_repeatable() {
     let mut test = Box::new(SelfTest::new());
     let first = test.run().unwrap();
     assert_eq!(test.run().unwrap(), first, "buffers in use leave no trace");
@@ -20,7 +20,7 @@ fn checksum_is_the_recorded_one_and_repeats() {
 }
 
 #[test]
-fn checksums_of_the_stream_are_the_recorded_ones_and_repeat() {
+fn stream_selftest_checksums_are_recorded_and_repeatable() {
     let mut float = FloatStreamSelfTest::new();
     let mut fixed = FixedStreamSelfTest::new();
     for (name, first, again, recorded) in [

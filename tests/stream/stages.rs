@@ -26,8 +26,8 @@ fn spectrum(weights: &[f64], cycles_per_sample: f64) -> f64 {
 }
 
 #[test]
-fn window_side_lobes_are_where_theory_puts_them() {
-    // Highest side lobe beyond the first minimum. Rectangular: 13.26 dB of the Dirichlet kernel.
+fn window_sidelobes_match_theory() {
+    // Highest sidelobe beyond the first minimum. Rectangular: 13.26 dB of the Dirichlet kernel.
     // Hamming: 42.7 dB. Taylor: the design level, within 0.5 dB because n_bar is finite.
     let psl_db = |window| {
         let weights = weights(window, 256);
@@ -46,7 +46,7 @@ fn window_side_lobes_are_where_theory_puts_them() {
     }
 }
 
-/// The host samples its windows in the same way; scaled to sum 1 they agree to float32 rounding.
+/// The host samples its windows at the same points; scaled to sum 1 they agree up to float32 rounding.
 #[test]
 fn windows_agree_with_the_host() {
     use subaperture::signal::window::Window as Host;
@@ -74,7 +74,7 @@ fn windows_agree_with_the_host() {
 }
 
 #[test]
-fn windows_that_cannot_be_are_refused() {
+fn invalid_windows_are_rejected() {
     let refused = |window: Window<'_>| window.fill(&mut [0.0; 3]).unwrap_err();
     assert_eq!(
         refused(Window::Taylor { side_lobe_db: 10.0 }),
@@ -103,10 +103,10 @@ fn windows_that_cannot_be_are_refused() {
     ));
 }
 
-/// Argument known to 2^-33 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and
-/// cosine rounded once (0.6e-7 at most): below 1.6e-7 in all.
+/// Argument known to 2^-33 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and cosine rounded once
+/// (at most 0.6e-7): below 1.6e-7 in total.
 #[test]
-fn phasors_are_right_to_single_precision() {
+fn phasors_are_accurate_to_single_precision() {
     for i in 0..100_003u64 {
         let turns = Turns(i.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let phasor = turns.phasor();
@@ -126,9 +126,9 @@ fn phasors_are_right_to_single_precision() {
     assert!((Turns::from_f64(-1e-30).phasor() - 1.0).norm() < 1e-9);
 }
 
-/// A quadratic phase by the recurrence is the product, for any rate: integers wrap as phase does.
+/// A quadratic phase by recurrence equals the product for any rate: integers wrap like phase.
 #[test]
-fn quadratic_phase_has_no_error() {
+fn quadratic_phase_recurrence_is_exact() {
     let rate = Turns(0x0123_4567_89ab_cdef);
     let (mut phase, mut step) = (Turns(0), rate);
     for n in 0..5000i64 {
@@ -159,9 +159,8 @@ fn fft_of_an_impulse_is_a_phasor() {
     }
 }
 
-/// A scatterer `x` bins off gives the Dirichlet kernel
-/// `sum_k exp(j 2 pi (k - F/2)(r - R/2 - x) / R)`: F at the peak, for even and odd F, with and without
-/// padding. What lay in the padding does not matter.
+/// A scatterer `x` bins off gives the Dirichlet kernel `sum_k exp(j 2 pi (k - F/2)(r - R/2 - x) / R)`: F at the peak, for
+/// even and odd F, with and without padding. Previous contents of the padding have no effect.
 #[test]
 fn range_compression_of_a_scatterer_is_the_dirichlet_kernel() {
     for (frequencies, bins) in [(1, 2), (2, 2), (5, 8), (8, 8), (12, 32), (424, 1024)] {
@@ -188,8 +187,7 @@ fn range_compression_of_a_scatterer_is_the_dirichlet_kernel() {
     }
 }
 
-/// A constant of M pulses: at Doppler bin d the Dirichlet kernel of the *scaled* Doppler
-/// `a (d - D/2) / D`.
+/// A constant of M pulses: at Doppler bin d the Dirichlet kernel of the *scaled* Doppler `a (d - D/2) / D`.
 #[test]
 fn chirp_z_of_a_constant_is_the_scaled_dirichlet_kernel() {
     for (pulses, bins, length) in [
@@ -222,10 +220,10 @@ fn chirp_z_of_a_constant_is_the_scaled_dirichlet_kernel() {
     }
 }
 
-/// At the reference frequency, and wherever a position falls on a pulse, resampling changes nothing.
-/// With ratio 1/2, output pulse i is input pulse 2 (i - M/2) + M/2, or nothing past the ends.
+/// At the reference frequency, and wherever a position coincides with a pulse, resampling is the identity. With ratio 1/2,
+/// output pulse i is input pulse 2 (i - M/2) + M/2, or zero beyond the ends.
 #[test]
-fn sinc_matrix_picks_pulses_that_it_meets() {
+fn sinc_matrix_is_identity_on_pulse_positions() {
     for pulses in [4usize, 5] {
         let mut matrix = vec![9.0; pulses * pulses];
         for ratio in [1.0, 0.5] {
@@ -240,7 +238,7 @@ fn sinc_matrix_picks_pulses_that_it_meets() {
             }
         }
     }
-    // Ratio 2 meets half-way: sinc(1/2) = 2/pi, sinc(3/2) = -2/(3 pi).
+    // Ratio 2 samples midway: sinc(1/2) = 2/pi, sinc(3/2) = -2/(3 pi).
     let mut matrix = [0.0; 9];
     sinc::fill_matrix(2.0, 3, &mut matrix);
     let exact = [0.5, 0.5, -1.0 / 6.0].map(|x| x * 4.0 / std::f64::consts::PI);
@@ -250,7 +248,7 @@ fn sinc_matrix_picks_pulses_that_it_meets() {
 }
 
 #[test]
-fn lengths_are_what_the_sizes_say() {
+fn buffer_lengths_follow_shape() {
     let shape = Shape {
         num_pulses: 32,
         num_frequencies: 64,
@@ -270,9 +268,9 @@ fn lengths_are_what_the_sizes_say() {
     assert_eq!(endless.chirp_length(), usize::MAX);
 }
 
-/// Pulses that are not there and samples that do not fit touch nothing else.
+/// Pulses outside the sub-CPI and samples of wrong number change nothing.
 #[test]
-fn windowing_stays_within_the_sub_cpi() {
+fn window_rejects_invalid_pulse_index_and_length() {
     let shape = Shape {
         num_pulses: 3,
         num_frequencies: 4,
@@ -294,34 +292,43 @@ fn windowing_stays_within_the_sub_cpi() {
     };
     let plan = Plan::new(shape, &params, tables).unwrap();
     let marked = Complex32::new(5.0, 6.0);
-    // Which frequencies of which pulse are written, for a pulse of so many samples and a history of so
-    // many.
-    for (m, samples, history, written) in [
-        (1, 4, 12, 4),
-        (2, 2, 12, 2),
-        (0, 9, 12, 4),
-        (1, 4, 8, 2),
-        (0, 4, 0, 0),
-        (3, 4, 12, 0),
-        (usize::MAX, 4, 12, 0),
-    ] {
+    let windowed = |m: usize, samples: usize, history: usize| {
         let mut history = vec![marked; history];
-        plan.window(m, &vec![Complex32::ONE; samples], &mut history);
-        for (i, sample) in history.iter().enumerate() {
-            let (k, at) = (i / 3, i % 3);
-            // The signs that centre the range axis, over 12 samples.
-            let value = if k % 2 == 0 { 1.0 } else { -1.0 } / 12.0;
-            if at == m && k < written {
-                assert!((sample - value).norm() < 1e-7, "{m} {k}: {sample}");
-            } else {
-                assert_eq!(*sample, marked, "{m} {k}");
-            }
+        let result = plan.window(m, &vec![Complex32::ONE; samples], &mut history);
+        (result, history)
+    };
+    for (m, samples, history, what, expected, got) in [
+        (1, 2, 12, "samples of a pulse", 4, 2),
+        (0, 9, 12, "samples of a pulse", 4, 9),
+        (1, 4, 8, "history", 12, 8),
+        (0, 4, 0, "history", 12, 0),
+        (3, 4, 12, "pulses of a sub-CPI", 4, 3),
+        (usize::MAX, 4, 12, "pulses of a sub-CPI", usize::MAX, 3),
+    ] {
+        let (result, history) = windowed(m, samples, history);
+        let error = LengthError {
+            what,
+            expected,
+            got,
+        };
+        assert_eq!(result, Err(error));
+        assert!(history.iter().all(|sample| *sample == marked), "{m}");
+    }
+    let (result, history) = windowed(1, 4, 12);
+    assert_eq!(result, Ok(()));
+    for (i, sample) in history.iter().enumerate() {
+        let (k, at) = (i / 3, i % 3);
+        // The signs that centre the range axis, over 12 samples.
+        let value = if k % 2 == 0 { 1.0 } else { -1.0 } / 12.0;
+        match at {
+            1 => assert!((sample - value).norm() < 1e-7, "{k}: {sample}"),
+            _ => assert_eq!(*sample, marked, "{k}"),
         }
     }
 }
 
 #[test]
-fn plans_that_cannot_be_are_refused_and_say_why() {
+fn invalid_plans_are_rejected_with_reason() {
     let good = Params {
         start_hz: 1.0e9,
         step_hz: 1.0e6,
@@ -356,7 +363,7 @@ fn plans_that_cannot_be_are_refused_and_say_why() {
             step_hz,
             ..good
         });
-        assert!(error.to_string().contains("positive and finite"), "{error}");
+        assert!(error.to_string().contains("positive finite"), "{error}");
     }
     let error = refused(Params {
         slow_window: Window::Weights(&[1.0]),
@@ -364,7 +371,7 @@ fn plans_that_cannot_be_are_refused_and_say_why() {
     });
     assert_eq!(
         error.to_string(),
-        "slow-time window: 1 window weights were given for 4 samples"
+        "slow-time window: window weights: expected one per sample (4), found 1"
     );
     assert_eq!(
         Axes::new(shape(5), 1.0, 1.0).unwrap_err(),
@@ -373,9 +380,9 @@ fn plans_that_cannot_be_are_refused_and_say_why() {
     assert_eq!(planned(good), Ok(()));
 }
 
-/// The form on borrowed slices: every length is checked before anything is written.
+/// Functions on borrowed slices check every length before they write anything.
 #[test]
-fn borrowed_buffers_of_wrong_length_are_refused() {
+fn borrowed_buffers_of_wrong_length_are_rejected() {
     let shape = Shape {
         num_pulses: 3,
         num_frequencies: 4,
@@ -428,7 +435,7 @@ fn borrowed_buffers_of_wrong_length_are_refused() {
         least: 8192,
         got: 8192,
     };
-    assert!(too_long.to_string().contains("take fewer"), "{too_long}");
+    assert!(too_long.to_string().contains("reduce them"), "{too_long}");
 
     for (plan, scratch_len) in [
         (plan(4, 3, Some(36), 0).unwrap(), 4),
@@ -450,9 +457,9 @@ fn borrowed_buffers_of_wrong_length_are_refused() {
     }
 }
 
-/// A plane is read exactly by bilinear interpolation, up to and on the last bins; nothing beyond.
+/// A plane is reproduced exactly by bilinear interpolation up to the last bins; nothing beyond.
 #[test]
-fn map_reads_planes_exactly_and_nothing_outside() {
+fn bilinear_interpolation_is_exact_on_planes_and_none_outside() {
     let shape = Shape {
         num_pulses: 2,
         num_frequencies: 2,

@@ -1,4 +1,4 @@
-//! A module's range profiles, of counts: against the sums that define them, against the host's radio on the same recording, and to the bit.
+//! Range profiles of the core: against the defining sums, against the host's radio on the same recording, and bit by bit.
 
 use std::f64::consts::TAU;
 
@@ -9,11 +9,12 @@ use subaperture_radio::profile::{Reference, Sweep};
 use subaperture_radio::sigmf::{Recording, Setup as Recorded, Step, Writer};
 use subaperture_tests::sweep_scene::{BINS, CARRIERS, PERIOD, SceneProfiler, SweepScene};
 
-/// Changes only when the arithmetic changes: then look at why, and write the new one.
+/// Changes only if the arithmetic changes: find the reason, then update the value.
 const CHECKSUM: u32 = 0x033d_034d;
 
-/// Relative RMS error of float32: sums are exact, a phasor of the tone errs by 1.6e-7 at most, alike in both channels; a mean of 8 products, a quotient of some 17 of them, a weight
-/// and a product each round by 6e-8 a few times, the transform by -137 dB, the last phasor by 1.6e-7. Together some 4e-7, -128 dB; a factor of four over that.
+/// Relative RMS error of float32: sums are exact; a phasor of the tone has an error of at most 1.6e-7, equal in both channels; a
+/// mean of 8 products, a quotient of about 17 of them, a weight and a product each round by 6e-8 a few times, the transform by
+/// -137 dB, the last phasor by 1.6e-7. In total about 4e-7, -128 dB; a factor of four is allowed.
 const BOUND_DB: f64 = -115.0;
 
 fn off_db(got: &[Complex32], expected: &[Complex64]) -> f64 {
@@ -27,11 +28,11 @@ fn off_db(got: &[Complex32], expected: &[Complex64]) -> f64 {
     10.0 * (off / all).log10()
 }
 
-/// Everything that can be wrong with a sweep.
+/// Sweep with all kinds of faults.
 fn faulty(carriers: u16, samples: u32, bins: u16) -> SweepScene {
     let mut scene = SweepScene::new(carriers, samples, bins);
     scene.left_out = vec![7, 30];
-    // A block; the first and the last; more than half of the blocks, which leaves the burst out.
+    // One block; the first and the last; more than half of the blocks, which rejects the burst.
     scene.lost = vec![
         (3, 100..120),
         (4, 0..1),
@@ -42,10 +43,10 @@ fn faulty(carriers: u16, samples: u32, bins: u16) -> SweepScene {
     scene
 }
 
-/// Mean, quotient and profile as the head of `core::sweep` has them, in float64, of the same counts. Which blocks come whole is written out here once more; a synthesiser that settles by one and a half turns
-/// in 120 samples is known to be none.
+/// Mean, quotient and profile as defined in `core::sweep`, in float64, from the same samples. The selection of complete blocks
+/// is written out here separately; a synthesiser that settles by one and a half turns in 120 samples must be rejected.
 #[test]
-fn profiles_are_the_sums_that_define_them() {
+fn profiles_match_defining_sums() {
     let scene = faulty(50, 1000, 128);
     let (values, usable, taken) = scene.profile(0);
     let block = 1000 / PERIOD / 16 * PERIOD;
@@ -92,7 +93,7 @@ fn profiles_are_the_sums_that_define_them() {
         .map(|l| {
             let each = responses.iter().zip(&weights).enumerate();
             let each = each.filter_map(|(n, (z, w))| {
-                // The range is `l c / (2 R step)`: so many turns of each frequency.
+                // The range is `l c / (2 R step)`: turns of each frequency.
                 let hz = scene.setup.start_hz + n as f64 * scene.setup.step_hz;
                 let turns = hz * f64::from(l) / (128.0 * scene.setup.step_hz);
                 Some((*z)? * f64::from(*w) * Complex64::cis(TAU * turns.fract()))
@@ -105,9 +106,9 @@ fn profiles_are_the_sums_that_define_them() {
     assert!(off < BOUND_DB, "{off}");
 }
 
-/// The host reads the same counts from a recording, mixes and selects them by its own code, and transforms them, here with missing carriers for nothing, as the core does, which fills none.
+/// The host reads the same samples from a recording, mixes and selects them by its own code, and transforms them, here with zeros for missing carriers like the core, which fills no gaps.
 #[test]
-fn profiles_are_those_of_the_host() {
+fn profiles_match_host() {
     let scene = faulty(64, 1000, 256);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sweep");
@@ -152,7 +153,7 @@ fn profiles_are_those_of_the_host() {
     let (values, usable, _) = scene.profile(0);
     assert_eq!(usize::from(usable), sweep.usable());
     let unambiguous_m = 299_792_458.0 / 8e6;
-    // The host's windows are others: weights are put on the values, and no window.
+    // The host's windows differ: weights are applied to the values, with no window.
     let weights = scene.weights();
     let weighted = Sweep {
         values: (sweep.values.iter().zip(&weights))
@@ -166,7 +167,7 @@ fn profiles_are_those_of_the_host() {
     let off = off_db(&values, &expected.values);
     println!("{off:.1} dB");
     assert!(off < BOUND_DB, "{off}");
-    // And what it shows is the scene, to half a bin; the cable's zero is that of the sums.
+    // The result is the scene to half a bin; the zero of the cable is that of the sums.
     for (range_m, _) in &scene.scatterers {
         let bin = range_m / expected.spacing_m;
         let near = (bin.round() as usize).saturating_sub(3)..bin.round() as usize + 4;
@@ -176,9 +177,9 @@ fn profiles_are_those_of_the_host() {
     }
 }
 
-/// A part that is lost between others is samples that are missing; what comes again begins the burst anew, and a sweep that comes again the sweep.
+/// A part lost between others counts as missing samples; a repeated part restarts the burst, and a repeated sweep the sweep.
 #[test]
-fn parts_of_bursts_may_come_in_any_sizes_and_be_lost() {
+fn burst_parts_may_have_any_size_and_be_lost() {
     let scene = SweepScene::new(8, 200, 16);
     let (expected, usable, taken) = scene.profile(0);
     assert_eq!((usable, taken), (8, 8 * 200));
@@ -191,7 +192,7 @@ fn parts_of_bursts_may_come_in_any_sizes_and_be_lost() {
         for (n, burst) in scene.bursts(0).iter().enumerate() {
             let mut first = 0;
             for (k, part) in burst.samples.chunks(1 + 13 * (n + attempt)).enumerate() {
-                // Of the second attempt a part of each burst is lost.
+                // In the second attempt a part of each burst is lost.
                 if attempt != 1 || k != 3 {
                     let part = part.iter().copied();
                     profiler.push(0, burst.carrier, first, part).unwrap();
@@ -207,11 +208,11 @@ fn parts_of_bursts_may_come_in_any_sizes_and_be_lost() {
             assert_eq!((profile.taken, profile.usable), (8 * 200, 8));
             assert_eq!(profile.values, expected);
         }
-        // As often as it is asked for.
+        // As often as requested.
         let again = profiler.finish(0).unwrap().values.to_vec();
         assert_eq!(profiler.profile().unwrap().values, again);
     }
-    // Two of eight are not there: two of three are.
+    // Two of eight are missing: two thirds are available.
     for burst in &scene.bursts(1)[..6] {
         let samples = burst.samples.iter().copied();
         profiler.push(1, burst.carrier, 0, samples).unwrap();
@@ -225,13 +226,13 @@ fn parts_of_bursts_may_come_in_any_sizes_and_be_lost() {
     let profile = profiler.finish(2).unwrap();
     assert_eq!((profile.usable, profile.values.len()), (5, 0));
     assert_eq!(profiler.finish(1).err(), Some(BurstError::Repeated));
-    // Of a sweep that nobody sent.
+    // A sweep that was never sent.
     let profile = profiler.finish(9).unwrap();
     assert_eq!((profile.sweep, profile.usable, profile.taken), (9, 0, 0));
 }
 
 #[test]
-fn settings_that_cannot_be_are_refused() {
+fn invalid_settings_are_rejected() {
     let scene = SweepScene::new(50, 1000, 128);
     let with = |change: &dyn Fn(&mut Setup)| {
         let mut own = scene.setup;
@@ -305,7 +306,7 @@ fn settings_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn profiles_have_the_bits_of_every_machine() {
+fn profile_checksum_is_reproducible() {
     let mut test = SweepSelfTest::new();
     let first = test.run().unwrap();
     assert_eq!(test.run(), Ok(first), "buffers in use leave no trace");
@@ -315,9 +316,9 @@ fn profiles_have_the_bits_of_every_machine() {
     );
 }
 
-/// What the documentation states.
+/// As documented.
 #[test]
-fn memory_is_what_is_stated() {
+fn memory_matches_documentation() {
     const BYTES: usize = Profiler::<32, 256, 512>::BYTES;
     let stated = 24 * 32 + 20 * 256 + 8 * 512;
     println!("{stated} bytes and {}", BYTES - stated);

@@ -1,33 +1,33 @@
-//! Geometry of a sub-CPI's centre, and the grid of pixels. Float64 throughout.
+//! Geometry at the centre of a sub-CPI, and the pixel grid. Float64 throughout.
 
-/// Antennas and phase reference at the sub-CPI's centre, the mean pulse index `(M - 1) / 2`.
+/// Antenna positions, velocities and phase reference at the centre of a sub-CPI, the mean pulse index `(M - 1) / 2`.
 ///
-/// Positions are metres in any Cartesian frame; rates are per pulse, not per second. Sample phase is
-/// `-2 pi f (path - reference path) / c`, path from transmitter to point to receiver.
+/// Positions are in metres in any Cartesian frame; rates are per pulse, not per second. Samples have the phase
+/// `-2 pi f (path - reference path) / c`, where the path leads from transmitter to point to receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centre {
-    /// Transmitter position, metres.
+    /// Transmitter position in metres.
     pub transmitter_m: [f64; 3],
-    /// Transmitter velocity, metres a pulse.
+    /// Transmitter velocity in metres per pulse.
     pub transmitter_m_per_pulse: [f64; 3],
-    /// Receiver position, metres.
+    /// Receiver position in metres.
     pub receiver_m: [f64; 3],
-    /// Receiver velocity, metres a pulse.
+    /// Receiver velocity in metres per pulse.
     pub receiver_m_per_pulse: [f64; 3],
-    /// Two-way path to which the samples' phase is compensated, metres; 0 if to none.
+    /// Two-way path in metres that sample phases are referenced to; 0 for raw phases.
     pub reference_path_m: f64,
-    /// Its rate, metres a pulse.
+    /// Rate of change of the reference path in metres per pulse.
     pub reference_path_m_per_pulse: f64,
 }
 
 impl Centre {
-    /// One antenna for both ways, phase compensated to `reference_m`, a fixed point.
+    /// Monostatic geometry with phases referenced to the fixed point `reference_m`.
     ///
     /// ```
     /// use subaperture_core::accumulate::Centre;
     /// let centre = Centre::monostatic([0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [30.0, 40.0, 0.0]);
     /// assert_eq!(centre.reference_path_m, 100.0);
-    /// // Approaching the reference at 3 m a pulse times 30/50, both ways.
+    /// // Approaches the reference at 3 m per pulse times 30/50, on both legs of the path.
     /// assert!((centre.reference_path_m_per_pulse + 3.6).abs() < 1e-14);
     /// assert_eq!(centre.relative_path_m([30.0, 40.0, 0.0]), (0.0, 0.0));
     /// ```
@@ -50,9 +50,9 @@ impl Centre {
         centre
     }
 
-    /// Path to `point_m` less the reference path, metres, and its rate, metres a pulse.
+    /// Path to `point_m` minus the reference path in metres, and its rate in metres per pulse.
     ///
-    /// A point at an antenna has no rate: not a number.
+    /// The rate is NaN for a point at an antenna.
     pub fn relative_path_m(&self, point_m: [f64; 3]) -> (f64, f64) {
         let one_way = |antenna: [f64; 3], velocity: [f64; 3]| {
             let [x, y, z] = [0, 1, 2].map(|i| point_m[i] - antenna[i]);
@@ -69,14 +69,14 @@ impl Centre {
     }
 }
 
-/// A planar grid of pixels, row-major, in any orientation.
+/// Planar pixel grid in any orientation, row-major.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelGrid {
-    /// Position of pixel (0, 0), metres.
+    /// Position of pixel (0, 0) in metres.
     pub origin_m: [f64; 3],
-    /// Step from column to column, metres.
+    /// Vector from one column to the next in metres.
     pub column_step_m: [f64; 3],
-    /// Step from row to row, metres.
+    /// Vector from one row to the next in metres.
     pub row_step_m: [f64; 3],
     /// Number of columns.
     pub num_columns: usize,
@@ -85,12 +85,12 @@ pub struct PixelGrid {
 }
 
 impl PixelGrid {
-    /// Rows times columns, unless that overflows.
+    /// Number of rows times columns. `None` on overflow.
     pub fn num_pixels(&self) -> Option<usize> {
         self.num_rows.checked_mul(self.num_columns)
     }
 
-    /// Position of a pixel, metres.
+    /// Position of a pixel in metres.
     pub fn position_m(&self, row: usize, column: usize) -> [f64; 3] {
         let (row, column) = (row as f64, column as f64);
         [0, 1, 2]

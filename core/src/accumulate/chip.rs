@@ -1,30 +1,29 @@
-//! Coherent accumulation of patch maps: a chip of the image, sub-CPI by sub-CPI.
+//! Coherent accumulation of patch maps into an image chip, one sub-CPI after another.
 //!
-//! **Equation** (the map is that of [`crate::stream`]). A pixel's path relative to the patch's centre
-//! is measured at the header's two nodes, `early` and `late`, `u_g` pulses before and after the
-//! sub-CPI's middle, `u_g^2 = (M^2 - 1)/12`; over the sub-CPI it is taken as the line through them:
+//! **Equation** (for the map of [`crate::stream`]). A pixel's path relative to the patch centre is computed at the
+//! header's two nodes, `early` and `late`, `u_g` pulses before and after the middle of the sub-CPI,
+//! `u_g^2 = (M^2 - 1)/12`. Over the sub-CPI the path is approximated by the line through them:
 //!
 //! ```text
 //! a = (early + late) / 2,   b = (late - early) / (2 u_g)
 //! pixel += weight  map[-b D f_ref / c][a R step_hz / c]  exp(+j 2 pi f_ref a / c)
 //! ```
 //!
-//! read between bins by a [`Kernel`]. A single pulse has `b = 0`.
+//! The map is interpolated between bins by a [`Kernel`]. A single pulse has `b = 0`.
 //!
-//! **Weights.** A map is a mean over its `M` pulses. With the weight `M` over the sum of all pulses'
-//! weights a unit scatterer reads 1 in the sum of all sub-CPIs' maps, whatever the lengths of the
-//! sub-CPIs.
+//! **Weights.** A map is a mean over its `M` pulses. If the weight of a map is `M` divided by the sum of all
+//! pulses' weights, a scatterer of unit amplitude has amplitude 1 in the sum of all sub-CPIs, whatever their
+//! lengths.
 //!
-//! **Neglected**: the curvature of the path relative to the patch's centre, whose least-squares line
-//! the nodes give, and the kernel's error, provided that `R >= 2F` and `D >= 2M`. A pixel of whose taps
-//! one with a weight lies outside the map receives nothing: choose the patch's reach larger than the
-//! pixels' by half the kernel.
+//! **Neglected**: the curvature of the path relative to the patch centre beyond its least-squares line, and the
+//! interpolation error of the kernel for `R >= 2F` and `D >= 2M`. A pixel is skipped if a tap with nonzero weight
+//! lies outside the map: make the patch larger than the pixels' extent by half the kernel.
 //!
-//! **Output** pixels, row-major. **Cost** 8 bytes a pixel; a pixel and map two float64 roots (four where
-//! transmitter and receiver are apart), one phasor, `2 T^2 + 2 T` multiply-adds for the reading of `T`
-//! taps. **Accuracy** against the exact sum over pulses and frequencies in float64, relative RMS over
-//! the chip, `R = 2F`, `D = 2M`, no windows (`tests/stream/chip.rs`): 8 taps -64.4 dB, 10 taps
-//! -70.3 dB, of which curvature alone is -71.0 dB; bilinear reading of the same map -17.2 dB.
+//! **Output**: pixels, row-major. **Cost**: 8 bytes per pixel; per pixel and map two float64 square roots (four if
+//! transmitter and receiver differ), one phasor, and `2 T^2 + 2 T` multiply-adds for `T` taps. **Accuracy** against
+//! the exact sum over pulses and frequencies in float64, relative RMS over the chip, `R = 2F`, `D = 2M`, no windows
+//! (`tests/stream/chip.rs`): -64.4 dB with 8 taps; -70.3 dB with 10 taps, where curvature alone contributes
+//! -71.0 dB; -17.2 dB with bilinear interpolation of the same map.
 
 use num_complex::Complex32;
 
@@ -34,10 +33,10 @@ use crate::pulse::distance_m;
 use crate::stream::{Node, PatchMap, Setup, node_offset_pulses};
 use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
 
-/// Adds `weight` times a patch's map to the pixels of `grid`; the number of pixels that it reached.
+/// Add `weight` times a patch map to the pixels of `grid`. Returns the number of pixels inside the map.
 ///
 /// # Errors
-/// [`LengthError`] unless `pixels` has the grid's number; nothing is then written.
+/// [`LengthError`] if `pixels` does not have one element per pixel of the grid. Nothing is then written.
 pub fn add_patch_map<const TAPS: usize, const PHASES: usize>(
     pixels: &mut [Complex32],
     grid: &PixelGrid,
@@ -52,13 +51,13 @@ pub fn add_patch_map<const TAPS: usize, const PHASES: usize>(
     let range_bins = f64::from(setup.range_length) * setup.step_hz / SPEED_OF_LIGHT_M_S;
     add_pixels(pixels, grid, |point_m| {
         let (a, b) = line.path_m(point_m);
-        let value = read(map, kernel, -b * doppler_bins, a * range_bins)?;
+        let value = interpolate(map, kernel, -b * doppler_bins, a * range_bins)?;
         Some(value * (Turns::from_f64(wavenumber * a).phasor() * weight))
     })
 }
 
 impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
-    /// Adds `weight` times a patch's map; the number of pixels that it reached.
+    /// Add `weight` times a patch map. Returns the number of pixels inside the map.
     ///
     /// ```
     /// use subaperture_core::Complex32;
@@ -93,7 +92,7 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
     ///     start_hz: 1e9,
     ///     step_hz: 1e6,
     /// };
-    /// // The patch's centre is the map's, on a bin and without phase.
+    /// // The pixel is at the patch centre: on a bin and without phase.
     /// assert_eq!(chip.accumulate_patch(&setup, &map, &Kernel::<8, 64>::new(), 0.5), 1);
     /// assert_eq!(chip.pixels()[0], Complex32::new(0.0, 0.5));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -106,17 +105,17 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
         weight: f32,
     ) -> usize {
         let (grid, pixels) = self.parts();
-        // Cannot fail: the pixels are the grid's.
+        // Cannot fail: the pixels have the length of the grid.
         add_patch_map(pixels, grid, setup, map, kernel, weight).unwrap_or(0)
     }
 }
 
-/// The line that stands for the path over a sub-CPI, relative to the patch's centre.
+/// Linear approximation of the path over a sub-CPI, relative to the patch centre.
 struct Line {
     nodes: [Node; 2],
-    /// Paths from the nodes to the patch's centre, metres.
+    /// Paths from the nodes to the patch centre in metres.
     centre_paths_m: [f64; 2],
-    /// `u_g`.
+    /// Node offset `u_g` in pulses.
     offset_pulses: f64,
 }
 
@@ -130,7 +129,7 @@ impl Line {
         }
     }
 
-    /// `(a, b)`: relative path in the middle, metres, and its rate, metres a pulse.
+    /// `(a, b)`: relative path in the middle in metres, and its rate in metres per pulse.
     #[inline]
     fn path_m(&self, point_m: [f64; 3]) -> (f64, f64) {
         let relative_m = |i: usize| path_m(&self.nodes[i], point_m) - self.centre_paths_m[i];
@@ -144,7 +143,7 @@ impl Line {
     }
 }
 
-/// Path from transmitter to point to receiver, metres; one root where both are at one place.
+/// Path from transmitter to point to receiver in metres. Takes one square root if both are at the same position.
 #[inline]
 fn path_m(node: &Node, point_m: [f64; 3]) -> f64 {
     let out_m = distance_m(node.transmitter_m, point_m);
@@ -155,10 +154,9 @@ fn path_m(node: &Node, point_m: [f64; 3]) -> f64 {
     }
 }
 
-/// The map between its bins, counted from the patch's centre; nothing where a tap that has a weight is
-/// outside.
+/// Interpolate the map at fractional bins from the patch centre. `None` if a tap with nonzero weight is outside.
 #[inline]
-fn read<const TAPS: usize, const PHASES: usize>(
+fn interpolate<const TAPS: usize, const PHASES: usize>(
     map: &PatchMap<'_>,
     kernel: &Kernel<TAPS, PHASES>,
     doppler_bin: f64,
@@ -166,7 +164,7 @@ fn read<const TAPS: usize, const PHASES: usize>(
 ) -> Option<Complex32> {
     let patch = &map.header.patch;
     let (reach_d, reach_r) = (i32::from(patch.doppler_reach), i32::from(patch.range_reach));
-    // Also refuses what is not a number.
+    // Also rejects NaN.
     let inside = |bin: f64, reach: i32| libm::fabs(bin) <= f64::from(reach);
     if !(inside(doppler_bin, reach_d) && inside(range_bin, reach_r)) {
         return None;
@@ -188,16 +186,21 @@ fn read<const TAPS: usize, const PHASES: usize>(
             let (row, first) = ((d + reach_d) as usize, (first_r + reach_r) as usize);
             map.samples.weighted(width, row, first, &weights_r)?
         } else {
-            edge(map, d, first_r, &weights_r)?
+            interpolate_at_edge(map, d, first_r, &weights_r)?
         };
         value += along_range * *weight_d;
     }
     Some(value)
 }
 
-/// The weighted sum of samples of a row of which some may be missing.
+/// Weighted sum at the edge of a row, where taps may be outside the map.
 #[cold]
-fn edge(map: &PatchMap<'_>, d: i32, first: i32, weights: &[f32]) -> Option<Complex32> {
+fn interpolate_at_edge(
+    map: &PatchMap<'_>,
+    d: i32,
+    first: i32,
+    weights: &[f32],
+) -> Option<Complex32> {
     let reach = i32::from(map.header.patch.range_reach);
     let mut sum = Complex32::ZERO;
     for (r, weight) in (first..).zip(weights) {

@@ -1,36 +1,35 @@
-//! Coherent accumulation: each pixel reads each map at its own range and Doppler.
+//! Coherent accumulation (backprojection of maps): every pixel interpolates every map at its range and Doppler.
 //!
-//! **Equation** (Schone 2020, section 3.2 and (3.15)). With `P` the pixel's path relative to the
-//! reference and `P'` its rate per pulse, both at the sub-CPI's centre `(M - 1)/2`, and
-//! `P0 = P + P' (M/2 - (M - 1)/2)` the path at the map's reference pulse `M/2` (half a pulse later for
-//! even `M`, none for odd):
+//! **Equation** (Schone 2020, section 3.2 and (3.15)). Let `P` be the pixel's path relative to the reference and
+//! `P'` its rate per pulse, both at the centre `(M - 1)/2` of the sub-CPI, and let
+//! `P0 = P + P' (M/2 - (M - 1)/2)` be the path at the map's reference pulse `M/2`, half a pulse later for even
+//! `M` and equal for odd `M`:
 //!
 //! ```text
 //! pixel += weight  map[D/2 - D f_ref P' / c][R/2 + R step_hz P0 / c]  exp(+j 2 pi f_ref P0 / c)
 //! ```
-//! with the map read bilinearly. The exponential holds the range phase (`P`) and the Doppler phase
-//! (`P'` times half a pulse) in one.
+//! The map is interpolated bilinearly. The exponential contains the range phase (`P`) and the Doppler phase
+//! (`P'` times half a pulse).
 //!
-//! **Neglected**: curvature of the path within the sub-CPI, a phase of up to
-//! `(pi/4) (f_ref/c) |P''| M^2` at its ends; and what lies between bins, see
-//! [`crate::Map::bilinear`]. Pixels outside a map receive nothing from it.
+//! **Neglected**: curvature of the path within the sub-CPI, a phase of up to `(pi/4) (f_ref/c) |P''| M^2` at its
+//! ends, and the interpolation error of [`crate::Map::bilinear`]. Pixels outside a map receive nothing from it.
 //!
-//! **Input** a map normalised to read 1 for a unit scatterer. **Output** pixels, row-major; with
-//! weights that sum to 1 over the sub-CPIs a unit scatterer reads 1. **Cost** 8 bytes a pixel; a
-//! pixel and map two float64 roots, one phasor, four complex reads: 490 instructions under QEMU's
-//! Cortex-M7, 7.8 k where float64 is not in hardware. **Accuracy**: geometry and phase
-//! in float64 to about 1e-9 turns at 1e6 wavelengths of path; `tests/stream/accumulate.rs` holds a
-//! simulated point to 1 within the bound above, phase included.
+//! **Input**: a map normalised so that a scatterer of unit amplitude has the value 1. **Output**: pixels, row-major;
+//! with weights that sum to 1 over the sub-CPIs a unit scatterer has amplitude 1. **Cost**: 8 bytes per pixel; per pixel
+//! and map two float64 square roots, one phasor and four complex reads: 490 instructions under QEMU's Cortex-M7,
+//! 7.8 k without float64 hardware. **Accuracy**: geometry and phase in float64 to about 1e-9 turns at 1e6
+//! wavelengths of path. `tests/stream/accumulate.rs` verifies that a simulated point has amplitude 1 within the bound
+//! above, phase included.
 
 use num_complex::Complex32;
 
 use super::{AccumulateError, Centre, PixelGrid};
 use crate::{LengthError, Map, SPEED_OF_LIGHT_M_S, Turns};
 
-/// Adds `weight` times a map to the pixels of `grid`; the number of pixels inside the map.
+/// Add `weight` times a map to the pixels of `grid`. Returns the number of pixels inside the map.
 ///
 /// # Errors
-/// [`LengthError`] unless `pixels` has the grid's number; nothing is then written.
+/// [`LengthError`] if `pixels` does not have one element per pixel of the grid. Nothing is then written.
 pub fn add_map(
     pixels: &mut [Complex32],
     grid: &PixelGrid,
@@ -53,8 +52,7 @@ pub fn add_map(
     })
 }
 
-/// Adds to every pixel what there is for its position; the number of pixels for which there was
-/// something.
+/// Add `value_at` of its position to every pixel. Returns the number of pixels that have a value.
 pub(super) fn add_pixels(
     pixels: &mut [Complex32],
     grid: &PixelGrid,
@@ -63,7 +61,7 @@ pub(super) fn add_pixels(
     let expected = grid.num_pixels().unwrap_or(usize::MAX);
     LengthError::check("pixels", expected, pixels.len())?;
     let mut inside = 0;
-    // A row of no columns has no pixels either: any width does.
+    // Rows without columns have no pixels, so any width works.
     let width = grid.num_columns.max(1);
     for (row, line) in pixels.chunks_exact_mut(width).enumerate() {
         for (column, pixel) in line.iter_mut().enumerate() {
@@ -76,7 +74,7 @@ pub(super) fn add_pixels(
     Ok(inside)
 }
 
-/// A bounded image: at most `CAPACITY` pixels, in any rows and columns.
+/// Image buffer of at most `CAPACITY` pixels with any number of rows and columns.
 ///
 /// ```
 /// use subaperture_core::accumulate::{CoherentGrid, Centre, PixelGrid};
@@ -90,7 +88,7 @@ pub(super) fn add_pixels(
 ///     num_columns: 3,
 ///     num_rows: 2,
 /// })?;
-/// // A map of ones, compensated to the first pixel's path: read there it is 1 with phase 0.
+/// // A map of ones, referenced to the first pixel's path: there it has the value 1 with phase 0.
 /// let shape = Shape { num_pulses: 4, num_frequencies: 4, num_range_bins: 4, num_doppler_bins: 4 };
 /// let ones = [Complex32::ONE; 16];
 /// let map = Map::new(Axes::new(shape, 1.0e9, 1.0e6)?, &ones)?;
@@ -102,16 +100,16 @@ pub(super) fn add_pixels(
 #[derive(Debug)]
 pub struct CoherentGrid<const CAPACITY: usize> {
     grid: PixelGrid,
-    /// The grid's pixels, then some that are not in use.
+    /// Pixels of the grid, followed by unused elements.
     pixels: [Complex32; CAPACITY],
     num_pixels: usize,
 }
 
 impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// A grid of no pixels.
+    /// Create an empty grid without pixels.
     pub const fn new() -> Self {
         Self {
             grid: PixelGrid {
@@ -126,10 +124,10 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
         }
     }
 
-    /// Begins an image on `grid`, all pixels zero.
+    /// Start an image on `grid` with all pixels zero.
     ///
     /// # Errors
-    /// [`AccumulateError::Capacity`] if it does not fit; the image in hand then stays.
+    /// [`AccumulateError::Capacity`] if the grid has more than `CAPACITY` pixels. The current image is then kept.
     pub fn set_grid(&mut self, grid: &PixelGrid) -> Result<(), AccumulateError> {
         let wanted = grid.num_pixels().unwrap_or(usize::MAX);
         let Some(pixels) = self.pixels.get_mut(..wanted) else {
@@ -144,24 +142,24 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
         Ok(())
     }
 
-    /// Adds `weight` times a map; the number of pixels inside it.
+    /// Add `weight` times a map. Returns the number of pixels inside the map.
     pub fn accumulate(&mut self, map: &Map<'_>, centre: &Centre, weight: f32) -> usize {
         let (grid, pixels) = self.parts();
-        // Cannot fail: the pixels are the grid's.
+        // Cannot fail: the pixels have the length of the grid.
         add_map(pixels, grid, map, centre, weight).unwrap_or(0)
     }
 
-    /// The grid.
+    /// Pixel grid of the image.
     pub fn grid(&self) -> &PixelGrid {
         &self.grid
     }
 
-    /// The pixels, row-major.
+    /// Pixels of the image, row-major.
     pub fn pixels(&self) -> &[Complex32] {
         self.pixels.get(..self.num_pixels).unwrap_or_default()
     }
 
-    /// The grid, and the pixels to add to.
+    /// Grid and mutable pixels.
     pub(super) fn parts(&mut self) -> (&PixelGrid, &mut [Complex32]) {
         let pixels = self.pixels.get_mut(..self.num_pixels);
         (&self.grid, pixels.unwrap_or_default())

@@ -1,19 +1,19 @@
-//! A table of windowed-sinc weights, to read oversampled maps between their bins.
+//! Windowed-sinc interpolation kernel for oversampled maps.
 //!
-//! **Equation.** A map whose signal fills the band `|nu| <= 1/4` cycles a bin (`R >= 2F`, `D >= 2M`) is
-//! read at `x = n + t`, `n` whole and `0 <= t < 1`, by `T` taps:
+//! **Equation.** A map whose signal is limited to the band `|nu| <= 1/4` cycles per bin (`R >= 2F`, `D >= 2M`) is
+//! interpolated at `x = n + t`, with integer `n` and `0 <= t < 1`, by `T` taps:
 //!
 //! ```text
 //! value = sum_i h(i - t) map[n + i],   i = 1 - T/2 ..= T/2
 //! h(x) = sin(pi x) / (pi x)  I0(beta sqrt(1 - (2x/T)^2)) / I0(beta)
 //! ```
 //!
-//! Kaiser's window for the transition from 1/4 to 3/4 cycles a bin, the first image: attenuation
-//! `A = 7.95 + 2.285 pi T` dB, `beta = 0.1102 (A - 8.7)` (Kaiser 1974). The table holds the weights at
-//! `PHASES` values of `t` from 0 to 1, both ends included, linear between.
+//! The window is Kaiser's for a transition band from 1/4 to 3/4 cycles per bin (the first spectral image), with
+//! attenuation `A = 7.95 + 2.285 pi T` dB and `beta = 0.1102 (A - 8.7)` (Kaiser 1974). The table holds the weights
+//! at `PHASES` values of `t` from 0 to 1, both ends included, and is interpolated linearly.
 //!
-//! **Accuracy**, relative to the amplitude of the wave that is read, worst over frequency and `t` in
-//! the band and root mean square over both, 128 phases (`tests/stream/kernel.rs`):
+//! **Accuracy** relative to the amplitude of the interpolated wave: worst case over frequency and `t` in the band,
+//! and RMS over both, for 128 phases (`tests/stream/kernel.rs`):
 //!
 //! | | worst, dB | RMS, dB |
 //! |---|---|---|
@@ -22,18 +22,17 @@
 //! | 10 taps | -71.5 | -80.2 |
 //! | bilinear, for comparison | -10.7 | -20.2 |
 //!
-//! Between the table's phases weights are linear, which adds at worst `(pi / 2)^2 / 8 / (PHASES - 1)^2`,
-//! -94 dB at 128. The worst is at the edge of the band: maps of windowed pulses, or of more bins, do better. On a bin
-//! the value is the bin's, exactly.
+//! Linear interpolation of the table adds at most `(pi / 2)^2 / 8 / (PHASES - 1)^2`, -94 dB at 128 phases. The worst
+//! case is at the edge of the band: windowed or more oversampled maps do better. On a bin the value is exact.
 //!
-//! **Cost** `4 T PHASES` bytes (4 KiB at 8 taps and 128 phases); `T PHASES` sines and Bessel functions
-//! once; `2 T` multiply-adds for the weights of a place.
+//! **Cost**: `4 T PHASES` bytes (4 KiB at 8 taps and 128 phases); `T PHASES` sines and Bessel functions once;
+//! `2 T` multiply-adds per position for the weights.
 
 use core::f64::consts::PI;
 
-/// Weights of `TAPS` taps (even, at least 2) at `PHASES` places between two bins (at least 2).
+/// Interpolation kernel of `TAPS` taps (even, at least 2) at `PHASES` tabulated fractions of a bin (at least 2).
 ///
-/// Other numbers do not compile:
+/// Other parameters do not compile:
 /// ```compile_fail
 /// let kernel = subaperture_core::accumulate::Kernel::<7, 128>::new();
 /// ```
@@ -41,9 +40,9 @@ use core::f64::consts::PI;
 /// use subaperture_core::accumulate::Kernel;
 /// let kernel = Kernel::<8, 128>::new();
 /// assert_eq!(Kernel::<8, 128>::BYTES, 4096);
-/// // On a bin that bin is all.
+/// // On a bin the weight is that of the bin alone.
 /// assert_eq!(kernel.weights(0.0), [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]);
-/// // A constant is read as it is, within the kernel's error.
+/// // A constant is preserved within the kernel's error.
 /// let sum: f32 = kernel.weights(0.3).iter().sum();
 /// assert!((sum - 1.0).abs() < 1e-3);
 /// ```
@@ -53,17 +52,17 @@ pub struct Kernel<const TAPS: usize, const PHASES: usize> {
 }
 
 impl<const TAPS: usize, const PHASES: usize> Kernel<TAPS, PHASES> {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Taps at or before the place that is read.
+    /// Number of taps at or before the interpolated position.
     const BEFORE: usize = TAPS / 2;
 
-    /// Computes the table.
+    /// Compute the table.
     pub fn new() -> Self {
         const {
             assert!(TAPS >= 2 && TAPS.is_multiple_of(2), "TAPS must be even");
-            assert!(PHASES >= 2, "at least the two ends");
+            assert!(PHASES >= 2, "PHASES must be at least 2");
         }
         let attenuation_db = 7.95 + 2.285 * PI * TAPS as f64;
         let beta = 0.1102 * (attenuation_db - 8.7);
@@ -86,12 +85,12 @@ impl<const TAPS: usize, const PHASES: usize> Kernel<TAPS, PHASES> {
         }
     }
 
-    /// Weights for a place `fraction` of a bin (0 to 1) above bin `n`, for the bins from
-    /// `n + 1 - TAPS/2` on.
+    /// Weights for a position `fraction` of a bin (0 to 1) above bin `n`, for `TAPS` bins from
+    /// `n + 1 - TAPS/2`.
     #[inline]
     pub fn weights(&self, fraction: f32) -> [f32; TAPS] {
         let place = fraction * (PHASES - 1) as f32;
-        // The cast saturates, and makes 0 of what is not a number.
+        // The cast saturates and maps NaN to 0.
         let lower = (place as usize).min(PHASES - 2);
         let within = place - lower as f32;
         let (Some(lower), Some(upper)) = (self.table.get(lower), self.table.get(lower + 1)) else {
@@ -100,7 +99,7 @@ impl<const TAPS: usize, const PHASES: usize> Kernel<TAPS, PHASES> {
         core::array::from_fn(|tap| lower[tap] + (upper[tap] - lower[tap]) * within)
     }
 
-    /// The first of the bins around `bin` and their weights. What is no number stays none.
+    /// First tap and weights for a fractional bin. NaN gives NaN weights.
     #[inline]
     pub(super) fn place(&self, bin: f64) -> (i32, [f32; TAPS]) {
         let lower = libm::floor(bin);
@@ -116,12 +115,12 @@ impl<const TAPS: usize, const PHASES: usize> Default for Kernel<TAPS, PHASES> {
     }
 }
 
-/// Modified Bessel function of the first kind and order 0, by its power series: all terms positive,
-/// so that its relative error is that of a few roundings.
+/// Modified Bessel function of the first kind, order 0, by its power series. All terms are positive, so the relative
+/// error is that of a few roundings.
 fn bessel_i0(x: f64) -> f64 {
     let quarter = x * x / 4.0;
     let (mut sum, mut term, mut n) = (1.0, 1.0, 1.0);
-    // Terms fall once n > x/2; what is left then is below the last.
+    // Terms decrease once n > x/2; the remainder is then below the last term.
     while term > sum * 1e-17 && n < 1000.0 {
         term *= quarter / (n * n);
         sum += term;

@@ -1,7 +1,7 @@
-//! Accumulation of maps: coherent into pixels, non-coherent into power.
+//! Accumulation of maps: coherent into image pixels, noncoherent into power.
 //!
-//! Whole maps ([`crate::Map`]) and, with the feature `stream`, maps of patches (its `PatchMap`) add up in
-//! the same owners: [`CoherentGrid`] and [`PowerMap`].
+//! [`CoherentGrid`] and [`PowerMap`] accept whole maps ([`crate::Map`]) and, with the feature `stream`, patch maps
+//! (`PatchMap`).
 
 mod centre;
 #[cfg(feature = "stream")]
@@ -23,21 +23,22 @@ pub use coherent::{CoherentGrid, add_map};
 pub use kernel::Kernel;
 pub use power::{PowerMap, add_power};
 
-/// Why an accumulator could not be set up or fed. Nothing has changed.
+/// Reason why an accumulator could not be set up or rejected a map. It is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AccumulateError {
-    /// More elements than the accumulator was built for.
+    /// More elements than the accumulator's capacity.
     Capacity {
-        /// Elements it holds.
+        /// Capacity in elements.
         capacity: usize,
-        /// Elements wanted; `usize::MAX` if they cannot even be counted.
+        /// Requested elements; `usize::MAX` if their number overflows.
         wanted: usize,
     },
-    /// Maps of one accumulation must have one shape.
+    /// The map differs in shape from the maps already added.
     Shape {
-        /// Doppler and range bins of the maps before.
+        /// Doppler and range bins of the maps added before.
         expected: [usize; 2],
-        /// Those of this one.
+        /// Doppler and range bins of the rejected map.
         got: [usize; 2],
     },
 }
@@ -48,12 +49,12 @@ impl fmt::Display for AccumulateError {
             Self::Capacity { capacity, wanted } => {
                 write!(
                     f,
-                    "{wanted} elements do not fit an accumulator of {capacity}"
+                    "accumulator capacity: expected at most {capacity} elements, found {wanted}"
                 )
             }
             Self::Shape { expected, got } => write!(
                 f,
-                "a map of {} Doppler x {} range bins cannot be added to maps of {} x {}",
+                "map shape: expected {2} Doppler x {3} range bins like the maps before, found {0} x {1}",
                 got[0], got[1], expected[0], expected[1]
             ),
         }

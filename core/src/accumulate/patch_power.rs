@@ -1,14 +1,14 @@
-//! Power of patch maps, in the same owner as that of whole maps.
+//! Noncoherent accumulation of patch maps.
 
 use super::{AccumulateError, PowerMap};
 use crate::stream::PatchMap;
 
 impl<const CAPACITY: usize> PowerMap<CAPACITY> {
-    /// Adds a patch's map. The first since [`PowerMap::clear`] sets the shape. Whether the patches are
-    /// of one place is for the caller to know.
+    /// Add the power of a patch map. The first map after [`PowerMap::clear`] sets the shape. The caller must ensure
+    /// that all patches cover the same place.
     ///
     /// # Errors
-    /// [`AccumulateError`] if it does not fit or is of another shape; the sum then stays.
+    /// [`AccumulateError`] if the map exceeds the capacity or has another shape. The sum is then unchanged.
     pub fn accumulate_patch(&mut self, map: &PatchMap<'_>) -> Result<(), AccumulateError> {
         let patch = &map.header.patch;
         let bins = [patch.num_doppler_bins(), patch.num_range_bins()];

@@ -1,20 +1,19 @@
-//! Non-coherent accumulation: the power of maps, bin by bin.
+//! Noncoherent accumulation: sum of the power of maps, bin by bin.
 //!
-//! **Equation**: `power[d][r] += |map[d][r]|^2`. **Neglected**: migration from sub-CPI to sub-CPI; a
-//! scatterer must stay within a bin. In maps of one patch, relative to its centre, it does so longer.
-//! **Cost** 4 bytes a bin; two multiply-adds a bin and map.
-//! **Accuracy**: a sum of `n` float32 terms, relative error below `(n + 2) 2^-24`
-//! (`tests/stream/accumulate.rs`).
+//! **Equation**: `power[d][r] += |map[d][r]|^2`. **Neglected**: migration between sub-CPIs; a scatterer must stay
+//! within one bin. Patch maps are relative to the patch centre, where it does so for longer. **Cost**: 4 bytes per bin;
+//! two multiply-adds per bin and map. **Accuracy**: relative error of a sum of `n` float32 terms below
+//! `(n + 2) 2^-24` (`tests/stream/accumulate.rs`).
 
 use num_complex::Complex32;
 
 use super::AccumulateError;
 use crate::{LengthError, Map};
 
-/// Adds the power of `samples` to `power`, element by element.
+/// Add the power of `samples` to `power`, element by element.
 ///
 /// # Errors
-/// [`LengthError`] if the lengths differ; nothing is then written.
+/// [`LengthError`] if the lengths differ. Nothing is then written.
 pub fn add_power(power: &mut [f32], samples: &[Complex32]) -> Result<(), LengthError> {
     LengthError::check("power", samples.len(), power.len())?;
     for (sum, sample) in power.iter_mut().zip(samples) {
@@ -23,7 +22,7 @@ pub fn add_power(power: &mut [f32], samples: &[Complex32]) -> Result<(), LengthE
     Ok(())
 }
 
-/// Summed power of maps of one shape, of at most `CAPACITY` bins.
+/// Sum of the power of maps of one shape with at most `CAPACITY` bins.
 ///
 /// ```
 /// use subaperture_core::accumulate::PowerMap;
@@ -42,16 +41,16 @@ pub struct PowerMap<const CAPACITY: usize> {
     /// Doppler and range bins.
     bins: [usize; 2],
     num_maps: u32,
-    /// The bins, then some that are not in use.
+    /// Bins of the map, followed by unused elements.
     power: [f32; CAPACITY],
     num_bins: usize,
 }
 
 impl<const CAPACITY: usize> PowerMap<CAPACITY> {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// No maps yet.
+    /// Create an empty accumulator.
     pub const fn new() -> Self {
         Self {
             bins: [0; 2],
@@ -61,10 +60,10 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
         }
     }
 
-    /// Adds a map. The first since [`PowerMap::clear`] sets the shape.
+    /// Add the power of a map. The first map after [`PowerMap::clear`] sets the shape.
     ///
     /// # Errors
-    /// [`AccumulateError`] if it does not fit or is of another shape; the sum then stays.
+    /// [`AccumulateError`] if the map exceeds the capacity or has another shape. The sum is then unchanged.
     pub fn accumulate(&mut self, map: &Map<'_>) -> Result<(), AccumulateError> {
         let shape = map.axes().shape();
         let bins = [shape.num_doppler_bins, shape.num_range_bins];
@@ -100,22 +99,22 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
         Ok(())
     }
 
-    /// Summed power, `[doppler][range]`; empty before the first map.
+    /// Summed power, `[doppler][range]`. Empty before the first map.
     pub fn power(&self) -> &[f32] {
         self.power.get(..self.num_bins).unwrap_or_default()
     }
 
-    /// Doppler and range bins; zeros before the first map.
+    /// Number of Doppler and range bins. Zeros before the first map.
     pub fn bins(&self) -> [usize; 2] {
         self.bins
     }
 
-    /// Maps summed.
+    /// Number of maps summed.
     pub fn num_maps(&self) -> u32 {
         self.num_maps
     }
 
-    /// Forgets all maps.
+    /// Remove all maps.
     pub fn clear(&mut self) {
         self.num_maps = 0;
         self.bins = [0; 2];

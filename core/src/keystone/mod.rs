@@ -1,24 +1,24 @@
-//! Keystone and Doppler transform of one frequency: pulses to Doppler bins that do not migrate.
+//! Keystone transform of one frequency: pulses to Doppler bins without range migration.
 //!
-//! The Doppler of a scatterer at frequency `f[k]` is `f[k] / f_ref` times its Doppler at `f_ref`.
-//! Both forms line the frequencies up (Schone 2020, chapter 3 and section 5.1):
+//! The Doppler frequency of a scatterer at `f[k]` is `f[k] / f_ref` times its Doppler frequency at `f_ref`. Both
+//! implementations align the Doppler axes of all frequencies (Schone 2020, chapter 3 and section 5.1):
 //!
-//! - [`sinc`]: slow time is resampled by a matrix computed once, then transformed by an FFT.
-//!   Approximate at the sub-CPI's edges; small `M` only, for the matrix has `F M M` weights.
-//! - [`chirp_z`]: the transform itself is evaluated at the scaled Doppler, exactly, with no table.
+//! - [`sinc`]: keystone resampling of slow time by a precomputed matrix, followed by an FFT. Approximate at the
+//!   edges of the sub-CPI, and for small `M` only since the matrices have `F M M` weights.
+//! - [`chirp_z`]: exact evaluation of the transform at the scaled Doppler frequencies, without a table.
 
 pub mod chirp_z;
 pub mod sinc;
 
-/// The form of Keystone and the table it uses, lent by the caller of [`crate::Plan::new`].
+/// Keystone implementation with the table it uses, lent by the caller of [`crate::Plan::new`].
 #[derive(Debug)]
 pub enum KeystoneTable<'a> {
-    /// Resampling by a matrix of `F M M` weights, [`crate::Shape::sinc_len`].
+    /// Sinc resampling by matrices of `F M M` weights, [`crate::Shape::sinc_len`].
     Sinc(&'a mut [f32]),
-    /// Exact, by chirp transforms.
+    /// Exact chirp-z transform.
     ChirpZ {
-        /// Points of a chirp transform: a power of two, at least `M + D - 1`
-        /// ([`crate::Shape::chirp_length`] is the least).
+        /// Length of the chirp transform: a power of two, at least `M + D - 1`
+        /// ([`crate::Shape::chirp_length`] is the minimum).
         length: usize,
     },
 }

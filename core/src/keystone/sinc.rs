@@ -1,4 +1,4 @@
-//! Keystone by sinc resampling of slow time, then a zero-padded Doppler transform.
+//! Keystone resampling: sinc interpolation of slow time, followed by a zero-padded Doppler FFT.
 //!
 //! **Equation** (Schone 2020, sections 3.1 and 5.1), with `a = f[k] / f_ref`:
 //!
@@ -7,23 +7,21 @@
 //! out[d] = sum_i y[i] exp(-j 2 pi (i - M/2)(d - D/2) / D)
 //! ```
 //!
-//! **Neglected**: samples before the first and after the last pulse, which the sinc would need; and
-//! where `a < 1` (`a > 1`) the output pulses reach past (stop short of) the sub-CPI's ends by up to
-//! `M/2 |1 - 1/a|` pulses. More pulses do not make that smaller. Measured on four scatterers, 32
-//! pulses, 200 MHz at 10 GHz: the map is -32.9 dB from the exact one without a slow-time window and
-//! -43.9 dB with Hamming's, which is applied before resampling (`tests/stream/map.rs`). Use
-//! [`super::chirp_z`] where that matters.
+//! **Neglected**: pulses before the first and after the last, which the sinc would need. If `a < 1` (`a > 1`) the
+//! output pulses extend beyond (end before) the sub-CPI by up to `M/2 |1 - 1/a|` pulses. More pulses do not reduce
+//! this error. Measured on four scatterers, 32 pulses, 200 MHz at 10 GHz: the map is -32.9 dB from the exact one
+//! without a slow-time window and -43.9 dB with a Hamming window, which is applied before resampling
+//! (`tests/stream/map.rs`). Use [`super::chirp_z`] where this matters.
 //!
-//! **Input** `M` windowed samples of one frequency. **Output** `D` Doppler bins, `1/D` cycles a
-//! pulse at `f_ref` each, zero at `D/2`, unscaled. **Cost** a matrix of `M M` f32 a frequency, read
-//! once; `2 M M` multiply-adds and one FFT of `D`: 12 k instructions at `M = 32`, `D = 64` under QEMU's
-//! Cortex-M7. **Accuracy** against its own definition in float64: -131 dB or better
-//! (`tests/stream/map.rs`).
+//! **Input**: `M` windowed samples of one frequency. **Output**: `D` Doppler bins spaced `1/D` cycles per pulse at
+//! `f_ref`, zero Doppler at `D/2`, unscaled. **Cost**: a matrix of `M M` f32 per frequency, read once; `2 M M`
+//! multiply-adds and one FFT of `D` points: 12 k instructions at `M = 32`, `D = 64` under QEMU's Cortex-M7.
+//! **Accuracy** against its own definition in float64: -131 dB or better (`tests/stream/map.rs`).
 //!
 //! ```
 //! use num_complex::Complex32;
 //! use subaperture_core::keystone::sinc;
-//! // At the reference frequency nothing is resampled, and a constant is at Doppler 0, bin D/2.
+//! // At the reference frequency resampling is the identity. A constant is at zero Doppler, bin D/2.
 //! let mut matrix = [0.0; 9];
 //! sinc::fill_matrix(1.0, 3, &mut matrix);
 //! let (mut scratch, mut out) = ([Complex32::ZERO; 4], [Complex32::ZERO; 4]);
@@ -37,16 +35,16 @@ use num_complex::Complex32;
 
 use crate::fft;
 
-/// Fills one frequency's matrix `[output pulse][input pulse]`; `ratio` is `f[k] / f_ref`.
+/// Fill the matrix `[output pulse][input pulse]` of one frequency. `ratio` is `f[k] / f_ref`.
 ///
-/// `matrix` has `num_pulses * num_pulses` weights; of another length, its whole rows are filled.
+/// `matrix` must have `num_pulses * num_pulses` weights. Of another length, only whole rows are filled.
 pub fn fill_matrix(ratio: f64, num_pulses: usize, matrix: &mut [f32]) {
     debug_assert_eq!(matrix.len(), num_pulses * num_pulses, "sinc matrix");
     let centre = (num_pulses / 2) as f64;
     for (i, row) in matrix.chunks_exact_mut(num_pulses.max(1)).enumerate() {
         let position = (i as f64 - centre) / ratio + centre;
-        // sin(pi (position - m)) = (-1)^(nearest - m) sin(pi offset): one sine a row, and exact
-        // where the position is a pulse.
+        // sin(pi (position - m)) = (-1)^(nearest - m) sin(pi offset): one sine per row, and exact
+        // where the position coincides with a pulse.
         let nearest = libm::round(position);
         let offset = position - nearest;
         let sine = libm::sin(PI * offset);
@@ -62,10 +60,10 @@ pub fn fill_matrix(ratio: f64, num_pulses: usize, matrix: &mut [f32]) {
     }
 }
 
-/// Resamples `pulses` by `matrix` and writes the `D` Doppler bins to `column`.
+/// Resample `pulses` by `matrix` and write the `D` Doppler bins to `column`.
 ///
-/// `scratch` has `D` samples, a length that [`fft::supports`] admits and not below `M`, as
-/// [`crate::Plan::new`] ensures; otherwise nothing is written to `column`.
+/// `scratch` must have `D` samples, a length that [`fft::supports`] accepts and at least `M`, as
+/// [`crate::Plan::new`] ensures. Otherwise nothing is written to `column`.
 pub fn transform<'a>(
     matrix: &[f32],
     pulses: &[Complex32],
@@ -76,12 +74,12 @@ pub fn transform<'a>(
     if m > d || !fft::supports(d) {
         debug_assert!(
             false,
-            "a Doppler transform has a power of two of points, at least M"
+            "Doppler transform length: expected a power of two, at least M"
         );
         return;
     }
     scratch.fill(Complex32::ZERO);
-    // Pulse i - M/2, modulo D: a circular shift in place of a phase.
+    // Pulse i - M/2, modulo D: a circular shift instead of a phase ramp.
     let Some((late, early)) = scratch.split_at_mut_checked(d - m / 2) else {
         return;
     };

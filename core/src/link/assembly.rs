@@ -1,16 +1,15 @@
-//! Maps and chips put together again from their frames.
+//! Reassembly of maps and image chips from frames.
 //!
-//! **What it does.** [`MapAssembly`] and [`ChipAssembly`] take every report and keep the rows of the one
-//! map or chip that is under way in the caller's buffer. It is handed out only if its start, every
-//! row in order, and its end came, of the lengths that the start promised and with the checksum of the
-//! end. Anything else is lost, and counted once.
+//! [`MapAssembly`] and [`ChipAssembly`] accept every report and store the rows of the current map or chip in the
+//! caller's buffer. A map is returned only if its start, every row in order, and its end were received, with the
+//! lengths stated by the start and the checksum stated by the end. Otherwise it is lost and counted once.
 //!
-//! **Numbers.** Maps of a run are numbered 0, 1, ...; so one of which nothing came is noticed with the
-//! next, or at the run's end by [`MapAssembly::finish`]: `complete + lost` is then the number of maps
-//! that the module made. Reports of a map that has been decided are ignored.
+//! **Numbering.** The maps of a run are numbered 0, 1, ... A map of which nothing was received is therefore noticed
+//! with the next map, or at the end of the run by [`MapAssembly::finish`]: `complete + lost` is then the number of
+//! maps that the module formed. Further reports of a completed or lost map are ignored.
 //!
-//! **Cost.** The buffer: a map's rows as sent, `8 (2 range_reach + 1)(2 doppler_reach + 1)` bytes for
-//! [`Encoding::Complex32`]; about 250 bytes of state. **Errors**: [`Loss`].
+//! **Memory**: the buffer must hold the rows as sent, `8 (2 range_reach + 1)(2 doppler_reach + 1)` bytes for
+//! [`Encoding::Complex32`]; the state takes about 250 bytes. **Errors**: [`Loss`].
 
 use core::fmt;
 
@@ -22,27 +21,27 @@ use super::frame::CRC;
 use super::{ChipGrid, Encoding, Report, Row, row_bytes};
 use crate::stream::MapHeader;
 
-/// Checksum of a transfer: CRC-32/ISO-HDLC of the postcard bytes of what the rows are of (a
-/// [`MapHeader`] or a [`ChipGrid`]), then of the bytes of all rows in order.
+/// Checksum of a transfer: CRC-32/ISO-HDLC over the postcard encoding of the header (a [`MapHeader`] or a
+/// [`ChipGrid`]), followed by the bytes of all rows in order.
 #[derive(Clone)]
 pub struct TransferChecksum(Digest<'static, u32>);
 
 impl TransferChecksum {
-    /// Of what the rows are of.
+    /// Start a checksum with the header of the transfer.
     pub fn new(subject: &impl Serialize) -> Self {
-        // Neither a header nor a grid can fail to serialise into a checksum.
+        // Serialising a header or a grid into a checksum cannot fail.
         Self(
             postcard::serialize_with_flavor(subject, DigestOnly(CRC.digest()))
                 .unwrap_or_else(|_| CRC.digest()),
         )
     }
 
-    /// Goes on with a row.
+    /// Add the bytes of a row.
     pub fn add_row(&mut self, samples: &[u8]) {
         self.0.update(samples);
     }
 
-    /// The value.
+    /// Checksum of everything added so far.
     pub fn value(&self) -> u32 {
         self.0.clone().finalize()
     }
@@ -56,7 +55,7 @@ impl fmt::Debug for TransferChecksum {
     }
 }
 
-/// Sums up what is serialised, and keeps nothing.
+/// Serialiser output that updates a checksum and stores nothing.
 struct DigestOnly(Digest<'static, u32>);
 
 impl Flavor for DigestOnly {
@@ -76,44 +75,45 @@ impl Flavor for DigestOnly {
     }
 }
 
-/// A map or a chip that did not come whole. Those of lower numbers of which nothing came are counted
-/// too, without a loss of their own.
+/// Map or chip that was received only in part. Lower-numbered maps and chips that are missing entirely are counted
+/// too, but have no `Loss` of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Loss {
-    /// Its number.
+    /// Number of the map or chip in the run.
     pub number: u32,
-    /// What was wrong first.
+    /// First fault found.
     pub cause: LossCause,
 }
 
-/// What was wrong with a map or a chip.
+/// Reason why a map or chip was lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum LossCause {
-    /// A row or the end came without the start.
+    /// A row or the end was received without the start.
     NoStart,
-    /// It does not fit the buffer lent for it.
+    /// The map or chip exceeds the caller's buffer.
     Room,
-    /// A row is missing, came twice or is one too many, or some were missing at the end.
+    /// A row is missing, repeated or out of order, or the number of rows is wrong.
     Rows,
-    /// A row is not of the length that the start promised.
+    /// The length of a row differs from the length stated by the start.
     Length,
-    /// The checksum at the end is not that of what came.
+    /// The checksum of the end does not match the received bytes.
     Checksum,
 }
 
-/// The one transfer under way, and how many came whole.
+/// Transfer in progress and the number of completed ones.
 #[derive(Debug)]
 pub(super) struct Transfer<'b, T> {
     buffer: &'b mut [u8],
     open: Option<Open<T>>,
-    /// Lowest number that has not been decided.
+    /// Lowest number that is neither complete nor lost.
     next: u32,
     pub(super) complete: u32,
 }
 
-/// A transfer whose start has come.
+/// Transfer whose start was received.
 #[derive(Debug)]
 struct Open<T> {
     subject: T,
@@ -134,8 +134,8 @@ impl<'b, T: Copy> Transfer<'b, T> {
         }
     }
 
-    /// Whether `number` is still to be decided; what is open of a lower number is lost.
-    fn turn_to(&mut self, number: u32) -> bool {
+    /// Whether `number` is still pending. An open transfer of a lower number is lost.
+    fn advance_to(&mut self, number: u32) -> bool {
         if number < self.next {
             return false;
         }
@@ -146,15 +146,15 @@ impl<'b, T: Copy> Transfer<'b, T> {
         true
     }
 
-    /// Decides the one that is under way.
-    fn decide(&mut self) {
+    /// Close the current transfer, complete or lost.
+    fn close(&mut self) {
         self.next = self.next.saturating_add(1);
         self.open = None;
     }
 
-    fn lose<R>(&mut self, cause: LossCause) -> Result<R, Loss> {
+    fn fail<R>(&mut self, cause: LossCause) -> Result<R, Loss> {
         let number = self.next;
-        self.decide();
+        self.close();
         Err(Loss { number, cause })
     }
 
@@ -166,18 +166,18 @@ impl<'b, T: Copy> Transfer<'b, T> {
         rows: usize,
         row_bytes: Option<usize>,
     ) -> Result<(), Loss> {
-        if !self.turn_to(number) {
+        if !self.advance_to(number) {
             return Ok(());
         }
         if self.open.is_some() {
-            return self.lose(LossCause::Rows);
+            return self.fail(LossCause::Rows);
         }
         let total = row_bytes.and_then(|bytes| bytes.checked_mul(rows));
         let (Some(row_bytes), true) = (
             row_bytes,
             total.is_some_and(|total| total <= self.buffer.len()),
         ) else {
-            return self.lose(LossCause::Room);
+            return self.fail(LossCause::Room);
         };
         self.open = Some(Open {
             subject,
@@ -191,23 +191,23 @@ impl<'b, T: Copy> Transfer<'b, T> {
     }
 
     pub(super) fn row(&mut self, number: u32, row: u16, samples: &[u8]) -> Result<(), Loss> {
-        if !self.turn_to(number) {
+        if !self.advance_to(number) {
             return Ok(());
         }
         let Some(open) = &mut self.open else {
-            return self.lose(LossCause::NoStart);
+            return self.fail(LossCause::NoStart);
         };
         if usize::from(row) != open.rows_done || open.rows_done >= open.rows {
-            return self.lose(LossCause::Rows);
+            return self.fail(LossCause::Rows);
         }
         if samples.len() != open.row_bytes {
-            return self.lose(LossCause::Length);
+            return self.fail(LossCause::Length);
         }
         let end = open.len.saturating_add(samples.len());
         let Some(place) = self.buffer.get_mut(open.len..end) else {
-            return self.lose(LossCause::Room);
+            return self.fail(LossCause::Room);
         };
-        // Of one length: `copy_from_slice` would check it again and could panic.
+        // Equal lengths: `copy_from_slice` would check them again and could panic.
         for (place, byte) in place.iter_mut().zip(samples) {
             *place = *byte;
         }
@@ -217,27 +217,27 @@ impl<'b, T: Copy> Transfer<'b, T> {
         Ok(())
     }
 
-    /// What the transfer was of, and its bytes.
+    /// Header and bytes of a completed transfer.
     pub(super) fn end(
         &mut self,
         number: u32,
         rows: u16,
         crc: u32,
     ) -> Result<Option<(T, &[u8])>, Loss> {
-        if !self.turn_to(number) {
+        if !self.advance_to(number) {
             return Ok(None);
         }
         let Some(open) = &self.open else {
-            return self.lose(LossCause::NoStart);
+            return self.fail(LossCause::NoStart);
         };
         if open.rows_done != open.rows || usize::from(rows) != open.rows {
-            return self.lose(LossCause::Rows);
+            return self.fail(LossCause::Rows);
         }
         if open.checksum.value() != crc {
-            return self.lose(LossCause::Checksum);
+            return self.fail(LossCause::Checksum);
         }
         let (subject, len) = (open.subject, open.len);
-        self.decide();
+        self.close();
         self.complete = self.complete.saturating_add(1);
         Ok(self.buffer.get(..len).map(|bytes| (subject, bytes)))
     }
@@ -253,7 +253,7 @@ impl<'b, T: Copy> Transfer<'b, T> {
     }
 }
 
-/// Puts maps together; see the head of this file.
+/// Reassembly of maps. See the module documentation.
 ///
 /// ```
 /// use subaperture_core::link::{
@@ -290,29 +290,29 @@ impl<'b, T: Copy> Transfer<'b, T> {
 #[derive(Debug)]
 pub struct MapAssembly<'b>(Transfer<'b, (MapHeader, Encoding)>);
 
-/// A map that came whole.
+/// Completely received map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssembledMap<'s> {
-    /// Its number in the run.
+    /// Number of the map in the run.
     pub map: u32,
-    /// What it is of.
+    /// Sub-CPI, patch and geometry of the map.
     pub header: MapHeader,
-    /// How its samples are encoded.
+    /// Encoding of the samples.
     pub encoding: Encoding,
-    /// Its rows as they came.
+    /// Rows as received.
     pub bytes: &'s [u8],
 }
 
 impl<'b> MapAssembly<'b> {
-    /// Nothing has come yet. Maps that do not fit `buffer` will be lost.
+    /// Create an assembly without received data. Maps that exceed `buffer` will be lost.
     pub const fn new(buffer: &'b mut [u8]) -> Self {
         Self(Transfer::new(buffer))
     }
 
-    /// Takes a report; a map if it was the end of one that came whole. Reports of no map are ignored.
+    /// Process a report. Returns a map if the report completes it. Reports that do not belong to a map are ignored.
     ///
     /// # Errors
-    /// [`Loss`], once a map; those that follow are not affected.
+    /// [`Loss`], at most once per map. Later maps are not affected.
     pub fn take(&mut self, report: &Report<'_>) -> Result<Option<AssembledMap<'_>>, Loss> {
         match *report {
             Report::MapStart {
@@ -345,30 +345,30 @@ impl<'b> MapAssembly<'b> {
         }
     }
 
-    /// Maps that came whole.
+    /// Number of complete maps.
     pub fn complete(&self) -> u32 {
         self.0.complete
     }
 
-    /// Maps that did not, of numbers up to the highest of which anything came.
+    /// Number of lost maps, up to the highest map number received.
     pub fn lost(&self) -> u32 {
         self.0.lost()
     }
 
-    /// The module made `maps` maps ([`super::Status::maps`] of a finished run): those that are not
-    /// complete are lost.
+    /// Count missing maps at the end of a run. `maps` is the number of maps the module formed
+    /// ([`super::Status::maps`] of a finished run).
     pub fn finish(&mut self, maps: u32) {
-        self.0.turn_to(maps);
+        self.0.advance_to(maps);
     }
 
-    /// A new run: numbers and counts begin at 0.
+    /// Start a new run: map numbers and counts start at 0.
     pub fn restart(&mut self) {
         self.0.restart();
     }
 }
 
 impl<'s> AssembledMap<'s> {
-    /// Its rows, Doppler bins ascending.
+    /// Rows of the map in ascending Doppler order.
     pub fn rows(&self) -> impl Iterator<Item = Row<'s>> + '_ {
         let width = self.header.patch.num_range_bins();
         let len = row_bytes(self.encoding, width).unwrap_or(usize::MAX);
@@ -378,35 +378,35 @@ impl<'s> AssembledMap<'s> {
     }
 }
 
-/// Puts chips together; as [`MapAssembly`] does maps.
+/// Reassembly of image chips, like [`MapAssembly`] for maps.
 #[derive(Debug)]
 pub struct ChipAssembly<'b>(Transfer<'b, AssembledChip<'static>>);
 
-/// A chip that came whole.
+/// Completely received image chip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssembledChip<'s> {
-    /// Its number in the run.
+    /// Number of the chip in the run.
     pub chip: u32,
-    /// Its pixels' places.
+    /// Pixel grid of the chip.
     pub grid: ChipGrid,
-    /// Maps that were added up to it.
+    /// Number of maps accumulated into the chip.
     pub maps: u32,
-    /// Sum of the weights of their pulses.
+    /// Sum of the slow-time weights of the accumulated pulses.
     pub weight_sum: f32,
-    /// Its pixels ([`super::complex32s`]), row by row.
+    /// Pixels ([`super::complex32s`]), row-major.
     pub bytes: &'s [u8],
 }
 
 impl<'b> ChipAssembly<'b> {
-    /// Nothing has come yet. Chips that do not fit `buffer`, 8 bytes a pixel, will be lost.
+    /// Create an assembly without received data. Chips that exceed `buffer` (8 bytes per pixel) will be lost.
     pub const fn new(buffer: &'b mut [u8]) -> Self {
         Self(Transfer::new(buffer))
     }
 
-    /// Takes a report; a chip if it was the end of one that came whole. Reports of no chip are ignored.
+    /// Process a report. Returns a chip if the report completes it. Reports that do not belong to a chip are ignored.
     ///
     /// # Errors
-    /// [`Loss`], once a chip; those that follow are not affected.
+    /// [`Loss`], at most once per chip. Later chips are not affected.
     pub fn take(&mut self, report: &Report<'_>) -> Result<Option<AssembledChip<'_>>, Loss> {
         match *report {
             Report::ChipStart {
@@ -440,17 +440,17 @@ impl<'b> ChipAssembly<'b> {
         }
     }
 
-    /// Chips that came whole.
+    /// Number of complete chips.
     pub fn complete(&self) -> u32 {
         self.0.complete
     }
 
-    /// Chips that did not, of numbers up to the highest of which anything came.
+    /// Number of lost chips, up to the highest chip number received.
     pub fn lost(&self) -> u32 {
         self.0.lost()
     }
 
-    /// A new run: numbers and counts begin at 0.
+    /// Start a new run: chip numbers and counts start at 0.
     pub fn restart(&mut self) {
         self.0.restart();
     }

@@ -1,4 +1,4 @@
-//! Messages from the host to the module. Layout and meaning: the tables at the head of [`crate::link`].
+//! Messages from the host to the module. The tables in [`crate::link`] define their encoding.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,100 +8,100 @@ use crate::cfar::Cfar;
 use crate::stream::{Patch, Setup};
 use crate::{motion, sweep};
 
-/// What the host sends. Every command but those that carry samples is answered, see [`crate::link`].
+/// Command from the host to the module. Every command except those that carry samples is answered, see
+/// [`crate::link`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command<'a> {
-    /// Opens the conversation; changes nothing but the sequence count. Answered by
-    /// [`super::Report::Identity`].
+    /// Open the conversation. Only resets the sequence count. The module answers with [`super::Report::Identity`].
     Hello,
-    /// Begins a configuration: weights, patches and options sent before are forgotten.
+    /// Begin a map configuration. Discards the previous weights, patches and options.
     Configure(Configuration),
-    /// Weights of the fast-time window.
+    /// Set weights of the fast-time window.
     Weights {
-        /// Frequency of the first.
+        /// Index of the frequency of the first weight.
         first: u16,
-        /// Float32, little endian ([`super::f32s`]).
+        /// Weights as float32, little endian ([`super::f32s`]).
         #[serde(serialize_with = "super::as_bytes")]
         weights: &'a [u8],
     },
-    /// One patch of the list.
+    /// Set one patch of the patch list.
     Patch {
-        /// Its place in the list, from 0.
+        /// Index in the list, from 0.
         index: u16,
-        /// Patches of the list; with the last of them it is complete.
+        /// Number of patches in the list. The list is complete once the last one was received.
         count: u16,
-        /// The patch.
+        /// Centre and extent of the patch.
         patch: Patch,
     },
-    /// Begins a run; maps are numbered from 0.
+    /// Start a run. Maps are numbered from 0.
     Start {
-        /// Number of the run, the host's choice; other than the last.
+        /// Run number chosen by the host; must differ from that of the previous run.
         run: u32,
-        /// Number of its first pulse, the first of a sub-CPI.
+        /// Number of the first pulse, which must be the first pulse of a sub-CPI.
         first: u32,
     },
-    /// A pulse of the run.
+    /// Send one pulse of the run.
     Pulse {
-        /// All of it but the samples.
+        /// Pulse metadata.
         pulse: Pulse,
-        /// How the samples are encoded.
+        /// Encoding of the samples.
         encoding: Encoding,
-        /// One sample a frequency.
+        /// Samples, one per frequency.
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// No more pulses: what is held is mapped too, a partial sub-CPI included.
+    /// End the input. Stored pulses are still processed, including a partial sub-CPI.
     Stop,
-    /// Asks for a status.
+    /// Request a status report.
     Status,
-    /// Ends the run at once; what is held is dropped.
+    /// Abort the run immediately. Stored pulses are discarded.
     Abort,
-    /// Option of a configuration: a patch's maps are also added up to a chip, sent after the last map.
+    /// Configure an image chip: the maps of a patch are also accumulated into it, and it is sent after the last map.
     Chip(ChipGrid),
-    /// Option of a configuration: detections are sent after each map.
+    /// Configure CFAR detection: detections are sent after each map.
     Detect(Cfar),
-    /// Begins a configuration of another kind: increments instead of maps. What was configured before is forgotten.
+    /// Begin a motion configuration: increments instead of maps. Discards the previous configuration.
     Motion(MotionConfiguration),
-    /// The antennas of such a configuration, with which it is complete.
+    /// Set the antennas of a motion configuration, which completes it.
     Antennas {
-        /// How many of the places are transmitters; the rest are receivers.
+        /// Number of positions that are transmitters. The remaining ones are receivers.
         transmitters: u16,
-        /// Places in the array's frame, at most [`super::MAX_ANTENNAS`]: x along the array, y where it looks, as float64, little endian ([`super::places`]).
+        /// Positions in the array frame, at most [`super::MAX_ANTENNAS`]: x along the array and y along boresight in metres, as float64, little endian ([`super::places`]).
         #[serde(serialize_with = "super::as_bytes")]
         places: &'a [u8],
     },
-    /// A pulse of such a run, as one channel sampled it.
+    /// Send the samples of one channel of a pulse, in a motion run.
     Channel {
-        /// Number of the pulse.
+        /// Pulse number.
         pulse: u32,
-        /// Of the channel: transmitter by transmitter, receiver by receiver.
+        /// Channel index: transmitters outermost, receivers innermost.
         channel: u16,
-        /// Two-way path to which the samples' phase is compensated, metres; 0 if to none.
+        /// Two-way path in metres that sample phases are referenced to; 0 for raw phases.
         reference_path_m: f64,
-        /// How the samples are encoded: either way, whatever the module's arithmetic.
+        /// Encoding of the samples. Both are accepted by either arithmetic.
         encoding: Encoding,
-        /// One sample a frequency.
+        /// Samples, one per frequency.
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// Begins a configuration of a third kind: range profiles of a stepped-carrier radar. What was configured before is forgotten; [`Command::Weights`], one a carrier, make it complete.
+    /// Begin a range-profile configuration for a stepped-frequency radar. Discards the previous configuration. [`Command::Weights`], one per carrier, complete it.
     Profiles(SweepConfiguration),
-    /// A part of a burst of such a run. What lies between the parts that come is missing.
+    /// Send a part of a burst, in a range-profile run. Samples between the received parts count as missing.
     Burst {
-        /// Number of the sweep.
+        /// Sweep number.
         sweep: u32,
-        /// Index of the carrier.
+        /// Carrier index.
         carrier: u16,
-        /// Number of the first sample in the burst.
+        /// Index of the first sample in the burst.
         first: u32,
-        /// Counts of reference and echo ([`super::pairs`]).
+        /// Samples of reference and echo channel ([`super::pairs`]).
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// All bursts of a sweep have been sent: answered by its profile, as often as it is asked.
+    /// Request the range profile of a sweep after all its bursts. May be repeated.
     Sweep {
-        /// Number of the sweep.
+        /// Sweep number.
         sweep: u32,
     },
 }
@@ -112,48 +112,48 @@ impl Message for Command<'_> {
     }
 }
 
-/// Name and setup of a configuration.
+/// Map configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Configuration {
-    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    /// Configuration number chosen by the host. [`super::Status::configuration`] reports it.
     pub id: u32,
-    /// The setup.
+    /// Settings of the stream processor.
     pub setup: Setup,
 }
 
-/// Name and setup of a configuration that brings increments.
+/// Motion configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MotionConfiguration {
-    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    /// Configuration number chosen by the host. [`super::Status::configuration`] reports it.
     pub id: u32,
-    /// The setup.
+    /// Settings of the odometer.
     pub setup: motion::Setup,
 }
 
-/// Name and setup of a configuration that brings range profiles.
+/// Range-profile configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct SweepConfiguration {
-    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    /// Configuration number chosen by the host. [`super::Status::configuration`] reports it.
     pub id: u32,
-    /// The setup.
+    /// Settings of the range profiler.
     pub setup: sweep::Setup,
 }
 
-/// How samples lie in a message.
+/// Encoding of samples in a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Encoding {
-    /// Real and imaginary part as float32, little endian: 8 bytes.
+    /// Real and imaginary part as float32, little endian: 8 bytes per sample.
     Complex32,
-    /// Real and imaginary part as 16-bit integers in units of `2^-15`, little endian: 4 bytes.
+    /// Real and imaginary part as Q15 (16-bit integers in units of `2^-15`), little endian: 4 bytes per sample.
     Sc16,
 }
 
 impl Encoding {
-    /// Bytes of a sample.
+    /// Number of bytes per sample.
     pub const fn sample_bytes(self) -> usize {
         match self {
             Self::Complex32 => 8,
@@ -162,21 +162,21 @@ impl Encoding {
     }
 }
 
-/// Pixels of a chip: `origin + column * column_step + row * row_step`, metres. Of the sum of a patch's
-/// maps, divided by that of their pulses' weights: a unit scatterer reads 1.
+/// Pixel grid of an image chip: `origin + column * column_step + row * row_step`, metres. The chip is the sum of a
+/// patch's maps divided by the sum of their pulse weights, so a scatterer of unit amplitude has amplitude 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChipGrid {
     /// Index of the patch.
     pub patch: u16,
-    /// Pixel of row 0 and column 0.
+    /// Position of the pixel in row 0, column 0, in metres.
     pub origin_m: [f64; 3],
-    /// From column to column.
+    /// Vector from one column to the next in metres.
     pub column_step_m: [f64; 3],
-    /// From row to row.
+    /// Vector from one row to the next in metres.
     pub row_step_m: [f64; 3],
-    /// Pixels a row.
+    /// Number of columns.
     pub num_columns: u16,
-    /// Rows.
+    /// Number of rows.
     pub num_rows: u16,
 }

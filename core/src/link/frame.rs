@@ -1,13 +1,12 @@
-//! Frames: their bytes, and the writer of them.
+//! Frame format and encoder.
 //!
-//! **What it does.** [`Encoder`] puts a message between version and sequence number on one side and a
-//! CRC on the other, stuffs it by COBS (Cheshire and Baker 1999), so that no byte of it is zero, and
-//! ends it with a zero. All in one pass into the caller's buffer: serialiser, CRC and stuffing take
-//! byte runs from one another, and nothing is held twice. The table of bytes is at the head of
-//! [`crate::link`].
+//! [`Encoder`] prefixes a message with version and sequence number, appends a CRC, applies COBS byte stuffing
+//! (Cheshire and Baker 1999) so that the frame contains no zero byte, and terminates it with a zero. Everything
+//! happens in one pass into the caller's buffer: serialiser, CRC and byte stuffing process the same byte slices and
+//! nothing is buffered twice. The frame layout is documented in [`crate::link`].
 //!
-//! **Cost.** 4 bytes of state, 1 KiB of CRC table; operations linear in the frame.
-//! **Errors**: [`EncodeError`]; the sequence number is then not used up.
+//! **Cost**: 4 bytes of state, 1 KiB of CRC table; operations linear in the frame length.
+//! **Errors**: [`EncodeError`]; the sequence number is then not consumed.
 
 use core::fmt;
 
@@ -16,38 +15,37 @@ use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
-/// Version of the wire format: first byte of every frame. Any change to a message is a new version; a message or a refusal more, after the others, is none: who does not know it counts its frame as
-/// malformed.
+/// Version of the wire format, first byte of every frame. A changed message requires a new version. A message or
+/// refusal appended after the existing ones does not: an older peer counts its frame as malformed.
 pub const PROTOCOL_VERSION: u8 = 1;
 
-/// Version and sequence number.
+/// Size of version and sequence number in bytes.
 pub(super) const HEAD_BYTES: usize = 5;
 
-/// Bytes of a frame beside its message, before stuffing: version, sequence number and CRC.
+/// Bytes of a frame in addition to its message, before byte stuffing: version, sequence number and CRC.
 pub const OVERHEAD_BYTES: usize = HEAD_BYTES + 4;
 
-/// Most bytes of a message, samples not counted: their number and pulse count, their text and their
-/// detections included.
+/// Maximum size of a message in bytes without samples, including its variant number, text and detections.
 pub const MAX_MESSAGE_BYTES: usize = 192;
 
-/// CRC-32/ISO-HDLC, that of Ethernet and zlib: polynomial 0x04C11DB7 reflected, all ones before and
-/// inverted after; 0xCBF43926 of `123456789`.
+/// CRC-32/ISO-HDLC as in Ethernet and zlib: polynomial 0x04C11DB7 reflected, initial value and final XOR all ones;
+/// 0xCBF43926 for `123456789`.
 pub(super) static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// Bytes that a receiver's buffer needs for messages of up to `samples` samples of 8 bytes.
+/// Receiver buffer size in bytes for messages of up to `samples` samples of 8 bytes.
 ///
-/// The module receives pulses: `samples` is the most frequencies of a pulse. The host receives rows:
-/// `samples` is the most range bins of a patch, or columns of a chip.
+/// For the module, which receives pulses, `samples` is the maximum number of frequencies per pulse. For the host,
+/// which receives rows, it is the maximum number of range bins of a patch or columns of a chip.
 pub const fn max_received_bytes(samples: usize) -> usize {
     OVERHEAD_BYTES + MAX_MESSAGE_BYTES + 8 * samples
 }
 
-/// Bytes on the wire of the longest frame with up to `samples` samples of 8 bytes, terminator
-/// included: what [`Encoder::encode`] needs.
+/// Buffer size in bytes that [`Encoder::encode`] needs for the longest frame with up to `samples` samples of 8 bytes,
+/// terminator included.
 ///
 /// ```
 /// use subaperture_core::link::max_frame_bytes;
-/// // 9 + 192 + 8 * 128 = 1225 bytes, 5 codes (one for each 254 bytes begun) and the terminator.
+/// // 9 + 192 + 8 * 128 = 1225 bytes, 5 COBS codes (one per 254 bytes or part thereof) and the terminator.
 /// assert_eq!(max_frame_bytes(128), 1231);
 /// ```
 pub const fn max_frame_bytes(samples: usize) -> usize {
@@ -55,23 +53,23 @@ pub const fn max_frame_bytes(samples: usize) -> usize {
     bytes + bytes.div_ceil(254) + 1
 }
 
-/// A message of either direction.
+/// Message of either direction.
 pub trait Message {
-    /// Whether it opens a conversation: sent with sequence number 0, which begins the count anew.
+    /// Whether the message opens a conversation. It then has sequence number 0, which resets the sequence count.
     fn opens(&self) -> bool;
 }
 
-/// The sequence number after `sequence`: 0 is for opening messages alone, so 1 follows the largest.
+/// Sequence number after `sequence`. 0 is reserved for opening messages, so 1 follows the largest.
 pub(super) fn successor(sequence: u32) -> u32 {
     sequence.checked_add(1).unwrap_or(1)
 }
 
-/// Writes frames, and keeps the number of the next.
+/// Frame encoder with a sequence counter.
 ///
 /// ```
 /// use subaperture_core::link::{Command, Encoder};
 /// let (mut encoder, mut buffer) = (Encoder::new(), [0; 32]);
-/// // Version 1, sequence number 0, variant 0, CRC-32 of 01 00 00 00 00 00; codes at their places.
+/// // Version 1, sequence number 0, variant 0, CRC-32 of 01 00 00 00 00 00, with the COBS codes in between.
 /// let bytes = encoder.encode(&Command::Hello, &mut buffer)?;
 /// assert_eq!(bytes, [2, 1, 1, 1, 1, 1, 5, 0x06, 0x72, 0x9E, 0x7A, 0]);
 /// # Ok::<(), subaperture_core::link::EncodeError>(())
@@ -82,15 +80,15 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// The next frame has number 1, or 0 if it opens.
+    /// Create an encoder. The first frame has number 1, or 0 if its message opens a conversation.
     pub const fn new() -> Self {
         Self { next: 1 }
     }
 
-    /// The bytes to send, terminator included; they lie at the start of `buffer`.
+    /// Encode `message` into `buffer`. Returns the bytes to send, terminator included.
     ///
     /// # Errors
-    /// See [`EncodeError`]. Nothing has been counted then.
+    /// [`EncodeError`]. The sequence number is then not consumed.
     pub fn encode<'b>(
         &mut self,
         message: &(impl Message + Serialize),
@@ -125,7 +123,7 @@ impl Default for Encoder {
     }
 }
 
-/// Takes the bytes of a frame in order; gives the length of the stuffed frame, no terminator.
+/// Serialiser output that writes a stuffed frame. Finalises to its length without terminator.
 struct FrameWriter<'b> {
     stuffing: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
@@ -158,16 +156,17 @@ impl Flavor for FrameWriter<'_> {
     }
 }
 
-/// Why a message could not be framed.
+/// Reason why a message could not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum EncodeError {
-    /// The frame is longer than the buffer; [`max_frame_bytes`] says what is enough.
+    /// The frame is longer than the buffer. [`max_frame_bytes`] returns a sufficient size.
     Room {
-        /// Bytes that there was room for.
+        /// Size of the buffer in bytes.
         room: usize,
     },
-    /// The message cannot be serialised; none of this module's.
+    /// The message cannot be serialised. Does not occur for the messages of this crate.
     Message,
 }
 
@@ -176,10 +175,10 @@ impl fmt::Display for EncodeError {
         match self {
             Self::Room { room } => write!(
                 f,
-                "the frame does not fit a buffer of {room} bytes; `max_frame_bytes` says how many \
-                 are enough"
+                "frame does not fit a buffer of {room} bytes: use the size that `max_frame_bytes` \
+                 returns"
             ),
-            Self::Message => f.write_str("the message has parts that cannot be serialised"),
+            Self::Message => f.write_str("message contains a value that cannot be serialised"),
         }
     }
 }

@@ -1,40 +1,40 @@
-//! The link between a host and the module: messages in frames over a serial line that may lose bytes.
+//! Serial link between a host and the embedded module: framed messages over a line that may lose bytes.
 //!
-//! **What it does.** [`Encoder`] turns a [`Command`] or a [`Report`] into bytes, [`Receiver`] turns bytes
-//! back and counts what was damaged; [`MapAssembly`] and [`ChipAssembly`] put maps and chips together.
-//! Samples stay bytes in the buffers that they came in ([`complex32s`], [`sc16s`], [`Row`]).
+//! [`Encoder`] turns a [`Command`] or a [`Report`] into bytes. [`Receiver`] turns bytes into messages and counts
+//! damaged frames. [`MapAssembly`] and [`ChipAssembly`] reassemble maps and image chips. Samples are not copied:
+//! they are read from the receive buffer ([`complex32s`], [`sc16s`], [`Row`]).
 //!
-//! **Neglected**: nothing is sent again by itself; frames are not encrypted or signed. A frame is wrong
-//! and accepted once in `2^32` damaged ones, see [`Receiver`].
+//! **Not provided**: automatic retransmission, encryption, authentication. One in `2^32` damaged frames is accepted
+//! wrongly, see [`Receiver`].
 //!
-//! # Bytes of a frame
+//! # Frame format
 //!
-//! | offset | bytes | what |
+//! | offset | bytes | content |
 //! |---|---|---|
 //! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 1 |
 //! | 1 | 4 | sequence number, little endian |
 //! | 5 | n | message, below |
-//! | 5 + n | 4 | CRC-32/ISO-HDLC (zlib's) of all bytes before, little endian |
+//! | 5 + n | 4 | CRC-32/ISO-HDLC (as in zlib) of all preceding bytes, little endian |
 //!
-//! These 9 + n bytes are stuffed by COBS: they are split at their zeros, as if one more zero followed
-//! the last byte; each piece, without its zero, is sent after a code that is its length plus 1. A piece
-//! of more than 253 bytes is sent as code 255 and 254 bytes, and goes on without a zero; if nothing
-//! follows, no code follows. Then one zero byte ends the frame. Zeros between frames mean nothing: a zero
-//! before a frame ends whatever noise came first.
+//! These 9 + n bytes are encoded by COBS (consistent overhead byte stuffing). They are split at their zeros, with one
+//! zero appended. Each piece, without its zero, is preceded by a code byte equal to its length plus 1. A piece of more
+//! than 253 bytes is sent as code 255 with 254 bytes and continues without a zero; if nothing follows, no code
+//! follows. One zero byte terminates the frame. Additional zeros between frames are ignored: a leading zero terminates
+//! any noise before the frame.
 //!
-//! Every frame has a number: [`Command::Hello`] and [`Report::Identity`], which open the conversation,
-//! have 0, those after it 1, 2, ...; 1 again after `2^32 - 1`. Each direction has its own.
+//! Every frame has a sequence number. [`Command::Hello`] and [`Report::Identity`], which open the conversation, have
+//! number 0; the following frames have 1, 2, ..., and 1 again after `2^32 - 1`. Each direction counts separately.
 //!
-//! # Bytes of a message
-//! [Postcard](https://postcard.jamesmunns.com/wire-format): the variant's number, then its fields in order.
+//! # Message format
+//! Messages use [postcard](https://postcard.jamesmunns.com/wire-format): the variant number, then its fields in order.
 //!
 //! | type | bytes |
 //! |---|---|
-//! | variant, `u16`, `u32`, length | least first in groups of 7 bits; bit 7 set on all but the last |
+//! | variant, `u16`, `u32`, length | groups of 7 bits, least significant first; bit 7 set in all but the last |
 //! | `u8` | 1 |
 //! | `f32`, `f64` | 4, 8, little endian |
 //! | `bytes`, `text` | length, then the bytes; text is UTF-8 |
-//! | array `[T; n]`, struct | its elements in order, no length |
+//! | array `[T; n]`, struct | elements in order, no length |
 //!
 //! ## Host to module: [`Command`]
 //!
@@ -78,7 +78,7 @@
 //! | 13 | `ProfileRow` | profile `u32`, row `u16`, samples `bytes` (8 each) |
 //! | 14 | `ProfileEnd` | profile `u32`, rows `u16`, crc `u32` |
 //!
-//! ## Parts
+//! ## Types
 //!
 //! | name | fields, or number and name of each variant |
 //! |---|---|
@@ -101,22 +101,22 @@
 //! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
 //! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error |
-//! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `Follow`, 7 `Channels` most `u16`, 8 `Array` |
+//! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `TrackerSettings`, 7 `Channels` most `u16`, 8 `Array` |
 //! | sweep error | 0 `Size` sweep quantity, wanted `u32`, least `u32`, most `u32`; 1 `NoPowerOfTwo` `u16`; 2 `Band`; 3 `NotFinite` |
 //! | sweep quantity | 0 carriers, 1 samples a period, 2 samples a burst, 3 bins, 4 weights |
 //! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
 //! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches |
 //!
-//! A row of a map has `2 range_reach + 1` samples, ascending; in `Sc16` they are mantissas, and one
-//! signed byte for every 32 samples begun follows them: the exponent of 2 by which those are to be
-//! multiplied. A map has `2 doppler_reach + 1` rows, ascending. The `crc` of an end is CRC-32/ISO-HDLC of
-//! the header's bytes (of a chip: the grid's) and then of the `samples` of all rows.
+//! A map row has `2 range_reach + 1` samples in ascending order. In `Sc16` they are mantissas, followed by one signed
+//! byte per 32 samples or part thereof: the exponent of two that scales these mantissas. A map has
+//! `2 doppler_reach + 1` rows in ascending order. The `crc` of an end message is CRC-32/ISO-HDLC of the header's
+//! bytes (for a chip: the grid's) followed by the `samples` of all rows.
 //!
 //! # Conversation
 //! ```text
 //! host                                                module
 //! Hello                                          ->
-//!                                                <-   Identity (also after a start of its own)
+//!                                                <-   Identity (also after a reset of the module)
 //! Configure, Weights ..., Patch ..., Chip, Detect ->
 //!                                                <-   Status each; Ready once complete
 //! Start                                          ->
@@ -129,32 +129,34 @@
 //!                                                <-   Status: Done
 //! ```
 //!
-//! - `Hello` is answered by `Identity`, all other commands but `Pulse` by `Status`, or by `Refused` with
-//!   the command's number. No answer in time, or no `Ready`: the host sends again, the
-//!   configuration from `Configure` on. All commands may come twice without harm: a `Start` of the run
-//!   that is going on, a `Stop` or an `Abort` of one that is over, change nothing.
-//! - `Pulse` is not answered, but for the first of a run that has the wrong length or encoding, which is
-//!   `Refused`: what became of pulses is counted in `Status`, which also comes by itself whenever the credit
-//!   grows. The host sends only pulses of numbers below `accept_through`. Credit is
-//!   absolute: a lost `Status` is made good by the next, and a lost pulse gives no credit away. A host that
-//!   waits for credit asks with `Status`.
-//! - Increments: `Motion` and `Antennas` take the place of the configuration above, `Channel` that of `Pulse`, one for every channel of a pulse. The credit is a pulse: the next may be sent once the
-//!   increment of the one before has come. A host that does not get it asks with `Status`, and sends all channels of the pulse again: those that were lost complete it, and
-//!   of a pulse that is done the increment is sent again.
-//! - Profiles: `Profiles` and `Weights`, one a carrier, take the place of the configuration above, `Burst` that of `Pulse`: a burst goes in as many parts as it takes, of several sizes if need be, and what was lost on the way or never sampled
-//!   is missing from it. `Sweep` is answered by `ProfileStart`, `ProfileRow` and `ProfileEnd`, and asked again by a host that does not get all of them. The header tells how many samples came: a host that sent more may send the
-//!   sweep again, from its first burst on. There is no credit: samples are taken as they come.
-//! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not
-//!   affected; the run's last `Status` says how many there were.
-//! - A host that drops a frame as [`Damage::Repeated`] greets the module: it began anew.
+//! - `Hello` is answered by `Identity`. All other commands except `Pulse` are answered by `Status`, or by `Refused`
+//!   with the command's sequence number. Without an answer in time, or without `Ready`, the host repeats the command,
+//!   or the configuration from `Configure` on. All commands may be repeated safely: a `Start` of the current run and a
+//!   `Stop` or `Abort` of a finished run have no effect.
+//! - `Pulse` is not answered, except that the first pulse of a run with a wrong length or encoding is `Refused`.
+//!   `Status` counts accepted and rejected pulses. The module also sends it unrequested whenever the credit grows. The
+//!   host sends only pulses with numbers below `accept_through`. Credit is absolute: the next `Status` replaces a lost
+//!   one, and a lost pulse returns no credit. A host that waits for credit requests `Status`.
+//! - Increments: `Motion` and `Antennas` replace the configuration above, and `Channel` replaces `Pulse`, one per
+//!   channel of a pulse. The credit is one pulse: the next pulse may be sent after the increment of the previous one. A
+//!   host that receives no increment requests `Status` and repeats all channels of the pulse. The lost channels
+//!   complete it; if the pulse was complete, its increment is sent again.
+//! - Profiles: `Profiles` and `Weights`, one per carrier, replace the configuration above, and `Burst` replaces
+//!   `Pulse`. A burst is sent in any number of parts of any sizes. Samples that were lost in transfer or never taken
+//!   are missing from it. `Sweep` is answered by `ProfileStart`, `ProfileRow` and `ProfileEnd`; a host that does not
+//!   receive all of them repeats it. The header states the number of received samples: a host that sent more may
+//!   repeat the sweep from its first burst. There is no credit: samples are processed on arrival.
+//! - Maps are not retransmitted. An incomplete map is lost and the rest of the run is not affected. The last `Status`
+//!   of the run states the number of maps.
+//! - A host that drops a frame as [`Damage::Repeated`] sends `Hello`: the module has restarted.
 //!
 //! # Sizes
-//! A message without samples has at most [`MAX_MESSAGE_BYTES`]: texts have at most [`MAX_TEXT_BYTES`],
-//! a frame at most [`MAX_DETECTIONS`] detections, and weights are sent as few at a time as fit.
-//! Buffers: [`max_received_bytes`] and [`max_frame_bytes`] of the most samples in a message.
+//! A message without samples has at most [`MAX_MESSAGE_BYTES`]: a text has at most [`MAX_TEXT_BYTES`], a frame at most
+//! [`MAX_DETECTIONS`] detections, and weights are split over several messages. Buffers: [`max_received_bytes`] and
+//! [`max_frame_bytes`] of the maximum number of samples in a message.
 //!
-//! **Cost**: see the parts. **Accuracy, errors**: `tests/link/frames.rs` (every message there and back
-//! and byte by byte, every bit flipped, lines with bit errors), `tests/link/assembly.rs`.
+//! **Tests**: `tests/link/frames.rs` (round trip and bytes of every message, every bit flipped, lines with bit
+//! errors), `tests/link/assembly.rs`.
 
 mod assembly;
 mod command;
@@ -185,7 +187,7 @@ pub use samples::{
     write_map_row, write_pairs, write_places, write_sc16s,
 };
 
-/// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.
+/// Serialise bytes in one piece. serde would serialise a slice element by element, to the same bytes.
 fn as_bytes<S: serde::Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_bytes(bytes)
 }

@@ -1,35 +1,35 @@
-//! Range profiles put together again from their frames, as [`super::MapAssembly`] does maps.
+//! Reassembly of range profiles from frames, like [`super::MapAssembly`] for maps.
 
 use num_complex::Complex32;
 
 use super::assembly::Transfer;
 use super::{Encoding, Loss, ProfileHeader, Report, TransferChecksum, complex32s, row_bytes};
 
-/// Puts profiles together.
+/// Reassembly of range profiles.
 #[derive(Debug)]
 pub struct ProfileAssembly<'b>(Transfer<'b, ProfileHeader>);
 
-/// A profile that came whole.
+/// Completely received range profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssembledProfile<'s> {
-    /// Its number in the run.
+    /// Number of the profile in the run.
     pub profile: u32,
-    /// What it is of.
+    /// Sweep, carriers and sample count of the profile.
     pub header: ProfileHeader,
-    /// Its bins ([`super::complex32s`]).
+    /// Range bins ([`super::complex32s`]).
     pub bytes: &'s [u8],
 }
 
 impl<'b> ProfileAssembly<'b> {
-    /// Nothing has come yet. Profiles that do not fit `buffer`, 8 bytes a bin, will be lost.
+    /// Create an assembly without received data. Profiles that exceed `buffer` (8 bytes per bin) will be lost.
     pub const fn new(buffer: &'b mut [u8]) -> Self {
         Self(Transfer::new(buffer))
     }
 
-    /// Takes a report; a profile if it was the end of one that came whole. Reports of no profile are ignored.
+    /// Process a report. Returns a profile if the report completes it. Reports that do not belong to a profile are ignored.
     ///
     /// # Errors
-    /// [`Loss`], once a profile; those that follow are not affected.
+    /// [`Loss`], at most once per profile. Later profiles are not affected.
     pub fn take(&mut self, report: &Report<'_>) -> Result<Option<AssembledProfile<'_>>, Loss> {
         match *report {
             Report::ProfileStart { profile, header } => {
@@ -59,24 +59,24 @@ impl<'b> ProfileAssembly<'b> {
         }
     }
 
-    /// Profiles that came whole.
+    /// Number of complete profiles.
     pub fn complete(&self) -> u32 {
         self.0.complete
     }
 
-    /// Profiles that did not, of numbers up to the highest of which anything came.
+    /// Number of lost profiles, up to the highest profile number received.
     pub fn lost(&self) -> u32 {
         self.0.lost()
     }
 
-    /// A new run: numbers and counts begin at 0.
+    /// Start a new run: profile numbers and counts start at 0.
     pub fn restart(&mut self) {
         self.0.restart();
     }
 }
 
 impl<'s> AssembledProfile<'s> {
-    /// Its values, ranges ascending.
+    /// Values in ascending range.
     pub fn values(&self) -> impl ExactSizeIterator<Item = Complex32> + Clone + 's {
         complex32s(self.bytes)
     }

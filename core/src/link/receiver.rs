@@ -1,27 +1,25 @@
-//! The reader of frames: bytes in, whole messages out, everything else counted.
+//! Frame receiver: extracts messages from a byte stream and counts damaged frames.
 //!
-//! **What it does.** [`Receiver`] unstuffs into the caller's buffer as bytes come, and at each zero
-//! checks what it has: stuffing, CRC, version, message, sequence number, in this order. The message
-//! borrows from the buffer; samples are not copied. How the bytes are split between calls makes no
-//! difference.
+//! [`Receiver`] decodes COBS into the caller's buffer as bytes arrive. At each zero it checks byte stuffing, CRC,
+//! version, message and sequence number, in this order. The message borrows from the buffer; samples are not copied.
+//! The result does not depend on how the bytes are split between calls.
 //!
-//! **Accuracy.** A frame is accepted only if its CRC is right. Up to 3 wrong bits of an unstuffed frame
-//! shorter than 91 607 bits are always seen (Koopman 2002: Hamming distance 4 of this CRC); of other
-//! damage, that to the codes of the stuffing included, one frame in `2^32` has a CRC that happens to be
-//! right. At a hundred damaged frames a second that is one in 500 days; a message that then
-//! does not deserialise to its last byte is refused still (`tests/link/frames.rs`).
+//! **Error detection.** A frame is accepted only with a correct CRC. Up to 3 bit errors in a decoded frame shorter
+//! than 91 607 bits are always detected (Koopman 2002: Hamming distance 4 of this CRC). Of frames with other damage,
+//! including damaged COBS codes, one in `2^32` has a correct CRC by chance. At a hundred damaged frames per second
+//! this occurs once in 500 days. A message that then does not deserialise to its last byte is still rejected
+//! (`tests/link/frames.rs`).
 //!
-//! **Sequence numbers** count 1, 2, ... `2^32 - 1`, 1, ...; 0 is sent with [`Command::Hello`] and
-//! [`Report::Identity`] alone and always, and begins the count anew, without a loss. That is safe
-//! because these two change nothing at the receiver but this count, so that one too many does no harm,
-//! and because nothing else with number 0 is accepted. What was lost before it is not known and not
-//! counted; nor is what a peer sent before the first frame that was ever heard of it. A number ahead of
-//! the expected one by less than half the cycle counts the frames between as lost; one behind is dropped
-//! as repeated. A line neither repeats nor reorders: numbers behind mean a peer that began anew and whose
-//! opening message was lost, to which the host answers with [`Command::Hello`].
+//! **Sequence numbers** count 1, 2, ... `2^32 - 1`, 1, ... Number 0 is used by every [`Command::Hello`] and
+//! [`Report::Identity`] and by nothing else. It resets the count without a loss. This is safe because these two
+//! messages change nothing else at the receiver, so that a superfluous one is harmless, and because no other message
+//! with number 0 is accepted. Losses before a reset, and before the first frame ever received, are unknown and not
+//! counted. A number ahead of the expected one by less than half the cycle counts the frames in between as lost. A
+//! number behind is dropped as repeated. A serial line neither repeats nor reorders, so such a number means that the
+//! peer restarted and its opening message was lost. The host then sends [`Command::Hello`].
 //!
-//! **Cost.** The buffer ([`super::max_received_bytes`]) and about 60 bytes; operations linear in the
-//! bytes. **Errors**: [`Damage`]; reception goes on with the next frame.
+//! **Cost**: the buffer ([`super::max_received_bytes`]) and about 60 bytes; operations linear in the number of bytes.
+//! **Errors**: [`Damage`]; reception continues with the next frame.
 //!
 //! [`Command::Hello`]: super::Command::Hello
 //! [`Report::Identity`]: super::Report::Identity
@@ -33,59 +31,59 @@ use serde::{Deserialize, Serialize};
 
 use super::frame::{CRC, HEAD_BYTES, Message, PROTOCOL_VERSION, successor};
 
-/// What has come over a link, in frames. Counts stop at the largest number.
+/// Frame counters of a link. Counts saturate.
 ///
-/// A damaged zero joins two frames, a new one cuts a frame: `corrupt`, `malformed` and `too_long` count
-/// pieces between zeros. `lost` counts frames: between two frames that were accepted,
-/// `sent = frames + lost` as long as both sides have the same messages.
+/// A damaged zero joins two frames and an inserted zero splits one, so `corrupt`, `malformed` and `too_long` count
+/// pieces between zeros. `lost` counts frames: between two accepted frames `sent = frames + lost`, as long as both
+/// sides have the same messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct LinkCounters {
-    /// Accepted.
+    /// Frames accepted.
     pub frames: u32,
-    /// Wrong CRC.
+    /// Frames with a wrong CRC.
     pub corrupt: u32,
-    /// Wrong stuffing, too short, or no message of those expected.
+    /// Frames with invalid byte stuffing, a length that is too short, or an unknown or invalid message.
     pub malformed: u32,
-    /// Longer than the receiver's buffer.
+    /// Frames longer than the receiver's buffer.
     pub too_long: u32,
-    /// Right CRC, another protocol version.
+    /// Frames with a correct CRC but a different protocol version.
     pub version: u32,
-    /// Missing in the sequence.
+    /// Frames missing in the sequence.
     pub lost: u32,
-    /// Behind in the sequence; dropped.
+    /// Frames dropped because their number is behind in the sequence.
     pub repeated: u32,
 }
 
-/// Why what came before a zero was not accepted. It has been counted.
+/// Reason why a frame was rejected. It is counted in [`LinkCounters`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Damage {
-    /// The CRC is wrong.
+    /// Wrong CRC.
     Corrupt,
-    /// The stuffing is wrong, or it is too short, or no message of those expected, or an opening one
-    /// with a number other than 0, or another with 0.
+    /// Invalid byte stuffing, too short, an unknown or invalid message, an opening message with a number other than 0, or
+    /// another message with number 0.
     Malformed,
-    /// It is longer than the receiver's buffer.
+    /// Longer than the receiver's buffer.
     TooLong,
-    /// The frame is whole but of this protocol version.
+    /// Intact frame of a different protocol version, given here.
     Version(u8),
-    /// Its number, this one, is behind in the sequence.
+    /// Sequence number, given here, that is behind the expected one.
     Repeated(u32),
 }
 
-/// An accepted frame.
+/// Accepted frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Received<M> {
-    /// Its number.
+    /// Sequence number.
     pub sequence: u32,
-    /// Frames lost just before it.
+    /// Number of frames lost immediately before this one.
     pub lost: u32,
-    /// Its message, borrowed from the receiver's buffer.
+    /// Message, borrowed from the receiver's buffer.
     pub message: M,
 }
 
-/// Finds frames in a stream of bytes.
+/// Receiver that extracts frames from a stream of bytes.
 ///
 /// ```
 /// use subaperture_core::link::{Command, Encoder, Receiver};
@@ -100,19 +98,19 @@ pub struct Received<M> {
 #[derive(Debug)]
 pub struct Receiver<'b> {
     buffer: &'b mut [u8],
-    /// Unstuffed bytes so far.
+    /// Number of decoded bytes of the current frame.
     len: usize,
     stuffing: DecoderState,
-    /// More has come than fits: discard to the next zero.
+    /// The frame exceeds the buffer: discard up to the next zero.
     overrun: bool,
-    /// Number of the next frame; none before the first.
+    /// Expected sequence number. `None` before the first frame.
     expected: Option<u32>,
     counters: LinkCounters,
 }
 
 impl<'b> Receiver<'b> {
-    /// A receiver that has heard nothing. Frames that do not fit `buffer` unstuffed
-    /// ([`super::max_received_bytes`]) will be counted as too long.
+    /// Create a receiver in its initial state. Frames that exceed `buffer` after decoding
+    /// ([`super::max_received_bytes`]) are counted as too long.
     pub const fn new(buffer: &'b mut [u8]) -> Self {
         Self {
             buffer,
@@ -132,23 +130,23 @@ impl<'b> Receiver<'b> {
         }
     }
 
-    /// What has come so far.
+    /// Frame counters since construction.
     pub fn counters(&self) -> &LinkCounters {
         &self.counters
     }
 
-    /// Takes one byte; a frame or its damage if the byte ends one.
+    /// Process one byte. Returns a frame or its damage if the byte terminates one.
     pub fn push<'s, M>(&'s mut self, byte: u8) -> Option<Result<Received<M>, Damage>>
     where
         M: Message + Deserialize<'s>,
     {
         match self.advance(byte)? {
-            Ok(len) => Some(self.open(len)),
+            Ok(len) => Some(self.decode(len)),
             Err(damage) => Some(Err(damage)),
         }
     }
 
-    /// Takes bytes off the front of `bytes` up to the end of a frame, or all of them; call until none.
+    /// Consume bytes from the front of `bytes` up to the end of a frame, or all of them. Call until it returns `None`.
     pub fn receive<'s, M>(&'s mut self, bytes: &mut &[u8]) -> Option<Result<Received<M>, Damage>>
     where
         M: Message + Deserialize<'s>,
@@ -157,20 +155,20 @@ impl<'b> Receiver<'b> {
             *bytes = rest;
             match self.advance(*byte) {
                 None => {}
-                Some(Ok(len)) => return Some(self.open(len)),
+                Some(Ok(len)) => return Some(self.decode(len)),
                 Some(Err(damage)) => return Some(Err(damage)),
             }
         }
         None
     }
 
-    /// Unstuffs a byte; the frame's unstuffed length at its end.
+    /// Decode one byte. Returns the decoded length at the end of a frame.
     fn advance(&mut self, byte: u8) -> Option<Result<usize, Damage>> {
         if self.overrun {
             if byte != 0 {
                 return None;
             }
-            self.begin();
+            self.reset();
             increase(&mut self.counters.too_long, 1);
             return Some(Err(Damage::TooLong));
         }
@@ -189,27 +187,27 @@ impl<'b> Receiver<'b> {
             }
             Ok(DecodeResult::DataComplete) => {
                 let len = self.len;
-                self.begin();
+                self.reset();
                 Some(Ok(len))
             }
-            // A zero before its time.
+            // A zero inside a COBS block.
             Err(_) => {
-                self.begin();
+                self.reset();
                 increase(&mut self.counters.malformed, 1);
                 Some(Err(Damage::Malformed))
             }
         }
     }
 
-    /// Ready for the next frame's first byte.
-    fn begin(&mut self) {
+    /// Prepare for the first byte of the next frame.
+    fn reset(&mut self) {
         self.stuffing = DecoderState::Idle;
         self.len = 0;
         self.overrun = false;
     }
 
-    /// Checks the frame that the first `len` bytes of the buffer are.
-    fn open<'s, M>(&'s mut self, len: usize) -> Result<Received<M>, Damage>
+    /// Check the frame in the first `len` bytes of the buffer and count it.
+    fn decode<'s, M>(&'s mut self, len: usize) -> Result<Received<M>, Damage>
     where
         M: Message + Deserialize<'s>,
     {
@@ -236,7 +234,7 @@ impl<'b> Receiver<'b> {
     }
 }
 
-/// The message of an unstuffed frame, or its damage and the frames lost before it.
+/// Message of a decoded frame, or its damage and the number of frames lost before it.
 fn check<'s, M>(
     frame: Option<&'s [u8]>,
     expected: &mut Option<u32>,
@@ -268,8 +266,8 @@ where
         }
         ahead
     };
-    // A frame that is whole has come, whether or not its message means anything here; but only a true
-    // opening begins the count anew.
+    // An intact frame advances the sequence even if its message is unknown. Only a valid opening message resets
+    // the count.
     if sequence != 0 || message.is_some() {
         *expected = Some(successor(sequence));
     }
@@ -283,10 +281,10 @@ where
     }
 }
 
-/// Steps of [`successor`] from `from` to `to`, neither of them 0.
+/// Number of [`successor`] steps from `from` to `to`, neither of them 0.
 fn distance(from: u32, to: u32) -> u32 {
     let steps = to.wrapping_sub(from);
-    // The cycle has no 0.
+    // The cycle skips 0.
     if to < from {
         steps.wrapping_sub(1)
     } else {
@@ -301,17 +299,17 @@ fn increase(counter: &mut u32, by: u32) {
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Corrupt => f.write_str("a frame's checksum is wrong"),
-            Self::Malformed => f.write_str("bytes between two zeros are no frame"),
-            Self::TooLong => f.write_str("a frame is longer than the buffer for it"),
+            Self::Corrupt => f.write_str("frame with a wrong checksum"),
+            Self::Malformed => f.write_str("malformed frame between two zero bytes"),
+            Self::TooLong => f.write_str("frame longer than the receive buffer"),
             Self::Version(version) => write!(
                 f,
-                "a frame of protocol version {version}; this side speaks {PROTOCOL_VERSION}"
+                "frame of protocol version {version}: expected version {PROTOCOL_VERSION}"
             ),
             Self::Repeated(sequence) => write!(
                 f,
-                "frame {sequence} is behind in the sequence: it came before, or the peer began anew \
-                 and must be greeted"
+                "frame {sequence} is behind in the sequence: a repeated frame, or the peer restarted \
+                 and needs a Hello"
             ),
         }
     }
@@ -324,12 +322,12 @@ mod tests {
     use super::{distance, successor};
 
     #[test]
-    fn numbers_go_round_without_zero() {
+    fn sequence_numbers_skip_zero_on_wraparound() {
         assert_eq!(successor(u32::MAX), 1);
         assert_eq!(distance(u32::MAX, 1), 1);
         assert_eq!(distance(5, 5), 0);
         assert_eq!(distance(5, 9), 4);
-        // One step back is all of the cycle of 2^32 - 1 but one.
+        // One step back is the whole cycle of 2^32 - 1 less one.
         assert_eq!(distance(5, 4), u32::MAX - 1);
         assert_eq!(distance(1, u32::MAX), u32::MAX - 1);
     }

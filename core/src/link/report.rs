@@ -1,4 +1,4 @@
-//! Messages from the module to the host. Layout and meaning: the tables at the head of [`crate::link`].
+//! Messages from the module to the host. The tables in [`crate::link`] define their encoding.
 
 use core::fmt;
 
@@ -9,195 +9,194 @@ use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 use crate::sweep;
 
-/// Most bytes of the text of [`Report::Log`] and of the version of [`Report::Identity`].
+/// Maximum length in bytes of the text of [`Report::Log`] and the version of [`Report::Identity`].
 pub const MAX_TEXT_BYTES: usize = 160;
 
-/// What the module sends.
+/// Report from the module to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Report<'a> {
-    /// Opens the conversation: sent after a start of the module, and in answer to
-    /// [`super::Command::Hello`].
+    /// Opens the conversation: sent after a reset of the module and in answer to [`super::Command::Hello`].
     Identity {
-        /// [`super::PROTOCOL_VERSION`].
+        /// Protocol version, [`super::PROTOCOL_VERSION`].
         protocol: u8,
-        /// The arithmetic of its maps.
+        /// Arithmetic of the module's maps.
         arithmetic: Arithmetic,
-        /// The sizes its buffers were built for.
+        /// Maximum sizes that the module's buffers hold.
         capacity: Capacity,
-        /// Name and version of its program, at most [`MAX_TEXT_BYTES`].
+        /// Name and version of the module's program, at most [`MAX_TEXT_BYTES`].
         version: &'a str,
     },
-    /// Where it stands.
+    /// State and counters of the module.
     Status(Status),
-    /// A map begins.
+    /// Start of a map.
     MapStart {
-        /// Its number in the run, from 0.
+        /// Number of the map in the run, from 0.
         map: u32,
-        /// What it is of.
+        /// Sub-CPI, patch and geometry of the map.
         header: MapHeader,
-        /// How its samples are encoded.
+        /// Encoding of the samples.
         encoding: Encoding,
     },
-    /// The next Doppler bin's row of the map.
+    /// Next row (Doppler bin) of the map.
     MapRow {
-        /// The map's number.
+        /// Number of the map.
         map: u32,
-        /// The row, from 0, the lowest Doppler bin.
+        /// Row index from 0, the lowest Doppler bin.
         row: u16,
-        /// The row's range bins; with [`Encoding::Sc16`] followed by the exponents ([`super::Row`]).
+        /// Range bins of the row, followed by the exponents in [`Encoding::Sc16`] ([`super::Row`]).
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// The map is complete.
+    /// End of a map.
     MapEnd {
-        /// The map's number.
+        /// Number of the map.
         map: u32,
-        /// Rows that were sent.
+        /// Number of rows sent.
         rows: u16,
         /// [`super::TransferChecksum`] of header and rows.
         crc: u32,
     },
-    /// A chip begins.
+    /// Start of an image chip.
     ChipStart {
-        /// Its number in the run, from 0.
+        /// Number of the chip in the run, from 0.
         chip: u32,
-        /// Its pixels.
+        /// Pixel grid of the chip.
         grid: ChipGrid,
-        /// Maps that were added up to it.
+        /// Number of maps accumulated into the chip.
         maps: u32,
-        /// Sum of the weights of their pulses.
+        /// Sum of the slow-time weights of the accumulated pulses.
         weight_sum: f32,
     },
-    /// The next row of the chip.
+    /// Next row of the chip.
     ChipRow {
-        /// The chip's number.
+        /// Number of the chip.
         chip: u32,
-        /// The row, from 0.
+        /// Row index from 0.
         row: u16,
-        /// Its pixels, [`Encoding::Complex32`].
+        /// Pixels of the row in [`Encoding::Complex32`].
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// The chip is complete.
+    /// End of an image chip.
     ChipEnd {
-        /// The chip's number.
+        /// Number of the chip.
         chip: u32,
-        /// Rows that were sent.
+        /// Number of rows sent.
         rows: u16,
         /// [`super::TransferChecksum`] of grid and rows.
         crc: u32,
     },
-    /// Detections on a map, a few a frame.
+    /// Detections on a map, split over several frames.
     Detections {
-        /// The map's number.
+        /// Number of the map.
         map: u32,
-        /// Its sub-CPI.
+        /// Sub-CPI of the map.
         sub_cpi: u32,
-        /// Its patch.
+        /// Patch index of the map.
         patch: u16,
-        /// Place of the first of these in the map's list.
+        /// Index of the first of these detections in the map's list.
         first: u16,
-        /// Detections in the map's list.
+        /// Number of detections in the map's list.
         total: u16,
-        /// At most [`super::MAX_DETECTIONS`], strongest first ([`super::detections`]).
+        /// Detections, at most [`super::MAX_DETECTIONS`], strongest first ([`super::detections`]).
         #[serde(serialize_with = "super::as_bytes")]
         list: &'a [u8],
     },
-    /// A command was not obeyed; nothing has changed.
+    /// A command was refused and had no effect.
     Refused {
-        /// Sequence number of its frame.
+        /// Sequence number of the command's frame.
         sequence: u32,
-        /// Why.
+        /// Reason of the refusal.
         what: Refusal,
     },
-    /// A line for whoever looks after the module.
+    /// Log message for the operator.
     Log {
-        /// At most [`MAX_TEXT_BYTES`].
+        /// Text of at most [`MAX_TEXT_BYTES`].
         text: &'a str,
     },
-    /// What a pulse told of the radar's own motion.
+    /// Radar motion estimated from a pulse.
     Increment(Increment),
-    /// A range profile begins.
+    /// Start of a range profile.
     ProfileStart {
         /// Number of the profile in the run, from 0.
         profile: u32,
-        /// What it is of.
+        /// Sweep, carriers and sample count of the profile.
         header: ProfileHeader,
     },
-    /// Bins of the profile that began last, in order.
+    /// Next bins of the current range profile, in order.
     ProfileRow {
         /// Number of the profile.
         profile: u32,
-        /// Number of the row, from 0.
+        /// Row index from 0.
         row: u16,
         /// [`ProfileHeader::row_bins`] values of 8 bytes ([`super::complex32s`]).
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
-    /// The profile is complete.
+    /// End of a range profile.
     ProfileEnd {
         /// Number of the profile.
         profile: u32,
-        /// Rows sent.
+        /// Number of rows sent.
         rows: u16,
-        /// [`super::TransferChecksum`] of the header and the rows.
+        /// [`super::TransferChecksum`] of header and rows.
         crc: u32,
     },
 }
 
-/// What a range profile is of: a [`sweep::SweepProfile`] without its values.
+/// Description of a range profile: a [`sweep::SweepProfile`] without its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ProfileHeader {
     /// Number of the sweep.
     pub sweep: u32,
-    /// Carriers that it is made of.
+    /// Number of carriers used.
     pub usable: u16,
-    /// Samples of each channel that came.
+    /// Number of samples received per channel.
     pub taken: u32,
-    /// Bins; none where too few carriers are usable.
+    /// Number of range bins; 0 if too few carriers are usable.
     pub bins: u16,
-    /// Bins of a row, of which all rows have as many.
+    /// Number of range bins per row, equal for all rows.
     pub row_bins: u16,
 }
 
 impl ProfileHeader {
-    /// Rows.
+    /// Number of rows.
     pub fn num_rows(&self) -> u16 {
         self.bins.checked_div(self.row_bins).unwrap_or(0)
     }
 }
 
-/// What a pulse told of the radar's own motion: a [`Step`] as it is sent.
+/// Radar motion estimated from a pulse: wire format of a [`Step`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Increment {
-    /// Number of the pulse.
+    /// Pulse number.
     pub pulse: u32,
-    /// That of the pulse from which the motion is told; of a run's first its own.
+    /// Number of the earlier pulse that the motion is relative to. Equal to `pulse` for the first pulse of a run.
     pub since: u32,
-    /// Targets seen in this pulse.
+    /// Number of tracked targets in this pulse.
     pub targets: u16,
-    /// Echoes in this pulse, of targets or not.
+    /// Number of echoes in this pulse, tracked or not.
     pub echoes: u16,
-    /// The motion; none of the first pulse, and where too few targets were seen in both.
+    /// Estimated motion. `None` for the first pulse, or if too few targets are common to both pulses.
     pub motion: Option<Motion>,
 }
 
-/// How the radar moved, in the array's frame at the former pulse.
+/// Radar motion in the array frame at the earlier pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Motion {
-    /// Along the array and ahead, metres.
+    /// Displacement along the array and ahead (boresight) in metres.
     pub moved_m: [f64; 2],
-    /// Counterclockwise, radians.
+    /// Rotation in radians, counterclockwise.
     pub turn_rad: f64,
-    /// What the targets' paths differ by from it, metres RMS.
+    /// RMS residual of the target paths in metres.
     pub residual_m: f32,
-    /// Targets seen in both pulses.
+    /// Number of targets common to both pulses.
     pub targets: u16,
-    /// Phases that may have wrapped.
+    /// Number of phases near the unwrapping limit, which may be wrong by a cycle.
     pub doubtful: u16,
 }
 
@@ -226,97 +225,98 @@ impl Message for Report<'_> {
     }
 }
 
-/// The arithmetic of a module's maps.
+/// Arithmetic of the module's maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Arithmetic {
-    /// Float32.
+    /// Complex float32.
     Float,
-    /// 16-bit integers in blocks of a common exponent.
+    /// 16-bit block floating point.
     Fixed,
 }
 
-/// Where the module stands. All numbers are absolute, so that a lost status is made good by the next.
+/// State and counters of the module. All values are absolute, so the next status replaces a lost one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status {
-    /// What it is doing.
+    /// State of the module.
     pub state: State,
-    /// Number of the configuration.
+    /// Number of the current configuration.
     pub configuration: u32,
-    /// Number of the run.
+    /// Number of the current run.
     pub run: u32,
-    /// Number of the pulse expected next.
+    /// Number of the next expected pulse.
     pub next_pulse: u32,
-    /// Credit: pulses of numbers below this may be sent.
+    /// Credit: pulses with numbers below this value may be sent.
     pub accept_through: u32,
-    /// Maps of the run sent or given up so far: numbers below this.
+    /// Number of maps of the run sent or discarded so far.
     pub maps: u32,
-    /// What the module has received.
+    /// Counters of frames that the module received.
     pub link: LinkCounters,
-    /// What became of the run's pulses.
+    /// Counters of the run's pulses.
     pub pulses: PulseCounters,
 }
 
-/// What the module is doing.
+/// State of the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum State {
-    /// Not fully configured.
+    /// Configuration incomplete.
     #[default]
     Idle,
-    /// Setup, all weights and all patches are there.
+    /// Configuration complete: setup, all weights and all patches.
     Ready,
-    /// Takes pulses.
+    /// Run active, pulses accepted.
     Running,
-    /// Takes no more pulses; maps are still to come.
+    /// Input ended; maps still to be sent.
     Finishing,
-    /// The run is over; everything has been sent. As ready as [`State::Ready`].
+    /// Run finished and everything sent. A new run can start as in [`State::Ready`].
     Done,
 }
 
-/// Why a command was not obeyed.
+/// Reason why a command was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum Refusal {
-    /// It needs a complete configuration.
+    /// The command requires a complete configuration.
     NotConfigured,
-    /// It is not possible during a run.
+    /// The command is not allowed during a run.
     Running,
-    /// It is possible only during a run.
+    /// The command is only allowed during a run.
     NotRunning,
-    /// The setup or a patch cannot be.
+    /// The setup or a patch is invalid.
     Setup(SetupError),
-    /// Weights beyond the frequencies, or not a whole number of them.
+    /// Weights beyond the last frequency, or a partial weight.
     Weights,
-    /// A patch beyond its list, or of a list of another length than before; at a start, the patch of a
-    /// chip beyond the list.
+    /// A patch index beyond the list, or a list length that differs from before. At a start: the patch index of a chip is
+    /// beyond the list.
     PatchIndex,
-    /// The arithmetic takes no samples of this encoding. Sent for the first pulse of a run that is refused.
+    /// The arithmetic does not accept this sample encoding. Sent for the first refused pulse of a run.
     Encoding,
-    /// A pulse is not of the setup's length. Sent for the first pulse of a run that is refused.
+    /// The number of samples differs from the setup. Sent for the first refused pulse of a run.
     PulseLength {
-        /// Bytes of samples needed.
+        /// Expected number of sample bytes.
         expected: u32,
-        /// Bytes that came.
+        /// Received number of sample bytes.
         got: u32,
     },
-    /// A chip of more pixels, or of more a row, than there is room for, or of none.
+    /// The chip has no pixels, or more pixels in total or per row than the module can hold.
     Chip {
-        /// Pixels wanted.
+        /// Requested number of pixels.
         wanted: u32,
-        /// The most there is room for.
+        /// Maximum number of pixels.
         most: u32,
     },
-    /// Detection settings out of range.
+    /// The CFAR settings are invalid.
     Detect,
-    /// The module was built without this.
+    /// The module was built without this function.
     Unsupported,
-    /// The setup or the antennas of increments cannot be.
+    /// The setup or the antennas of a motion configuration are invalid.
     Motion(motion::SetupError),
-    /// More antennas than a message holds, no whole number of them, or fewer than are transmitters.
+    /// More antennas than a message holds, a partial position, or fewer positions than transmitters.
     Antennas,
-    /// The setup or the weights of range profiles cannot be.
+    /// The setup or the weights of a range-profile configuration are invalid.
     Sweep(sweep::SetupError),
 }
 
@@ -326,39 +326,39 @@ impl fmt::Display for Refusal {
             Self::NotConfigured => f.write_str(
                 "not configured: send the setup, all weights and all patches before the start",
             ),
-            Self::Running => f.write_str("a run is going on: stop or abort it first"),
-            Self::NotRunning => f.write_str("no run is going on: start one first"),
-            Self::Setup(error) => write!(f, "the setup cannot be: {error}"),
+            Self::Running => f.write_str("a run is active: stop or abort it first"),
+            Self::NotRunning => f.write_str("no run is active: start one first"),
+            Self::Setup(error) => write!(f, "invalid setup: {error}"),
             Self::Weights => f.write_str(
-                "window weights lie beyond the last frequency, or are not of 4 bytes each",
+                "invalid window weights: expected 4 bytes each and none beyond the last frequency",
             ),
             Self::PatchIndex => f.write_str(
-                "a patch's or chip's index is not below the count, or the count has changed",
+                "patch or chip index is not below the count, or the count has changed",
             ),
             Self::Encoding => {
-                f.write_str("the module's arithmetic takes samples of the other encoding")
+                f.write_str("sample encoding does not match the module's arithmetic: use the other encoding")
             }
             Self::PulseLength { expected, got } => {
                 write!(
                     f,
-                    "a pulse of {got} bytes of samples: {expected} are needed"
+                    "pulse samples: expected {expected} bytes, found {got}"
                 )
             }
             Self::Chip { wanted, most } => {
                 write!(
                     f,
-                    "a chip of {wanted} pixels, in all or a row: there is room for 1 to {most}"
+                    "chip pixels, in total or per row: expected 1 to {most}, found {wanted}"
                 )
             }
             Self::Detect => f.write_str(
-                "detection needs training cells and a false alarm rate above 0 and below 1",
+                "invalid CFAR settings: expected training cells and a false-alarm probability between 0 and 1",
             ),
-            Self::Unsupported => f.write_str("the module was built without this"),
-            Self::Sweep(error) => write!(f, "range profiles cannot be had so: {error}"),
-            Self::Motion(error) => write!(f, "increments cannot be had so: {error}"),
+            Self::Unsupported => f.write_str("the module was built without this function"),
+            Self::Sweep(error) => write!(f, "invalid range-profile configuration: {error}"),
+            Self::Motion(error) => write!(f, "invalid motion configuration: {error}"),
             Self::Antennas => write!(
                 f,
-                "antennas are 3 to {MAX_ANTENNAS} places of 16 bytes each, transmitters first, and receivers among them"
+                "antennas: expected 3 to {MAX_ANTENNAS} positions of 16 bytes, transmitters first, with at least one receiver"
             ),
         }
     }

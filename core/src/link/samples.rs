@@ -1,8 +1,8 @@
-//! Samples to bytes and back.
+//! Conversion between samples and bytes.
 //!
-//! Little endian, real part first; [`Encoding`] says of what. Readers are iterators over the bytes of a
-//! message, which need no alignment; bytes of no whole sample at the end are left out. Writers fill a
-//! buffer from its start and give what they wrote, or none if it is too short.
+//! Little endian, real part first, as stated by [`Encoding`]. Readers are iterators over the bytes of a message. They
+//! need no alignment and ignore an incomplete sample at the end. Writers fill a buffer from its start and return the
+//! bytes written, or `None` if the buffer is too short.
 //!
 //! ```
 //! use subaperture_core::link::{complex32s, write_complex32s};
@@ -22,7 +22,7 @@ use crate::Sc16;
 use crate::cfar::Detection;
 use crate::stream::{BlockFloat, MapSamples, PatchMap, power_of_two};
 
-/// Reads float32 values, 4 bytes each.
+/// Read float32 values of 4 bytes.
 pub fn f32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = f32> + Clone + '_ {
     bytes
         .as_chunks()
@@ -31,15 +31,15 @@ pub fn f32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = f32> + Clone + '_ {
         .map(|value| f32::from_le_bytes(*value))
 }
 
-/// Writes float32 values, 4 bytes each.
+/// Write float32 values of 4 bytes. `None` if the buffer is too short.
 pub fn write_f32s<'b>(values: &[f32], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     write(values.iter().map(|value| value.to_le_bytes()), buffer)
 }
 
-/// Most antennas of a message.
+/// Maximum number of antennas in a message.
 pub const MAX_ANTENNAS: usize = 11;
 
-/// Reads places in the plane, two float64 each.
+/// Read positions in the plane, two float64 each.
 pub fn places(bytes: &[u8]) -> impl ExactSizeIterator<Item = [f64; 2]> + Clone + '_ {
     bytes.as_chunks().0.iter().map(|place| {
         let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = *place;
@@ -50,7 +50,7 @@ pub fn places(bytes: &[u8]) -> impl ExactSizeIterator<Item = [f64; 2]> + Clone +
     })
 }
 
-/// Writes places in the plane, two float64 each.
+/// Write positions in the plane, two float64 each. `None` if the buffer is too short.
 pub fn write_places<'b>(places: &[[f64; 2]], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let places = places.iter().map(|[x, y]| {
         let ([a, b, c, d, e, f, g, h], [i, j, k, l, m, n, o, p]) =
@@ -60,7 +60,7 @@ pub fn write_places<'b>(places: &[[f64; 2]], buffer: &'b mut [u8]) -> Option<&'b
     write(places, buffer)
 }
 
-/// Reads samples of [`Encoding::Complex32`].
+/// Read samples in [`Encoding::Complex32`].
 pub fn complex32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Complex32> + Clone + '_ {
     bytes.as_chunks().0.iter().map(|sample| {
         let [a, b, c, d, e, f, g, h] = *sample;
@@ -71,7 +71,7 @@ pub fn complex32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Complex32> + Cl
     })
 }
 
-/// Writes samples of [`Encoding::Complex32`].
+/// Write samples in [`Encoding::Complex32`]. `None` if the buffer is too short.
 pub fn write_complex32s<'b>(samples: &[Complex32], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let samples = samples.iter().map(|sample| {
         let ([a, b, c, d], [e, f, g, h]) = (sample.re.to_le_bytes(), sample.im.to_le_bytes());
@@ -80,7 +80,7 @@ pub fn write_complex32s<'b>(samples: &[Complex32], buffer: &'b mut [u8]) -> Opti
     write(samples, buffer)
 }
 
-/// Reads samples of [`Encoding::Sc16`].
+/// Read samples in [`Encoding::Sc16`].
 pub fn sc16s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Sc16> + Clone + '_ {
     bytes.as_chunks().0.iter().map(|sample| {
         let [a, b, c, d] = *sample;
@@ -88,7 +88,7 @@ pub fn sc16s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Sc16> + Clone + '_ {
     })
 }
 
-/// Reads counts of two channels side by side, reference and echo: 8 bytes a pair.
+/// Read pairs of reference and echo samples of 8 bytes.
 pub fn pairs(bytes: &[u8]) -> impl ExactSizeIterator<Item = [Complex<i16>; 2]> + Clone + '_ {
     bytes.as_chunks().0.iter().map(|pair| {
         let [a, b, c, d, e, f, g, h] = *pair;
@@ -97,7 +97,7 @@ pub fn pairs(bytes: &[u8]) -> impl ExactSizeIterator<Item = [Complex<i16>; 2]> +
     })
 }
 
-/// Writes counts of two channels side by side, reference and echo: 8 bytes a pair.
+/// Write pairs of reference and echo samples of 8 bytes. `None` if the buffer is too short.
 pub fn write_pairs<'b>(pairs: &[[Complex<i16>; 2]], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let pairs = pairs.iter().map(|[reference, echo]| {
         let ([a, b], [c, d]) = (reference.re.to_le_bytes(), reference.im.to_le_bytes());
@@ -107,7 +107,7 @@ pub fn write_pairs<'b>(pairs: &[[Complex<i16>; 2]], buffer: &'b mut [u8]) -> Opt
     write(pairs, buffer)
 }
 
-/// Writes samples of [`Encoding::Sc16`].
+/// Write samples in [`Encoding::Sc16`]. `None` if the buffer is too short.
 pub fn write_sc16s<'b>(samples: &[Sc16], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let samples = samples.iter().map(|sample| {
         let ([a, b], [c, d]) = (sample.re.to_le_bytes(), sample.im.to_le_bytes());
@@ -116,7 +116,7 @@ pub fn write_sc16s<'b>(samples: &[Sc16], buffer: &'b mut [u8]) -> Option<&'b [u8
     write(samples, buffer)
 }
 
-/// Writes a row of a map of [`Encoding::Sc16`]: the mantissas, then the exponents of their blocks.
+/// Write a map row in [`Encoding::Sc16`]: mantissas, then block exponents. `None` if the buffer is too short.
 pub fn write_block_row<'b>(
     mantissas: &[Sc16],
     exponents: &[i8],
@@ -128,8 +128,8 @@ pub fn write_block_row<'b>(
     buffer.get(..total)
 }
 
-/// Writes row `row` of a map, the lowest Doppler bin first, in the encoding of its samples; none if there
-/// is no such row.
+/// Write row `row` of a map, the lowest Doppler bin first, in the encoding of its samples. `None` if the map has no
+/// such row or the buffer is too short.
 pub fn write_map_row<'b>(map: &PatchMap<'_>, row: usize, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let width = map.header.patch.num_range_bins();
     let part = |len: usize| {
@@ -148,8 +148,8 @@ pub fn write_map_row<'b>(map: &PatchMap<'_>, row: usize, buffer: &'b mut [u8]) -
     }
 }
 
-/// Bytes of a row of `width` samples of a map: Sc16 with an exponent for every
-/// [`BlockFloat::BLOCK`] samples begun. None if there is no such number.
+/// Number of bytes of a map row of `width` samples. Sc16 includes one exponent per [`BlockFloat::BLOCK`] samples or part
+/// thereof. `None` on overflow.
 pub const fn row_bytes(encoding: Encoding, width: usize) -> Option<usize> {
     let Some(samples) = width.checked_mul(encoding.sample_bytes()) else {
         return None;
@@ -160,7 +160,7 @@ pub const fn row_bytes(encoding: Encoding, width: usize) -> Option<usize> {
     }
 }
 
-/// A row of a map as it came.
+/// Map row as received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<'a> {
     encoding: Encoding,
@@ -169,7 +169,7 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// The row of `width` samples that these bytes are; none unless they are [`row_bytes`].
+    /// Interpret `bytes` as a row of `width` samples. `None` if their number is not [`row_bytes`].
     pub fn new(encoding: Encoding, width: usize, bytes: &'a [u8]) -> Option<Self> {
         if row_bytes(encoding, width)? != bytes.len() {
             return None;
@@ -183,7 +183,7 @@ impl<'a> Row<'a> {
         })
     }
 
-    /// The values, range bins ascending; exact, whatever the encoding.
+    /// Values in ascending range order; exact for either encoding.
     pub fn values(&self) -> impl Iterator<Item = Complex32> + Clone + 'a {
         // One of the two is empty.
         let (floats, mantissas) = match self.encoding {
@@ -199,13 +199,13 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Most detections in a frame.
+/// Maximum number of detections per frame.
 pub const MAX_DETECTIONS: usize = 10;
 
-/// Bytes of a detection.
+/// Size of a detection in bytes.
 pub const DETECTION_BYTES: usize = 16;
 
-/// Reads detections: range bin, Doppler bin, power and noise as float32 each.
+/// Read detections: range bin, Doppler bin, power and noise as float32.
 pub fn detections(bytes: &[u8]) -> impl ExactSizeIterator<Item = Detection> + Clone + '_ {
     bytes.as_chunks::<DETECTION_BYTES>().0.iter().map(|record| {
         let mut values = f32s(record);
@@ -219,7 +219,7 @@ pub fn detections(bytes: &[u8]) -> impl ExactSizeIterator<Item = Detection> + Cl
     })
 }
 
-/// Writes detections, [`DETECTION_BYTES`] each.
+/// Write detections of [`DETECTION_BYTES`] each. `None` if the buffer is too short.
 pub fn write_detections<'b>(detections: &[Detection], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let places = buffer.get_mut(..detections.len().checked_mul(DETECTION_BYTES)?)?;
     let (records, _) = places.as_chunks_mut::<DETECTION_BYTES>();
@@ -235,7 +235,7 @@ pub fn write_detections<'b>(detections: &[Detection], buffer: &'b mut [u8]) -> O
     Some(places)
 }
 
-/// Writes items of `N` bytes one after another.
+/// Write items of `N` bytes contiguously.
 fn write<const N: usize>(
     items: impl ExactSizeIterator<Item = [u8; N]>,
     buffer: &mut [u8],

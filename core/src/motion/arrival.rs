@@ -1,27 +1,27 @@
-//! Where a target lies: its range, and the angle at which its echo arrives.
+//! Target position from its range and direction of arrival (DOA).
 
 use core::f64::consts::{PI, TAU};
 
 use super::plane::{Vector, direction, dot, length, minus, plus, rotated, times};
 use super::{Echo, Increment};
 
-/// Standard deviations of doubt that whole turns must be told through.
-const SURE: f64 = 3.0;
-/// A phase so far from where it was expected, in parts of half a turn, may be one that wrapped.
-const WRAPPED: f64 = 0.6;
+/// Number of standard deviations that a phase ambiguity must be resolved with.
+const AMBIGUITY_SIGMAS: f64 = 3.0;
+/// Phase deviation from the prediction, as a fraction of pi, above which the phase may have wrapped.
+const WRAP_LIMIT: f64 = 0.6;
 
-/// A target as one pulse tells it.
+/// Target position and phases measured in one pulse.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look<const CHANNELS: usize> {
+pub(super) struct Sighting<const CHANNELS: usize> {
     pub(super) target: u16,
-    pub(super) at_m: Vector,
-    /// Without wraps between channels.
+    pub(super) position_m: Vector,
+    /// Phases unwrapped between channels.
     pub(super) phases_rad: [f64; CHANNELS],
     pub(super) weight: f64,
     pub(super) doubtful: usize,
 }
 
-/// Sums of a straight line through channels' errors.
+/// Sums for a straight-line fit to the channels' phase errors.
 #[derive(Clone, Copy, Default)]
 struct Line {
     count: f64,
@@ -49,32 +49,32 @@ impl Line {
     }
 }
 
-/// Antennas, and what follows of them.
+/// Antenna array and derived quantities.
 #[derive(Clone, Debug)]
-pub(super) struct Body<const CHANNELS: usize> {
-    /// Transmitter and receiver of each channel, and how many there are.
+pub(super) struct Array<const CHANNELS: usize> {
+    /// Transmitter and receiver of each channel. The first `used` entries are valid.
     pub(super) channels: [[Vector; 2]; CHANNELS],
     pub(super) used: usize,
     pub(super) centre_m: Vector,
-    /// Channels of the nearest receivers, and from the first to the second.
+    /// Channels of the closest pair of receivers, and the vector from the first to the second.
     pub(super) nearest: [usize; 2],
     pub(super) baseline_m: Vector,
     pub(super) rad_m: f64,
 }
 
-impl<const CHANNELS: usize> Look<CHANNELS> {
-    /// What fills empty storage.
+impl<const CHANNELS: usize> Sighting<CHANNELS> {
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         target: 0,
-        at_m: [0.0; 2],
+        position_m: [0.0; 2],
         phases_rad: [0.0; CHANNELS],
         weight: 0.0,
         doubtful: 0,
     };
 }
 
-impl<const CHANNELS: usize> Body<CHANNELS> {
-    /// What fills empty storage.
+impl<const CHANNELS: usize> Array<CHANNELS> {
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         channels: [[[0.0; 2]; 2]; CHANNELS],
         used: 0,
@@ -84,13 +84,13 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
         rad_m: 0.0,
     };
 
-    /// Transmitter and receiver of each channel that there is.
+    /// Transmitter and receiver of each channel in use.
     pub(super) fn channels(&self) -> impl Iterator<Item = &[Vector; 2]> + Clone {
         self.channels.iter().take(self.used)
     }
 
-    /// Where a target lies, by its range and the angle at which its echo arrives.
-    pub(super) fn look(&self, echo: &Echo<CHANNELS>) -> Look<CHANNELS> {
+    /// Locate a target by its range and its direction of arrival (interferometric angle).
+    pub(super) fn locate(&self, echo: &Echo<CHANNELS>) -> Sighting<CHANNELS> {
         let mut phases_rad = echo.phases_rad;
         let rad_m = self.rad_m;
         let apart_m = length(self.baseline_m);
@@ -100,9 +100,9 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
         if let Some(phase) = phases_rad.get_mut(second) {
             *phase -= TAU * libm::round(turns);
         }
-        // Nearer to the target the phase is larger, for the path is shorter.
+        // The phase is larger at the receiver nearer to the target, since the path is shorter.
         let along = (turns - libm::round(turns)) * TAU / (rad_m * apart_m);
-        // Along the array nothing tells the angle: what noise puts there is a little off it.
+        // At endfire the phase has no slope over angle. Limit what noise causes to just below endfire.
         let along = along.clamp(-0.999, 0.999);
         let axis = times(self.baseline_m, 1.0 / apart_m);
         let ahead = match axis[0] < 0.0 {
@@ -114,29 +114,29 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
             times(ahead, libm::sqrt(1.0 - along * along)),
         );
         let mut bearing_rad = libm::atan2(from[1], from[0]);
-        // By the two nearest, then by the next that is sure enough, as often as there is one.
-        let mut told: [bool; CHANNELS] = core::array::from_fn(|c| c == first || c == second);
+        // Start with the closest pair of receivers. Repeatedly add the next channel whose ambiguity is resolved.
+        let mut resolved: [bool; CHANNELS] = core::array::from_fn(|c| c == first || c == second);
         let sigma = echo.phase_sigma_rad;
         loop {
             let mut line = Line::default();
             let mut errors = [[0.0; 2]; CHANNELS];
             let mut step = 0.0;
-            // The first step leaves a curvature's share, the second next to nothing.
+            // The first step leaves an error from curvature, the second almost nothing.
             for _ in 0..3 {
                 let (sin, cos) = libm::sincos(bearing_rad);
-                let at_m = plus(self.centre_m, times([cos, sin], echo.range_m));
+                let position_m = plus(self.centre_m, times([cos, sin], echo.range_m));
                 let across = times([-sin, cos], echo.range_m);
                 line = Line::default();
-                let all = self.channels().zip(&phases_rad).zip(&told);
-                for (error, (([t, r], phase), told)) in errors.iter_mut().zip(all) {
-                    let path_m = length(minus(at_m, *t)) + length(minus(at_m, *r));
-                    let slope = plus(direction(*t, at_m), direction(*r, at_m));
+                let all = self.channels().zip(&phases_rad).zip(&resolved);
+                for (error, (([t, r], phase), resolved)) in errors.iter_mut().zip(all) {
+                    let path_m = length(minus(position_m, *t)) + length(minus(position_m, *r));
+                    let slope = plus(direction(*t, position_m), direction(*r, position_m));
                     *error = [phase + rad_m * path_m, -rad_m * dot(slope, across)];
-                    if *told {
+                    if *resolved {
                         line.add(error[0], error[1]);
                     }
                 }
-                // A beam's width at most: near the array's own line levers are short.
+                // Limit to one beamwidth: near endfire the slopes are small.
                 step = line.slope().clamp(-0.3, 0.3);
                 bearing_rad += step;
             }
@@ -144,33 +144,36 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
             let mean = line.levers / line.count;
             let doubt = |[_, lever]: [f64; 2]| {
                 let by_angle = (lever - mean) * bearing_sigma_rad;
-                SURE * libm::sqrt(by_angle * by_angle + sigma * sigma * (1.0 + 1.0 / line.count))
+                AMBIGUITY_SIGMAS
+                    * libm::sqrt(by_angle * by_angle + sigma * sigma * (1.0 + 1.0 / line.count))
             };
             let offset = (line.errors - line.levers * step) / line.count;
             let unwrapped = |phase: f64, [error, lever]: [f64; 2]| {
                 let turns = (error - lever * step - offset) / TAU;
                 phase - TAU * libm::round(turns)
             };
-            let mut left = errors.iter().zip(&mut phases_rad).zip(&mut told);
+            let mut left = errors.iter().zip(&mut phases_rad).zip(&mut resolved);
             let next = (left.by_ref().take(self.used))
-                .filter(|(_, told)| !**told)
+                .filter(|(_, resolved)| !**resolved)
                 .min_by(|a, b| doubt(*a.0.0).total_cmp(&doubt(*b.0.0)));
             match next {
-                Some(((error, phase), told)) if doubt(*error) < PI => {
+                Some(((error, phase), resolved)) if doubt(*error) < PI => {
                     *phase = unwrapped(*phase, *error);
-                    *told = true;
+                    *resolved = true;
                 }
                 _ => {
-                    let all = errors.iter().zip(&mut phases_rad).zip(&told);
+                    let all = errors.iter().zip(&mut phases_rad).zip(&resolved);
                     let mut doubtful = 0;
-                    for ((error, phase), _) in all.take(self.used).filter(|(_, told)| !**told) {
+                    for ((error, phase), _) in
+                        all.take(self.used).filter(|(_, resolved)| !**resolved)
+                    {
                         *phase = unwrapped(*phase, *error);
                         doubtful += 1;
                     }
                     let (sin, cos) = libm::sincos(bearing_rad);
-                    return Look {
+                    return Sighting {
                         target: echo.target,
-                        at_m: plus(self.centre_m, times([cos, sin], echo.range_m)),
+                        position_m: plus(self.centre_m, times([cos, sin], echo.range_m)),
                         phases_rad,
                         weight: 1.0 / (sigma * sigma),
                         doubtful,
@@ -180,17 +183,19 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
         }
     }
 
-    /// A look whose phases go on as an expected motion makes them, and whether whole turns are in doubt.
+    /// Shift the phases of `after` to continue those of `before` under the expected motion. The flag is true if the
+    /// ambiguity is in doubt.
     pub(super) fn continued(
         &self,
-        before: &Look<CHANNELS>,
-        after: &Look<CHANNELS>,
+        before: &Sighting<CHANNELS>,
+        after: &Sighting<CHANNELS>,
         motion: &Increment,
-    ) -> (Look<CHANNELS>, bool) {
+    ) -> (Sighting<CHANNELS>, bool) {
         let (mut expected, mut mean) = (0.0, 0.0);
         let count = self.used as f64;
-        let path =
-            |[t, r]: [Vector; 2]| length(minus(before.at_m, t)) + length(minus(before.at_m, r));
+        let path = |[t, r]: [Vector; 2]| {
+            length(minus(before.position_m, t)) + length(minus(before.position_m, r))
+        };
         let phases = after.phases_rad.iter().zip(&before.phases_rad);
         for (channel, (after, before)) in self.channels().zip(phases) {
             let moved =
@@ -205,6 +210,6 @@ impl<const CHANNELS: usize> Body<CHANNELS> {
             .phases_rad
             .iter_mut()
             .for_each(|phase| *phase -= turns);
-        (moved, (off - turns).abs() > WRAPPED * PI)
+        (moved, (off - turns).abs() > WRAP_LIMIT * PI)
     }
 }

@@ -1,23 +1,27 @@
-//! A radar's motion from pulse to pulse, of its own echoes (MPGA), so that a module can send increments instead of pulses.
+//! Radar motion estimated from its own echoes (MPGA), so that a module can send increments instead of pulses.
 //!
 //! ```text
 //! samples of all channels ─> profile ─> search ─> echo ─> follow ─> pairwise ─> increment
-//!                            power of    CFAR      range and  the same    two least
-//!                            all channels          phases     target      squares
+//!                            noncoherent    CFAR      range and  tracker  two least
+//!                            integration              phases              squares
 //! ```
 //!
-//! | | what it does | of Chim 2018 |
+//! | | function | in Chim 2018 |
 //! |---|---|---|
-//! | [`Odometer`] | all of it, a bounded piece of work at a time, in a fixed set of buffers | 7.4 |
-//! | [`Setup`], [`Follow`] | what it is told beforehand | 7.3.3 |
-//! | [`Pairwise`] | the last part alone, of ranges and phases of named targets | (7.17) to (7.21) |
+//! | [`Odometer`] | the whole chain, in steps of bounded duration and fixed buffers | 7.4 |
+//! | [`Setup`], [`TrackerSettings`] | its settings | 7.3.3 |
+//! | [`Pairwise`] | the last stage alone, from ranges and phases of identified targets | (7.17) to (7.21) |
 //!
-//! **Input** of an odometer: every receiver's samples of every transmitter, a pulse at a time, phases `-2 pi f (path - reference path) / c`. **Output** a [`Step`] a pulse: the [`Increment`] since the
-//! pulse before, in the array's frame there; `residual_m`, what the targets' paths differ by from it, and how many there were. **Memory** [`Odometer::BYTES`]. **Cost** a pulse: `C` transforms of `R`, and for each target 24 sums over `C F` samples; in float32 but for
-//! what is done once a target. **Accuracy** (`tests/stream/odometer.rs`) phases to 1e-5 rad of those that the host finds in float64, increments to its increments of the same sightings; the same bits on every machine
-//! (`selftest::OdometerSelfTest`). Errors: [`SetupError`], [`SampleError`].
+//! **Input** of an odometer: the samples of every receiver for every transmitter, one pulse at a time, with phases
+//! `-2 pi f (path - reference path) / c`. **Output**: one [`Step`] per pulse, with the [`Increment`] since the previous
+//! pulse in the array frame at that pulse, the RMS residual `residual_m` of the target paths, and the number of targets.
+//! **Memory**: [`Odometer::BYTES`]. **Cost** per pulse: `C` transforms of `R` points, and per target 24 sums over `C F`
+//! samples; float32 except for the final steps per target. **Accuracy** (`tests/stream/odometer.rs`): phases within
+//! 1e-5 rad of the host's in float64, increments equal to the host's for the same sightings; bit-identical on every machine
+//! (`selftest::OdometerSelfTest`). **Errors**: [`SetupError`], [`SampleError`].
 //!
-//! **Neglected**: what [`Pairwise`] neglects. Noise is taken for even over range where errors are told. More targets than there is room for, those out of range included, are left among the noise, the weakest first.
+//! **Neglected**: what [`Pairwise`] neglects. Error estimates assume noise uniform over range. Targets beyond the
+//! capacity, those outside the range limits included, remain in the noise, the weakest first.
 
 mod arrival;
 mod echo;
@@ -30,5 +34,5 @@ mod setup;
 mod threshold;
 
 pub use odometer::{Odometer, Progress, SampleError, Step};
-pub use pairwise::{Antennas, Echo, Increment, MotionError, Moved, Pairwise};
-pub use setup::{Follow, MOST_BRIDGED, MOST_TRAINING, Setup, SetupError};
+pub use pairwise::{Antennas, Echo, Increment, MotionError, MotionEstimate, Pairwise};
+pub use setup::{MAX_BRIDGED, MAX_TRAINING, Setup, SetupError, TrackerSettings};

@@ -1,62 +1,63 @@
-//! The whole: samples of all channels in, an increment a pulse out, in a fixed set of buffers.
+//! Odometer: samples of all channels in, one motion increment per pulse out, in fixed buffers.
 
 use core::fmt;
 
 use num_complex::Complex32;
 
-use super::echo::{Found, Look, Moments, ROUNDS, Seen};
-use super::follow::Follower;
+use super::echo::{Candidate, Measurement, Moments, ROUNDS, Residual};
+use super::follow::Tracker;
 use super::profile::{Detector, Peak, compress};
 use super::setup::Axis;
-use super::{Antennas, Echo, MotionError, Moved, Pairwise, Setup, SetupError};
+use super::{Antennas, Echo, MotionError, MotionEstimate, Pairwise, Setup, SetupError};
 use crate::{SPEED_OF_LIGHT_M_S, Turns, Window};
 
-/// What a pulse told.
+/// Result of one pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Its number.
+    /// Pulse number.
     pub pulse: u32,
-    /// That of the pulse from which the motion is told, or would be; of a run's first its own.
+    /// Number of the earlier pulse that the motion is relative to. Equal to `pulse` for the first pulse of a run.
     pub since: u32,
-    /// The motion. None of the first pulse, and where two targets in different directions were not seen in both; the next is told from this pulse on all the same. None too where an echo's numbers
-    /// are none; the next is then told from where this would have been.
-    pub moved: Option<Moved>,
-    /// Targets seen in this pulse, near ones left out.
+    /// Estimated motion. `None` for the first pulse, and if fewer than two targets in different directions are common to both
+    /// pulses; the next motion is then relative to this pulse. Also `None` if an echo's values are not finite; the next motion
+    /// is then relative to `since`.
+    pub moved: Option<MotionEstimate>,
+    /// Number of tracked targets in this pulse, without unresolved close ones.
     pub targets: u16,
-    /// Echoes in this pulse, of targets or not.
+    /// Number of echoes in this pulse, tracked or not.
     pub echoes: u16,
 }
 
-/// What a piece of work did.
+/// Result of one call of [`Odometer::work`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
-    /// There was nothing to do.
+    /// No pulse is complete; nothing was done.
     Idle,
-    /// There is more to do.
+    /// One step was done; more are needed.
     Busy,
-    /// The pulse is done.
+    /// The pulse is complete.
     Step(Step),
 }
 
-/// Why samples were not taken.
+/// Reason why samples were rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SampleError {
-    /// There is no run.
+    /// No run is active: call [`Odometer::start`] first.
     NotStarted,
-    /// The pulse before is still being worked on.
+    /// The previous pulse is still being processed.
     Busy,
-    /// The pulse is behind, or the channel of this pulse came before.
+    /// The pulse number is behind, or this channel of the pulse was received before.
     Repeated,
-    /// There is no such channel.
+    /// The channel index is not below the number of channels.
     Channel,
-    /// Not one sample a frequency.
+    /// The number of samples differs from the frequencies of the setup.
     Length,
-    /// A sample or the reference path is no finite number. What came of the pulse is forgotten.
+    /// A sample or the reference path is not finite. The pulse is discarded.
     NotFinite,
 }
 
-/// What stays the same for a run.
+/// Settings and derived values of a run.
 #[derive(Clone, Debug)]
 struct Ready<const TARGETS: usize, const CHANNELS: usize> {
     setup: Setup,
@@ -68,7 +69,7 @@ struct Ready<const TARGETS: usize, const CHANNELS: usize> {
 }
 
 impl<const TARGETS: usize, const CHANNELS: usize> Ready<TARGETS, CHANNELS> {
-    /// Nothing but zeros, so that a static takes no flash.
+    /// All bytes zero, so that a static takes no flash memory.
     const EMPTY: Self = Self {
         setup: Setup::EMPTY,
         axis: Axis::EMPTY,
@@ -79,12 +80,12 @@ impl<const TARGETS: usize, const CHANNELS: usize> Ready<TARGETS, CHANNELS> {
     };
 }
 
-/// What is to be done next.
+/// Next processing step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// Not of a run.
+    /// No run active.
     Stopped,
-    /// Samples are coming.
+    /// Collecting samples.
     Collect,
     Profile(usize),
     Search,
@@ -92,12 +93,13 @@ enum Stage {
         round: u8,
         target: usize,
     },
-    Tell,
+    Estimate,
 }
 
-/// Takes pulses of up to `CHANNELS` channels of up to `FREQUENCIES` samples, finds up to `TARGETS` targets in profiles of up to `BINS` bins, and tells how the radar moved.
+/// Odometer for up to `CHANNELS` channels of up to `FREQUENCIES` samples, up to `TARGETS` targets and range profiles of up
+/// to `BINS` bins.
 ///
-/// Made to be a static. **Memory** [`Odometer::BYTES`]: `8 C F + 4 F + 12 R`, and some hundred bytes a target.
+/// Intended as a static. **Memory**: [`Odometer::BYTES`], `8 C F + 4 F + 12 R` plus some hundred bytes per target.
 #[derive(Clone, Debug)]
 pub struct Odometer<
     const TARGETS: usize,
@@ -109,30 +111,30 @@ pub struct Odometer<
     ready: Ready<TARGETS, CHANNELS>,
     samples: [[Complex32; FREQUENCIES]; CHANNELS],
     weights: [f32; FREQUENCIES],
-    /// A profile, and phasors.
+    /// Range profile, and later phasors.
     row: [Complex32; BINS],
     power: [f32; BINS],
-    found: [Found<CHANNELS>; TARGETS],
-    num_found: usize,
-    follower: Follower<TARGETS, CHANNELS>,
+    candidates: [Candidate<CHANNELS>; TARGETS],
+    num_candidates: usize,
+    tracker: Tracker<TARGETS, CHANNELS>,
     stage: Stage,
-    /// The pulse in hand, which of its channels came, and whether it is the first.
+    /// Current pulse and the channels received of it.
     pulse: u32,
-    came: [bool; CHANNELS],
-    /// The pulse before, and that from which the next motion is told.
+    received: [bool; CHANNELS],
+    /// Previous pulse, and the pulse that the next motion is relative to.
     before: Option<u32>,
     since: Option<u32>,
-    /// Pulses that did not come whole.
+    /// Number of pulses with missing channels.
     incomplete: u32,
 }
 
 impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, const BINS: usize>
     Odometer<TARGETS, CHANNELS, FREQUENCIES, BINS>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers.
+    /// Create an odometer without configuration. All bytes are zero except the initial state.
     pub const fn new() -> Self {
         Self {
             is_ready: false,
@@ -141,24 +143,25 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             weights: [0.0; FREQUENCIES],
             row: [Complex32::ZERO; BINS],
             power: [0.0; BINS],
-            found: [Found::at(0.0); TARGETS],
-            num_found: 0,
-            follower: Follower::new(),
+            candidates: [Candidate::at(0.0); TARGETS],
+            num_candidates: 0,
+            tracker: Tracker::new(),
             stage: Stage::Stopped,
             pulse: 0,
-            came: [false; CHANNELS],
+            received: [false; CHANNELS],
             before: None,
             since: None,
             incomplete: 0,
         }
     }
 
-    /// Sets what stays the same; a run that is going on is over.
+    /// Set settings and antennas of the next run. Ends the current run.
     ///
-    /// Channels are transmitter by transmitter, receiver by receiver. The antennas' wavelength is that of the middle of the band, whatever is given.
+    /// Channels are ordered with transmitters outermost and receivers innermost. The wavelength at the middle of the band is
+    /// used instead of that of `antennas`.
     ///
     /// # Errors
-    /// [`SetupError`]; nothing has changed then.
+    /// [`SetupError`]; the odometer is then unchanged.
     pub fn configure(&mut self, setup: &Setup, antennas: &Antennas<'_>) -> Result<(), SetupError> {
         let axis = setup.axis(FREQUENCIES, BINS)?;
         let antennas = Antennas {
@@ -193,57 +196,57 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         Ok(())
     }
 
-    /// What was configured.
+    /// Current settings, or `None` before [`Odometer::configure`].
     pub fn setup(&self) -> Option<&Setup> {
         self.is_ready.then_some(&self.ready.setup)
     }
 
-    /// Channels of a pulse; 0 if nothing is configured.
+    /// Number of channels per pulse; 0 before [`Odometer::configure`].
     pub fn channels(&self) -> usize {
         self.ready.channels
     }
 
-    /// Begins a run with pulse `first`. False if nothing is configured.
+    /// Start a run with pulse number `first`. Returns false if not configured.
     pub fn start(&mut self, first: u32) -> bool {
         if !self.is_ready {
             return false;
         }
         self.ready.pairwise.forget();
-        self.follower = Follower::new();
+        self.tracker = Tracker::new();
         self.stage = Stage::Collect;
         self.pulse = first;
-        self.came = [false; CHANNELS];
+        self.received = [false; CHANNELS];
         self.before = None;
         self.since = None;
         self.incomplete = 0;
         true
     }
 
-    /// Ends the run; what is held is dropped.
+    /// End the run and discard the current pulse.
     pub fn stop(&mut self) {
         self.stage = Stage::Stopped;
     }
 
-    /// The pulse in hand, or that which is to come.
+    /// Number of the current or next expected pulse.
     pub fn pulse(&self) -> u32 {
         self.pulse
     }
 
-    /// Whether samples are taken.
+    /// Whether samples are accepted.
     pub fn is_collecting(&self) -> bool {
         self.stage == Stage::Collect
     }
 
-    /// Pulses of the run of which some channels came, but not all.
+    /// Number of pulses of the run that were incomplete: some channels received, but not all.
     pub fn incomplete(&self) -> u32 {
         self.incomplete
     }
 
-    /// Takes the samples of a channel of a pulse, compensated to a path. With the last channel the pulse is complete. Channels of a later pulse end the wait for those of an
-    /// earlier.
+    /// Add the samples of one channel, phase-referenced to `reference_path_m`. The last channel completes the pulse. A channel
+    /// of a later pulse discards an incomplete earlier one.
     ///
     /// # Errors
-    /// [`SampleError`]; the state is as it was, [`SampleError::NotFinite`] excepted.
+    /// [`SampleError`]; the state is unchanged except for [`SampleError::NotFinite`].
     pub fn push(
         &mut self,
         pulse: u32,
@@ -263,17 +266,17 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         if samples.len() != ready.axis.frequencies {
             return Err(SampleError::Length);
         }
-        let came = self.came.get(channel).copied().unwrap_or(false);
-        if pulse < self.pulse || (pulse == self.pulse && came) {
+        let received = self.received.get(channel).copied().unwrap_or(false);
+        if pulse < self.pulse || (pulse == self.pulse && received) {
             return Err(SampleError::Repeated);
         }
         if pulse > self.pulse {
-            let begun = self.came.contains(&true);
+            let begun = self.received.contains(&true);
             self.incomplete = self.incomplete.saturating_add(begun.into());
             self.pulse = pulse;
-            self.came = [false; CHANNELS];
+            self.received = [false; CHANNELS];
         }
-        // As they would be had nothing been compensated.
+        // Undo the phase reference.
         let turns = |hz: f64| Turns::from_f64(-hz * (reference_path_m / SPEED_OF_LIGHT_M_S));
         let mut phase = turns(ready.setup.start_hz);
         let step = turns(ready.setup.step_hz);
@@ -287,20 +290,25 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         }
         if !finite {
             self.incomplete = self.incomplete.saturating_add(1);
-            self.came = [false; CHANNELS];
+            self.received = [false; CHANNELS];
             self.pulse = pulse.saturating_add(1);
             return Err(SampleError::NotFinite);
         }
-        if let Some(came) = self.came.get_mut(channel) {
-            *came = true;
+        if let Some(received) = self.received.get_mut(channel) {
+            *received = true;
         }
-        if self.came.iter().take(ready.channels).all(|came| *came) {
+        if self
+            .received
+            .iter()
+            .take(ready.channels)
+            .all(|received| *received)
+        {
             self.stage = Stage::Profile(0);
         }
         Ok(())
     }
 
-    /// Does a piece of work: a channel's profile, the search, a target's turn, or the motion.
+    /// Do one step: a channel's range profile, the CFAR search, one target refinement, or the motion estimate.
     pub fn work(&mut self) -> Progress {
         let ready = &self.ready;
         let axis = &ready.axis;
@@ -331,12 +339,12 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             }
             Stage::Search => {
                 let mut peaks = [Peak::EMPTY; TARGETS];
-                self.num_found = ready.detector.search(axis, power, &mut peaks);
-                for (found, peak) in self.found.iter_mut().zip(&peaks) {
-                    *found = Found::at(peak.cells);
+                self.num_candidates = ready.detector.search(axis, power, &mut peaks);
+                for (candidates, peak) in self.candidates.iter_mut().zip(&peaks) {
+                    *candidates = Candidate::at(peak.cells);
                 }
-                match self.num_found {
-                    0 => Stage::Tell,
+                match self.num_candidates {
+                    0 => Stage::Estimate,
                     _ => Stage::Refine {
                         round: 0,
                         target: 0,
@@ -344,36 +352,36 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
                 }
             }
             Stage::Refine { round, target } => {
-                let mut look = Look {
+                let mut residual = Residual {
                     axis,
                     samples,
                     weights,
                     phasors: row.get_mut(..frequencies).unwrap_or(&mut []),
                 };
-                if let Some(found) = self.found.get_mut(target) {
-                    look.refine(found);
+                if let Some(candidates) = self.candidates.get_mut(target) {
+                    residual.refine(candidates);
                 }
                 match (round, target + 1) {
-                    (_, target) if target < self.num_found => Stage::Refine { round, target },
+                    (_, target) if target < self.num_candidates => Stage::Refine { round, target },
                     (round, _) if round + 1 < ROUNDS => Stage::Refine {
                         round: round + 1,
                         target: 0,
                     },
-                    _ => Stage::Tell,
+                    _ => Stage::Estimate,
                 }
             }
-            Stage::Tell => return Progress::Step(self.tell()),
+            Stage::Estimate => return Progress::Step(self.estimate()),
         };
         Progress::Busy
     }
 
-    /// What the pulse's targets say.
-    fn tell(&mut self) -> Step {
+    /// Track the targets of the pulse and estimate the motion.
+    fn estimate(&mut self) -> Step {
         let (pulse, since) = (self.pulse, self.since.unwrap_or(self.pulse));
         let before = self.before.unwrap_or(pulse);
-        let (seen, echoes) = self.seen();
-        let seen = seen.get(..echoes).unwrap_or(&[]);
-        let mut told = [Echo {
+        let (measurements, echoes) = self.measurements();
+        let measurements = measurements.get(..echoes).unwrap_or(&[]);
+        let mut echoes_of_targets = [Echo {
             target: 0,
             range_m: 0.0,
             phases_rad: [0.0; CHANNELS],
@@ -381,21 +389,28 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         }; TARGETS];
         let ready = &mut self.ready;
         let all = (pulse.wrapping_sub(before), ready.channels);
-        let targets = (self.follower).push(&ready.setup.follow, seen, all, &mut told);
-        let told = told.get_mut(..targets).unwrap_or(&mut []);
-        for echo in told.iter_mut() {
+        let targets = (self.tracker).push(
+            &ready.setup.follow,
+            measurements,
+            all,
+            &mut echoes_of_targets,
+        );
+        let echoes_of_targets = echoes_of_targets.get_mut(..targets).unwrap_or(&mut []);
+        for echo in echoes_of_targets.iter_mut() {
             echo.range_m *= ready.axis.cell_m;
         }
-        let told = ready.pairwise.push_after(told, pulse.wrapping_sub(since));
-        // Too little is no motion from here to the next pulse; whatever else is wrong, the pulse is as if it had not been.
-        let (moved, from) = match told {
+        let echoes_of_targets = ready
+            .pairwise
+            .push_after(echoes_of_targets, pulse.wrapping_sub(since));
+        // With too few targets the next motion is relative to this pulse. After any other error the pulse is ignored.
+        let (moved, from) = match echoes_of_targets {
             Ok(moved) => (moved, Some(pulse)),
             Err(MotionError::TooLittle) => (None, Some(pulse)),
             Err(_) => (None, self.since),
         };
         (self.before, self.since) = (Some(pulse), from);
         self.pulse = pulse.saturating_add(1);
-        self.came = [false; CHANNELS];
+        self.received = [false; CHANNELS];
         self.stage = Stage::Collect;
         Step {
             pulse,
@@ -406,9 +421,9 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         }
     }
 
-    /// What was found within the ranges, strongest first, and how many.
-    fn seen(&mut self) -> ([Seen<CHANNELS>; TARGETS], usize) {
-        let (mut seen, mut count) = ([Seen::EMPTY; TARGETS], 0);
+    /// Measurements within the range limits, strongest first, and their number.
+    fn measurements(&mut self) -> ([Measurement<CHANNELS>; TARGETS], usize) {
+        let (mut measurements, mut count) = ([Measurement::EMPTY; TARGETS], 0);
         let ready = &self.ready;
         let axis = &ready.axis;
         let (Some(weights), Some(phasors), Some(samples)) = (
@@ -416,23 +431,23 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             self.row.get_mut(..axis.frequencies),
             self.samples.get_mut(..ready.channels),
         ) else {
-            return (seen, 0);
+            return (measurements, 0);
         };
-        let mut look = Look {
+        let mut residual = Residual {
             axis,
             samples,
             weights,
             phasors,
         };
-        let noise: [f32; CHANNELS] = look.noise(self.num_found);
+        let noise: [f32; CHANNELS] = residual.noise(self.num_candidates);
         let [near, far] = axis.ranges_cells;
         let least = libm::exp10(0.1 * ready.setup.least_snr_db) as f32;
         let cells = axis.frequencies as f64;
-        for found in self.found.iter().take(self.num_found) {
-            let mut own = look.measured(found, &noise, &ready.moments);
-            // What lies at an end may be the flank of a target beyond.
-            let is_own = libm::fabs(own.cells - found.peak_cells) < 0.5;
-            // A peak is counted on from the nearest bin told: an echo that lies between that and the nearest range is found a whole profile beyond, and one a little before it at the near end.
+        for candidates in self.candidates.iter().take(self.num_candidates) {
+            let mut own = residual.measured(candidates, &noise, &ready.moments);
+            // A maximum outside the peak's own cell is the side of a target beyond.
+            let is_own = libm::fabs(own.cells - candidates.peak_cells) < 0.5;
+            // Peaks are counted from the first bin at or beyond the nearest range. An echo between the nearest range and that bin appears one unambiguous range too far, and one just before the nearest range appears at the near end.
             let turned = match own.cells {
                 u if u < near => cells,
                 u if u >= near + cells => -cells,
@@ -440,18 +455,18 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             };
             if turned != 0.0 {
                 own.cells += turned;
-                own.turn_round(axis.frequencies);
+                own.shift_phases(axis.frequencies);
             }
             if is_own
                 && own.cells <= far
                 && own.least_snr >= least
-                && let Some(place) = seen.get_mut(count)
+                && let Some(place) = measurements.get_mut(count)
             {
                 *place = own;
                 count += 1;
             }
         }
-        (seen, count)
+        (measurements, count)
     }
 }
 
@@ -466,12 +481,16 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
 impl fmt::Display for SampleError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotStarted => "no run is going on",
-            Self::Busy => "the pulse before is still being worked on",
-            Self::Repeated => "the pulse is behind, or this channel of it came before",
-            Self::Channel => "there is no such channel",
-            Self::Length => "one sample a frequency is needed",
-            Self::NotFinite => "a sample or the reference path is no finite number",
+            Self::NotStarted => "no run is active: start one before pushing samples",
+            Self::Busy => {
+                "previous pulse is still being processed: call work() until it is complete"
+            }
+            Self::Repeated => {
+                "pulse number is behind, or this channel of the pulse was received before"
+            }
+            Self::Channel => "channel index is not below the number of channels",
+            Self::Length => "number of samples differs from the frequencies of the setup",
+            Self::NotFinite => "a sample or the reference path is not finite",
         })
     }
 }

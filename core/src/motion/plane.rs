@@ -1,4 +1,4 @@
-//! Vectors in the plane, metres.
+//! Plane vectors in metres.
 
 pub(super) type Vector = [f64; 2];
 

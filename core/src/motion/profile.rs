@@ -1,46 +1,48 @@
-//! Range profiles of the channels of a pulse, and targets above their noise.
+//! Range profiles of a pulse and CFAR detection of targets.
 //!
-//! **Equation.** With `w` a window symmetric about the middle of the band, and range `u` in cells, `u = path F step / c`:
+//! **Equation.** With `w` a window symmetric about the middle of the band and range `u` in cells, `u = path F step / c`:
 //!
 //! ```text
 //! S_c(u) = sum_k w_k z_ck exp(+j x_k u),   x_k = 2 pi (k - (F-1)/2) / F,        power(l) = sum_c |S_c(l F / R)|^2
 //! detected if  power > k times the mean, or the r-th smallest, of N training cells
 //! ```
 //!
-//! with `k` of [`super::threshold`]. Under a window neighbouring cells are alike: their sum is taken for one of `N' = N^2 / sum |rho_ij|^2` cells, and ordered ones for independent. A profile is
-//! periodic, so that every cell has as many training cells on either side; what is too near or too far for a target is noise as well.
+//! with `k` from [`super::threshold`]. A window correlates neighbouring cells: their sum is treated as one of
+//! `N' = N^2 / sum |rho_ij|^2` independent cells, and ordered cells are treated as independent. A profile is periodic, so
+//! every cell has equal numbers of training cells on both sides; ranges outside the limits contribute noise as well.
 //!
-//! A peak is not exceeded within a cell; what is below the window's side lobes beside the strongest cell is none. **Cost** a transform of `R` a channel, and `N` sums or `N^2 / 4` comparisons a peak.
+//! A peak is a maximum within one cell. Values below the window's sidelobe level relative to the strongest cell are
+//! ignored. **Cost**: one transform of `R` points per channel, and `N` sums or `N^2 / 4` comparisons per peak.
 
 use num_complex::Complex32;
 
-use super::setup::{Axis, MOST_TRAINING, Setup};
-use super::threshold::{averaging, ordering, place};
+use super::setup::{Axis, MAX_TRAINING, Setup};
+use super::threshold::{cell_averaging_factor, order_statistic_factor, rank_of};
 use crate::{Turns, range};
 
-/// A peak above its threshold.
+/// Detected peak.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peak {
-    /// Its range, counted on from the nearest one told.
+    /// Range in cells, counted from the first bin at or beyond the nearest range.
     pub(super) cells: f64,
     power: f32,
 }
 
-/// How profiles are searched.
+/// Settings of the CFAR detector.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Detector {
     guard: usize,
     training: usize,
-    /// Which of the training cells in order, from 1; 0 for the mean of all.
+    /// Rank of the training cell compared with, from 1; 0 for the mean of all.
     rank: usize,
-    /// Threshold over that.
+    /// Threshold factor over that level.
     factor: f32,
-    /// Highest side lobe of the window, as a ratio of powers, and a little.
-    lobe: f32,
+    /// Highest sidelobe of the window as a power ratio, with a margin of two.
+    sidelobe_ratio: f32,
 }
 
 impl Peak {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         cells: 0.0,
         power: 0.0,
@@ -48,16 +50,16 @@ impl Peak {
 }
 
 impl Detector {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         guard: 0,
         training: 0,
         rank: 0,
         factor: 0.0,
-        lobe: 0.0,
+        sidelobe_ratio: 0.0,
     };
 
-    /// For profiles of so many channels; `row` and `power` are scratch of `R`.
+    /// Create a detector for profiles of `channels` channels. `row` and `power` are work buffers of `R` elements.
     pub(super) fn new(
         setup: &Setup,
         axis: &Axis,
@@ -81,26 +83,32 @@ impl Detector {
         let probability = setup.false_alarm_probability;
         let count = 2 * training;
         let (rank, factor) = if setup.rank > 0.0 {
-            let rank = place(setup.rank, count);
-            (rank, ordering(probability, channels, count, rank))
+            let rank = rank_of(setup.rank, count);
+            (
+                rank,
+                order_statistic_factor(probability, channels, count, rank),
+            )
         } else {
             let cells = count as f64;
-            let effective = cells * cells / (2.0 * scatter(axis, weights, training));
-            (0, effective * averaging(probability, channels, effective))
+            let effective = cells * cells / (2.0 * correlated_variance(axis, weights, training));
+            (
+                0,
+                effective * cell_averaging_factor(probability, channels, effective),
+            )
         };
         Self {
             guard: setup.guard.into(),
             training,
             rank,
             factor: factor as f32,
-            lobe: 2.0 * highest,
+            sidelobe_ratio: 2.0 * highest,
         }
     }
 
-    /// Peaks of all ranges, strongest first, as many as `peaks` has room for; how many there are.
+    /// Detect peaks at all ranges, strongest first, as many as `peaks` can hold. Returns their number.
     pub(super) fn search(&self, axis: &Axis, power: &[f32], peaks: &mut [Peak]) -> usize {
         let strongest = power.iter().fold(0.0f32, |most, p| most.max(*p));
-        let least = self.lobe * strongest;
+        let least = self.sidelobe_ratio * strongest;
         let bins = axis.bins;
         let at = |bin: usize| power.get(bin & bins.wrapping_sub(1)).copied();
         let at = |bin: usize| at(bin).unwrap_or(0.0);
@@ -111,7 +119,7 @@ impl Detector {
         for i in 0..bins {
             let bin = first_bin.wrapping_add(i);
             let own = at(bin);
-            // Not of numbers that are none.
+            // Also skips NaN.
             if !(own >= least && own > 0.0) {
                 continue;
             }
@@ -139,16 +147,16 @@ impl Detector {
 }
 
 impl Detector {
-    /// What of the training cells is compared with.
+    /// Noise level from the training cells: mean or order statistic.
     fn level(&self, cells: impl Iterator<Item = f32>) -> f32 {
         if self.rank == 0 {
             return cells.sum::<f32>() / (2 * self.training) as f32;
         }
-        // The smallest so far, ascending, of which the last is the one wanted.
-        let mut smallest = [f32::INFINITY; 2 * MOST_TRAINING as usize];
+        // Smallest cells so far in ascending order; the last one is the order statistic.
+        let mut smallest = [f32::INFINITY; 2 * MAX_TRAINING as usize];
         let smallest = smallest.get_mut(..self.rank).unwrap_or(&mut []);
         for mut cell in cells {
-            // A number that is none counts as the largest.
+            // NaN counts as the largest.
             for held in smallest.iter_mut() {
                 if cell < *held {
                     core::mem::swap(held, &mut cell);
@@ -159,7 +167,7 @@ impl Detector {
     }
 }
 
-/// Puts a peak into a list that falls in power; the weakest goes if there is no room.
+/// Insert a peak into a list in descending power. The weakest is dropped if the list is full.
 fn keep(peaks: &mut [Peak], count: &mut usize, mut peak: Peak) {
     for held in peaks.iter_mut().take(*count) {
         if peak.power > held.power {
@@ -172,7 +180,7 @@ fn keep(peaks: &mut [Peak], count: &mut usize, mut peak: Peak) {
     }
 }
 
-/// `S` of weighted samples at all bins, but for a phase that grows along range: for powers alone.
+/// `S` of weighted samples at all bins, up to a phase that varies with range: for powers only.
 pub(super) fn compress(
     axis: &Axis,
     weighted: impl Iterator<Item = Complex32>,
@@ -187,8 +195,8 @@ pub(super) fn compress(
     range::compress(row, f);
 }
 
-/// By how many cells' worth a sum of so many in a row scatters: `sum_ij |rho_(i-j)|^2`.
-fn scatter(axis: &Axis, weights: &[f32], count: usize) -> f64 {
+/// Variance of a sum of `count` consecutive cells in units of one cell's variance: `sum_ij |rho_(i-j)|^2`.
+fn correlated_variance(axis: &Axis, weights: &[f32], count: usize) -> f64 {
     let total: f32 = weights.iter().map(|w| w * w).sum();
     let mut sum = 0.0;
     for lag in 0..count {

@@ -1,63 +1,63 @@
-//! What an odometer is told before it begins, and why some of it cannot be.
+//! Settings of the odometer and their validation.
 
 use core::fmt;
 
 use super::MotionError;
 use crate::{SPEED_OF_LIGHT_M_S, fft};
 
-/// What stays the same for a run. A cell is a range resolution, `c / (2 F step_hz)`.
+/// Settings of an odometer run. A cell is the range resolution, `c / (2 F step_hz)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setup {
-    /// Frequencies a pulse, `F`, at least 8.
+    /// Frequencies per pulse, `F >= 8`.
     pub num_frequencies: u16,
-    /// Points of the range transform, `R`: a power of two, at least `2 F` and at most 4096.
+    /// Length of the range transform, `R`: a power of two, at least `2 F` and at most 4096.
     pub range_length: u16,
-    /// Frequency of sample 0, hertz.
+    /// Frequency of sample 0 in hertz.
     pub start_hz: f64,
-    /// Step from sample to sample, hertz.
+    /// Frequency step between samples in hertz.
     pub step_hz: f64,
-    /// Side lobes of Taylor's window over frequency, dB below the peak, 15 to 100. What is below them beside the strongest target is not looked for.
+    /// Sidelobe level of the Taylor window over frequency in dB below the peak, 15 to 100. Targets below the sidelobes of the strongest target are not detected.
     pub side_lobe_db: f64,
-    /// Ranges of targets, metres: nearest, and farthest, not farther apart than `c / (2 step_hz)`, after which ranges repeat.
+    /// Nearest and farthest target range in metres. Their difference must not exceed the unambiguous range `c / (2 step_hz)`.
     pub ranges_m: [f64; 2],
-    /// Guard cells on either side.
+    /// Guard cells on each side.
     pub guard: u16,
-    /// Training cells on either side, 1 to 64.
+    /// Training cells on each side, 1 to 64.
     pub training: u16,
-    /// What of the training cells is compared with: the cell of this rank, as a fraction of their number up to 1, which other targets among them raise little; 0 for their mean, which is best in even
-    /// noise.
+    /// Rank of the order-statistic CFAR as a fraction of the training cells, above 0 to 1; robust against other targets among
+    /// them. 0 selects cell averaging, which is best in uniform noise.
     pub rank: f64,
-    /// Wanted false alarms a cell, above 0 and below 1.
+    /// Probability of false alarm per cell, between 0 and 1 exclusive.
     pub false_alarm_probability: f64,
-    /// Echoes nearer to noise in any channel are left out, dB.
+    /// Minimum SNR in dB. Echoes with a lower SNR in any channel are ignored.
     pub least_snr_db: f64,
-    /// How targets are followed.
-    pub follow: Follow,
+    /// Settings of the target tracker.
+    pub follow: TrackerSettings,
 }
 
-/// How targets are followed from pulse to pulse.
+/// Settings of the multi-target tracker.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Follow {
-    /// How far an echo may be from where its target is predicted, cells.
+pub struct TrackerSettings {
+    /// Half-width of the range gate around the predicted range, in cells.
     pub gate_cells: f64,
-    /// Standard deviation of a target's acceleration, cells a pulse squared.
+    /// Standard deviation of a target's acceleration in cells per pulse squared.
     pub acceleration_cells: f64,
-    /// Nearer targets disturb each other: nothing is told of them.
+    /// Crossing distance in cells. Targets closer together are not reported.
     pub apart_cells: f64,
-    /// In so many of its first pulses a candidate has to be seen,
+    /// Minimum number of detections within the first `within` pulses that confirms a candidate.
     pub seen: u16,
-    /// which are so many, at most [`MOST_BRIDGED`].
+    /// Number of pulses in which a candidate must be confirmed, at most [`MAX_BRIDGED`].
     pub within: u16,
-    /// Pulses in a row in which a target may be unseen, at most [`MOST_BRIDGED`].
+    /// Maximum number of consecutive pulses without detection that a target survives, at most [`MAX_BRIDGED`].
     pub bridge: u16,
 }
 
-impl Default for Follow {
-    /// As the host follows them.
+impl Default for TrackerSettings {
+    /// Defaults of the host's tracker.
     fn default() -> Self {
         Self {
             gate_cells: 0.5,
@@ -70,68 +70,70 @@ impl Default for Follow {
     }
 }
 
-/// Why a setup was refused. Nothing has changed.
+/// Reason why a setup was rejected. The odometer is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum SetupError {
-    /// Fewer than 8 frequencies, or more than there is room for.
+    /// Fewer than 8 frequencies, or more than the capacity.
     Frequencies {
-        /// What was wanted.
+        /// Requested number.
         wanted: u16,
-        /// The most there is room for.
+        /// Maximum number.
         most: u16,
     },
-    /// The range transform is no power of two, shorter than two pulses, or longer than there is room for.
+    /// The range transform length is not a power of two, is less than twice the frequencies, or exceeds the capacity.
     RangeLength {
-        /// What was wanted.
+        /// Requested length.
         wanted: u16,
-        /// The most there is room for.
+        /// Maximum length.
         most: u16,
     },
-    /// Frequencies must be positive and finite.
+    /// Start frequency or frequency step is not positive and finite.
     Band,
-    /// Side lobes are outside 15 to 100 dB.
+    /// The sidelobe level is outside 15 to 100 dB.
     Window,
-    /// Ranges are no numbers, below 0, not ascending, or farther apart than they repeat.
+    /// The ranges are not finite, negative, not ascending, or farther apart than the unambiguous range.
     Ranges,
-    /// Training cells are none, more than 64 or, with the guard cells, more than half of the profile; or the rank is not 0 to 1, the probability not above 0 and below 1, or the least SNR no
-    /// number.
+    /// The number of training cells is not 1 to 64, or guard and training cells cover more than half of the profile; the rank is
+    /// outside 0 to 1, the false-alarm probability outside 0 to 1, or the minimum SNR not finite.
     Detection,
-    /// A length is not above 0, a candidate is not to be seen in 1 to all of its first pulses, or these or the pulses that are bridged are more than [`MOST_BRIDGED`].
-    Follow,
-    /// Transmitters times receivers are none or more than there is room for, or receivers less than two.
+    /// A gate, acceleration or distance is not positive, the confirmation rule is impossible, or a number of pulses exceeds
+    /// [`MAX_BRIDGED`].
+    Tracker,
+    /// Transmitters times receivers is zero or exceeds the capacity, or there are fewer than two receivers.
     Channels {
-        /// The most channels there is room for.
+        /// Maximum number of channels.
         most: u16,
     },
-    /// A place is no number, or the nearest receivers are not apart, or by more than half a wavelength.
+    /// A position is not finite, or the closest receivers coincide or are more than half a wavelength apart.
     Array,
 }
 
-/// Most training cells on a side: beyond, a profile's noise is hardly even.
-pub const MOST_TRAINING: u16 = 64;
+/// Maximum training cells per side. Over a wider region noise is rarely uniform.
+pub const MAX_TRAINING: u16 = 64;
 
-/// Most pulses that a target is followed through unseen: each is a step of every prediction, in one piece of work.
-pub const MOST_BRIDGED: u16 = 255;
+/// Maximum number of pulses that a target can be bridged. Each takes a prediction step within one call of `work`.
+pub const MAX_BRIDGED: u16 = 255;
 
-/// What follows of a setup for the axis of range.
+/// Range axis derived from a setup.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
     pub(super) frequencies: usize,
     pub(super) bins: usize,
     pub(super) cells_a_bin: f64,
-    /// Bins a cell, rounded.
+    /// Bins per cell, rounded.
     pub(super) stride: usize,
-    /// Nearest and farthest range, in cells.
+    /// Nearest and farthest range in cells.
     pub(super) ranges_cells: [f64; 2],
     pub(super) cell_m: f64,
-    /// Of the middle of the band.
+    /// Wavelength at the middle of the band.
     pub(super) wavelength_m: f64,
 }
 
 impl Axis {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         frequencies: 0,
         bins: 0,
@@ -144,7 +146,7 @@ impl Axis {
 }
 
 impl Setup {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         num_frequencies: 0,
         range_length: 0,
@@ -157,7 +159,7 @@ impl Setup {
         rank: 0.0,
         false_alarm_probability: 0.0,
         least_snr_db: 0.0,
-        follow: Follow {
+        follow: TrackerSettings {
             gate_cells: 0.0,
             acceleration_cells: 0.0,
             apart_cells: 0.0,
@@ -167,7 +169,7 @@ impl Setup {
         },
     };
 
-    /// Checks all but the antennas against the room for frequencies and bins.
+    /// Validate everything except the antennas against the capacity for frequencies and bins.
     pub(super) fn axis(&self, frequencies: usize, bins: usize) -> Result<Axis, SetupError> {
         let (f, r) = (
             usize::from(self.num_frequencies),
@@ -198,7 +200,7 @@ impl Setup {
         }
         let ranges_cells = self.ranges_m.map(|range_m| range_m / cell_m);
         let [near, far] = ranges_cells;
-        // So far that bins can still be counted.
+        // Limited so that bins can be counted.
         if !(near >= 0.0 && near < far && far - near <= count && far < 1e9) {
             return Err(SetupError::Ranges);
         }
@@ -206,12 +208,12 @@ impl Setup {
         let reach = (usize::from(self.guard) + usize::from(self.training)) * stride;
         let probability = self.false_alarm_probability;
         let is_rare = probability > 0.0 && probability < 1.0;
-        let trained = (1..=MOST_TRAINING).contains(&self.training) && 2 * reach < r;
+        let trained = (1..=MAX_TRAINING).contains(&self.training) && 2 * reach < r;
         let ranked = (0.0..=1.0).contains(&self.rank);
         if !(trained && ranked && is_rare && self.least_snr_db.abs() < 1000.0) {
             return Err(SetupError::Detection);
         }
-        let Follow {
+        let TrackerSettings {
             gate_cells,
             acceleration_cells,
             apart_cells,
@@ -220,9 +222,9 @@ impl Setup {
             bridge,
         } = self.follow;
         let lengths = [gate_cells, acceleration_cells, apart_cells];
-        let counted = (1..=within).contains(&seen) && within.max(bridge) <= MOST_BRIDGED;
+        let counted = (1..=within).contains(&seen) && within.max(bridge) <= MAX_BRIDGED;
         if !(lengths.into_iter().all(positive) && counted) {
-            return Err(SetupError::Follow);
+            return Err(SetupError::Tracker);
         }
         Ok(Axis {
             frequencies: f,
@@ -237,7 +239,7 @@ impl Setup {
 }
 
 impl SetupError {
-    /// What is wrong with the antennas.
+    /// Convert an error of the antenna array.
     pub(super) fn of_antennas(error: MotionError, channels: usize) -> Self {
         match error {
             MotionError::Channels => Self::Channels {
@@ -254,32 +256,32 @@ impl fmt::Display for SetupError {
             Self::Frequencies { wanted, most } => {
                 write!(
                     f,
-                    "{wanted} frequencies a pulse: there is room for 8 to {most}"
+                    "frequencies per pulse: expected 8 to {most}, found {wanted}"
                 )
             }
             Self::RangeLength { wanted, most } => write!(
                 f,
-                "a range transform of {wanted} points: a power of two is needed, at least twice the frequencies of a pulse and at most {most}"
+                "range transform length: expected a power of two, at least twice the frequencies per pulse and at most {most}, found {wanted}"
             ),
-            Self::Band => f.write_str("frequencies must be positive and finite"),
-            Self::Window => f.write_str("side lobes must be 15 to 100 dB below the peak"),
+            Self::Band => f.write_str("start frequency and frequency step must be positive and finite"),
+            Self::Window => f.write_str("sidelobe level must be 15 to 100 dB"),
             Self::Ranges => f.write_str(
-                "ranges must ascend from 0 or more, and not be farther apart than they repeat",
+                "ranges must be ascending from 0 or more, and their difference within the unambiguous range",
             ),
             Self::Detection => f.write_str(
-                "detection needs 1 to 64 training cells on a side, with the guard cells less than half of the profile, a rank of 0 to 1, a false alarm rate above 0 \
-                 and below 1, and a least SNR",
+                "invalid CFAR settings: expected 1 to 64 training cells per side, less than half of the profile with the guard cells, a rank of 0 to 1, \
+                 a false-alarm probability between 0 and 1, and a finite minimum SNR",
             ),
-            Self::Follow => write!(
+            Self::Tracker => write!(
                 f,
-                "gate, acceleration and distance of targets must be above 0, a candidate be seen in 1 to all of its first pulses, and these and the pulses that are bridged be {MOST_BRIDGED} at most"
+                "invalid tracker settings: expected positive gate, acceleration and crossing distance, 1 <= seen <= within, and within and bridge of at most {MAX_BRIDGED} pulses"
             ),
             Self::Channels { most } => write!(
                 f,
-                "transmitters times receivers must be 2 to {most} channels, of two receivers or more"
+                "antenna channels: expected 2 to {most} transmitter-receiver pairs with at least two receivers"
             ),
             Self::Array => f.write_str(
-                "places must be numbers, and the nearest receivers at most half a wavelength apart",
+                "antenna array: expected finite positions and closest receivers at most half a wavelength apart",
             ),
         }
     }

@@ -1,18 +1,19 @@
-//! Thresholds of a constant rate of false alarms, over the mean of training cells or over one of them in order.
+//! CFAR thresholds over the mean or an order statistic of the training cells (CA-CFAR and OS-CFAR).
 //!
-//! **Equation.** Of a cell of power `p`, summed over `C` channels of independent complex Gaussian noise, and `N` training cells:
+//! **Equation.** For a cell of power `p`, summed over `C` channels of independent complex Gaussian noise, and `N` training cells:
 //!
 //! ```text
 //! mean      p > k sum x_n,   Pfa = sum_(i < C) binom(C N + i - 1, i) k^i / (1 + k)^(C N + i)
 //! ordered   p > k x_(r),     Pfa = E Q(C, k x_(r)),   x_(r) the r-th smallest,   Q(C, x) = exp(-x) sum_(i < C) x^i / i!
 //! ```
 //!
-//! Chim 2018 (7.8) is the first for `C = 1`. Other targets among the training cells raise a mean, of few cells so far that two targets of equal strength hide each other; they hardly raise a cell in
-//! the middle of the order (Rohling 1983). The mean of `Q` over the density of `x_(r)` is a sum over the logarithm of the level, which is smooth, so that steps of a fifth are enough: to
-//! 1e-3 of the probability. **Cost** some ten thousand exponentials, once a setup.
+//! Chim 2018 (7.8) is the first for `C = 1`. Targets among the training cells raise the mean; with few cells two targets of
+//! equal strength mask each other. They hardly raise a cell in the middle of the order (Rohling 1983). The expectation of
+//! `Q` over the density of `x_(r)` is a sum over the logarithm of the level. The integrand is smooth, so steps of a fifth
+//! are accurate to 1e-3 of the probability. **Cost**: some ten thousand exponentials per setup.
 
-/// The factor of the sum of `cells` cells, each of `channels` powers, that another such cell exceeds so rarely.
-pub(super) fn averaging(probability: f64, channels: usize, cells: f64) -> f64 {
+/// CA-CFAR factor of the sum of `cells` cells of `channels` powers each, for the given false-alarm probability.
+pub(super) fn cell_averaging_factor(probability: f64, channels: usize, cells: f64) -> f64 {
     let shape = channels as f64 * cells;
     solve(probability, |k| {
         let (mut term, mut sum) = (libm::exp(-shape * libm::log1p(k)), 0.0);
@@ -24,46 +25,52 @@ pub(super) fn averaging(probability: f64, channels: usize, cells: f64) -> f64 {
     })
 }
 
-/// The rank of so many cells, from 1.
-pub(super) fn place(rank: f64, count: usize) -> usize {
+/// Rank as a cell number from 1, for a rank given as a fraction.
+pub(super) fn rank_of(rank: f64, count: usize) -> usize {
     (libm::ceil(rank * count as f64) as usize).max(1).min(count)
 }
 
-/// The factor of the `rank`-th smallest of `count` cells that another such cell exceeds so rarely.
-pub(super) fn ordering(probability: f64, channels: usize, count: usize, rank: usize) -> f64 {
+/// OS-CFAR factor of the `rank`-th smallest of `count` cells, for the given false-alarm probability.
+pub(super) fn order_statistic_factor(
+    probability: f64,
+    channels: usize,
+    count: usize,
+    rank: usize,
+) -> f64 {
     const STEPS: usize = 180;
     const LOWEST: f64 = 1e-12;
-    // Beyond, the density is below 1e-15.
+    // The density above this level is below 1e-15.
     let most = channels as f64 + 12.0 * libm::sqrt(channels as f64) + 40.0;
     let (n, r, shape) = (count as f64, rank as f64, channels as f64);
     let step = libm::log(most / LOWEST) / STEPS as f64;
     let ratio = libm::exp(step);
-    // At the middle of each step; the factor that all have in common goes with the total.
+    // Sampled at the middle of each step. A common factor cancels in the normalisation by `total`.
     let first = LOWEST * libm::exp(0.5 * step);
     let (mut x, mut total) = (first, 0.0);
     let mut weights = [0.0; STEPS];
     for weight in &mut weights {
         let below = match rank {
             1 => 0.0,
-            _ => (r - 1.0) * libm::log(head(channels, x)),
+            _ => (r - 1.0) * libm::log(gamma_lower_tail(channels, x)),
         };
         let own = shape * libm::log(x) - x;
-        *weight = libm::exp(below + (n - r) * libm::log(tail(channels, x)) + own + n * shape);
+        *weight =
+            libm::exp(below + (n - r) * libm::log(gamma_upper_tail(channels, x)) + own + n * shape);
         total += *weight;
         x *= ratio;
     }
     solve(probability, |k| {
         let (mut x, mut sum) = (first, 0.0);
         for weight in &weights {
-            sum += weight * tail(channels, k * x);
+            sum += weight * gamma_upper_tail(channels, k * x);
             x *= ratio;
         }
         sum / total
     })
 }
 
-/// `exp(-x) sum_(i < shape) x^i / i!`: how often a Gamma variable is above.
-fn tail(shape: usize, x: f64) -> f64 {
+/// Upper tail of a gamma distribution, `exp(-x) sum_(i < shape) x^i / i!`.
+fn gamma_upper_tail(shape: usize, x: f64) -> f64 {
     let (mut term, mut sum) = (libm::exp(-x), 0.0);
     for i in 0..shape {
         sum += term;
@@ -72,10 +79,10 @@ fn tail(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// How often it is below: what [`tail`] leaves, without the rounding of 1.
-fn head(shape: usize, x: f64) -> f64 {
+/// Lower tail of a gamma distribution: 1 minus [`gamma_upper_tail`], without cancellation.
+fn gamma_lower_tail(shape: usize, x: f64) -> f64 {
     if x > 1.0 {
-        return 1.0 - tail(shape, x);
+        return 1.0 - gamma_upper_tail(shape, x);
     }
     let mut term = libm::exp(-x);
     for i in 0..shape {
@@ -89,10 +96,10 @@ fn head(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// Where what falls from 1 to 0 has come down to `probability`.
+/// Solve `falling(k) = probability` for a function that decreases from 1 to 0.
 fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (-30.0, 60.0);
-    // To the seventh digit.
+    // To seven digits.
     for _ in 0..30 {
         let middle = 0.5 * (low + high);
         match falling(libm::exp2(middle)) > probability {
@@ -107,16 +114,16 @@ fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// C (7.8) for one channel, and the known product for ordered cells (Rohling 1983).
+    /// Reference: C (7.8) for one channel, and the known product for ordered cells (Rohling 1983).
     #[test]
-    fn factors_are_the_known_ones_of_one_channel() {
+    fn cfar_factors_match_closed_forms_for_one_channel() {
         for (probability, cells) in [(1e-2f64, 5), (1e-4, 16), (1e-6, 32)] {
             let n = f64::from(cells);
             let known = libm::pow(probability, -1.0 / n) - 1.0;
-            let got = averaging(probability, 1, n);
+            let got = cell_averaging_factor(probability, 1, n);
             assert!((got / known - 1.0).abs() < 1e-6, "{cells}: {got} {known}");
             for rank in [cells / 2, (3 * cells) / 4, cells] {
-                let factor = ordering(probability, 1, cells as usize, rank as usize);
+                let factor = order_statistic_factor(probability, 1, cells as usize, rank as usize);
                 let product = (0..rank).fold(1.0, |product, i| {
                     let left = n - f64::from(i);
                     product * left / (left + factor)
@@ -127,14 +134,16 @@ mod tests {
         }
     }
 
-    /// Of several channels: the tails of known Gamma distributions, of two channels `exp(-x) (1 + x)`.
+    /// Reference for two channels: the tail of the gamma distribution, `exp(-x) (1 + x)`.
     #[test]
-    fn both_parts_of_a_gamma_variable_are_one() {
+    fn gamma_tails_sum_to_one() {
         for x in [1e-6, 0.1, 0.9, 1.1, 4.0] {
             let two = libm::exp(-x) * (1.0 + x);
-            assert!((tail(2, x) - two).abs() < 1e-15);
+            assert!((gamma_upper_tail(2, x) - two).abs() < 1e-15);
             for shape in [1, 2, 5, 8] {
-                assert!((tail(shape, x) + head(shape, x) - 1.0).abs() < 1e-14);
+                assert!(
+                    (gamma_upper_tail(shape, x) + gamma_lower_tail(shape, x) - 1.0).abs() < 1e-14
+                );
             }
         }
     }

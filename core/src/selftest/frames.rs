@@ -1,11 +1,10 @@
-//! A map as the link sends it: the bytes of its frames.
+//! Checksum of a map in the frames of the link.
 
 use super::Fnv1a;
 use crate::link::{EncodeError, Encoder, Encoding, Report, TransferChecksum, write_map_row};
 use crate::stream::{MapSamples, PatchMap};
 
-/// Adds the frames of `map`, map `number` of a run, to `checksum`. `row` has room for a row of
-/// the map, `frame` for its frame.
+/// Add the frames of `map`, number `number` of a run, to `checksum`. `row` must hold a row of the map, `frame` its frame.
 pub(super) fn add_frames(
     checksum: &mut Fnv1a,
     encoder: &mut Encoder,

@@ -1,19 +1,18 @@
-//! Synthetic pulses through everything, to numbers that must be the same on every machine.
+//! Self-tests: synthetic data through the processing chain, with a checksum that must be equal on every machine.
 //!
-//! Rust does not contract `a*b + c` or reorder floating point, and the transforms and functions used
-//! are pure Rust, so equality to the last bit can be demanded of host and target. Input: pseudo-random
-//! integers and three scatterers whose phase is a product of integers. Output: FNV-1a (Fowler, Noll, Vo;
-//! 32 bits, over little-endian bytes).
+//! Rust does not contract `a*b + c` or reorder floating-point operations, and the FFTs and functions used are pure Rust, so
+//! bit-identical results can be required on host and target. Input: pseudo-random integers and three scatterers whose phase
+//! is a product of integers. Output: FNV-1a (Fowler, Noll, Vo; 32 bits, over little-endian bytes).
 //!
-//! | test | what runs | checksum of |
+//! | test | processing | checksum over |
 //! |---|---|---|
-//! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
-//! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
-//! | `MotionSelfTest` (with the feature `motion`) | pulses through `motion::Pairwise` | increments, in float64 |
-//! | `SweepSelfTest` (with the feature `sweep`) | counts through `sweep::Profiler` | profiles |
-//! | `OdometerSelfTest` (with the feature `motion`) | samples through `motion::Odometer` | steps: increments, what they leave, counts |
+//! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc and by the chirp-z keystone | both maps, pixels, power |
+//! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (feature `link`) | two runs of the stream | maps with headers, frames of the link |
+//! | `MotionSelfTest` (feature `motion`) | echoes through `motion::Pairwise` | increments in float64 |
+//! | `SweepSelfTest` (feature `sweep`) | bursts through `sweep::Profiler` | range profiles |
+//! | `OdometerSelfTest` (feature `motion`) | samples through `motion::Odometer` | steps: increments, residuals, counts |
 //!
-//! The expected numbers are held by `tests/stream/selftest.rs`; `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
+//! `tests/stream/selftest.rs` holds the expected checksums. `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
 //! compare those of other machines.
 
 #[cfg(feature = "link")]
@@ -44,17 +43,17 @@ use crate::accumulate::{Centre, CoherentGrid, PixelGrid, PowerMap};
 use crate::keystone::KeystoneTable;
 use crate::{LengthError, Map, ParamError, Params, Plan, Shape, Tables, Turns, Window};
 
-/// Pulses of the synthetic sub-CPI.
+/// Number of pulses of the synthetic sub-CPI.
 pub const PULSES: usize = 32;
-/// Frequencies of the synthetic sub-CPI.
+/// Number of frequencies of the synthetic sub-CPI.
 pub const FREQUENCIES: usize = 64;
-/// Range bins of its map.
+/// Number of range bins of the map.
 pub const RANGE_BINS: usize = 128;
-/// Doppler bins of its map.
+/// Number of Doppler bins of the map.
 pub const DOPPLER_BINS: usize = 64;
-/// Points of its chirp transforms.
+/// Length of the chirp transforms.
 pub const CHIRP_LENGTH: usize = SHAPE.chirp_length();
-/// Pixels of its image.
+/// Number of pixels of the image.
 pub const PIXELS: usize = 256;
 
 const SHAPE: Shape = Shape {
@@ -64,7 +63,7 @@ const SHAPE: Shape = Shape {
     num_doppler_bins: DOPPLER_BINS,
 };
 
-/// Parameters of the synthetic sub-CPI: 200 MHz around 10 GHz, both windows in use.
+/// Parameters of the synthetic sub-CPI: 200 MHz around 10 GHz, with both windows.
 pub const PARAMS: Params<'static> = Params {
     start_hz: 9.9e9,
     step_hz: 3.125e6,
@@ -72,14 +71,14 @@ pub const PARAMS: Params<'static> = Params {
     slow_window: Window::Hamming,
 };
 
-/// Buffers of the self-test; made to be a static.
+/// Batch self-test with its buffers. Intended as a static.
 #[derive(Debug)]
 pub struct SelfTest {
     fast_weights: [f32; FREQUENCIES],
     slow_weights: [f32; PULSES],
     matrix: [[[f32; PULSES]; PULSES]; FREQUENCIES],
     history: [[Complex32; PULSES]; FREQUENCIES],
-    /// The sinc form uses the first `DOPPLER_BINS` samples.
+    /// The sinc keystone uses the first `DOPPLER_BINS` samples.
     scratch: [[Complex32; CHIRP_LENGTH]; 3],
     map: [[Complex32; RANGE_BINS]; DOPPLER_BINS],
     image: CoherentGrid<PIXELS>,
@@ -87,10 +86,10 @@ pub struct SelfTest {
 }
 
 impl SelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers.
+    /// Create empty buffers.
     pub const fn new() -> Self {
         Self {
             fast_weights: [0.0; FREQUENCIES],
@@ -104,12 +103,12 @@ impl SelfTest {
         }
     }
 
-    /// Runs the test and returns the checksum.
+    /// Run the test and return the checksum.
     ///
     /// # Errors
-    /// None that a correct build can return; they are values so that a target need not panic.
+    /// None in a correct build. Errors are returned so that a target need not panic.
     pub fn run(&mut self) -> Result<u32, SelfTestError> {
-        // 16 x 16 pixels of 0.5 m around a point 1 km off, seen at broadside.
+        // 16 x 16 pixels of 0.5 m around a point at 1 km, at broadside.
         self.image
             .set_grid(&PixelGrid {
                 origin_m: [-4.0, 996.0, 0.0],
@@ -137,7 +136,7 @@ impl SelfTest {
             };
             let plan = Plan::new(SHAPE, &PARAMS, tables).map_err(SelfTestError::Plan)?;
             let history = self.history.as_flattened_mut();
-            window_synthetic(&plan, history);
+            window_synthetic(&plan, history).map_err(SelfTestError::Buffer)?;
             let scratch = self.scratch.as_flattened_mut();
             let scratch = scratch.get_mut(..plan.scratch_len()).unwrap_or(&mut []);
             let map = self.map.as_flattened_mut();
@@ -164,14 +163,15 @@ impl Default for SelfTest {
     }
 }
 
-/// Which step refused what it should accept.
+/// Step that rejected valid data.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum SelfTestError {
-    /// The parameters.
+    /// The plan was rejected.
     Plan(ParamError),
-    /// A buffer.
+    /// A buffer has the wrong length.
     Buffer(LengthError),
-    /// A grid or a map.
+    /// A grid or a map was rejected.
     Accumulate,
 }
 
@@ -180,14 +180,14 @@ impl core::fmt::Display for SelfTestError {
         match self {
             Self::Plan(error) => write!(f, "self-test: {error}"),
             Self::Buffer(error) => write!(f, "self-test: {error}"),
-            Self::Accumulate => f.write_str("self-test: a map was refused"),
+            Self::Accumulate => f.write_str("self-test: accumulator rejected a valid grid or map"),
         }
     }
 }
 
 impl core::error::Error for SelfTestError {}
 
-/// Sample `k` of pulse `m`, without noise: three scatterers of amplitudes 1, 1/2 and 1/4, phases
+/// Sample `k` of pulse `m` without noise: three scatterers of amplitudes 1, 1/2 and 1/4 with phases
 /// `t0 + tk k + tm m + tkm k m` in 2^-32 turns.
 fn scatterers(m: usize, k: usize) -> Complex32 {
     const PHASES: [(f32, [i64; 4]); 3] = [
@@ -205,16 +205,17 @@ fn scatterers(m: usize, k: usize) -> Complex32 {
         .sum()
 }
 
-/// Windows the synthetic pulses into `history`.
-fn window_synthetic(plan: &Plan<'_>, history: &mut [Complex32]) {
+/// Window the synthetic pulses into `history`.
+fn window_synthetic(plan: &Plan<'_>, history: &mut [Complex32]) -> Result<(), LengthError> {
     let mut noise = Lcg(2026);
     let mut pulse = [Complex32::ZERO; FREQUENCIES];
     for m in 0..PULSES {
         for (k, sample) in pulse.iter_mut().enumerate() {
             *sample = scatterers(m, k) + Complex32::new(noise.next(), noise.next()) * 0.125;
         }
-        plan.window(m, &pulse, history);
+        plan.window(m, &pulse, history)?;
     }
+    Ok(())
 }
 
 /// Knuth's 64-bit linear congruential generator (MMIX).
@@ -222,7 +223,7 @@ fn window_synthetic(plan: &Plan<'_>, history: &mut [Complex32]) {
 struct Lcg(u64);
 
 impl Lcg {
-    /// The upper half of the next state.
+    /// Upper half of the next state.
     fn next_bits(&mut self) -> i32 {
         self.0 = self
             .0
@@ -231,7 +232,7 @@ impl Lcg {
         (self.0 >> 32) as i32
     }
 
-    /// Uniform in [-1, 1), 24 bits, exact in float32.
+    /// Uniform in [-1, 1) with 24 bits, exact in float32.
     fn next(&mut self) -> f32 {
         (self.next_bits() >> 8) as f32 / 8_388_608.0
     }

@@ -1,13 +1,13 @@
-//! Increments of a radar that goes past four targets.
+//! Self-test of motion increments: a radar passes four targets.
 
 use super::{Fnv1a, Lcg};
 use crate::motion::{Antennas, Echo, MotionError, Pairwise};
 
-/// Targets of the synthetic scene.
+/// Number of targets of the synthetic scene.
 const TARGETS: usize = 4;
-/// Its channels: two transmitters, three receivers.
+/// Number of channels: two transmitters, three receivers.
 const CHANNELS: usize = 6;
-/// Pulses of it.
+/// Number of pulses of the motion self-test.
 pub const MOTION_PULSES: usize = 40;
 
 const WAVELENGTH_M: f64 = 0.004;
@@ -18,33 +18,35 @@ const ANTENNAS: Antennas<'static> = Antennas {
 };
 const PLACES_M: [[f64; 2]; TARGETS] = [[-0.8, 2.2], [0.3, 3.1], [1.6, 3.6], [-1.1, 4.7]];
 
-/// Increments of [`MOTION_PULSES`] pulses, turns and targets that come and go among them.
+/// Self-test of [`Pairwise`]: [`MOTION_PULSES`] pulses with rotation and targets that appear and disappear.
 #[derive(Clone, Debug)]
 pub struct MotionSelfTest {
     pairwise: Pairwise<TARGETS, CHANNELS>,
 }
 
 impl MotionSelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
+    /// Create the test.
+    ///
     /// # Errors
-    /// None that a correct build can return.
+    /// None in a correct build.
     pub fn new() -> Result<Self, MotionError> {
         let pairwise = Pairwise::new(&ANTENNAS)?;
         Ok(Self { pairwise })
     }
 
-    /// Runs the test and returns the checksum of all increments.
+    /// Run the test and return the checksum of all increments.
     ///
     /// # Errors
-    /// None that a correct build can return.
+    /// None in a correct build.
     pub fn run(&mut self) -> Result<u32, MotionError> {
         let mut checksum = Fnv1a::new();
         let mut noise = Lcg(77);
         for n in 0..MOTION_PULSES {
             let echoes = echoes(n, &mut noise);
-            // The first target is not there in each seventh pulse.
+            // The first target is missing in every seventh pulse.
             let seen = echoes.get(usize::from(n % 7 == 6)..).unwrap_or(&[]);
             if let Some(moved) = self.pairwise.push(seen)? {
                 let [x, y] = moved.increment.moved_m;
@@ -58,7 +60,7 @@ impl MotionSelfTest {
     }
 }
 
-/// What pulse `n` sees: a millimetre farther along each time, the body turned by the noise.
+/// Echoes of pulse `n`: moved one millimetre per pulse, rotated by noise.
 fn echoes(n: usize, noise: &mut Lcg) -> [Echo<CHANNELS>; TARGETS] {
     let x_m = n as f64 * 0.001;
     let turn_rad = f64::from(noise.next()) * 0.001;

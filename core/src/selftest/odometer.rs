@@ -1,10 +1,12 @@
-//! A radar of two receivers that goes past three reflectors: from samples to increments.
+//! Self-test of the odometer: a radar with two receivers passes three reflectors.
 
 use super::{Fnv1a, Lcg};
-use crate::motion::{Antennas, Follow, Odometer, Progress, SampleError, Setup, SetupError, Step};
+use crate::motion::{
+    Antennas, Odometer, Progress, SampleError, Setup, SetupError, Step, TrackerSettings,
+};
 use crate::{Complex32, SPEED_OF_LIGHT_M_S, Turns};
 
-/// Pulses of the synthetic scene.
+/// Number of pulses of the odometer self-test.
 pub const ODOMETER_PULSES: usize = 16;
 
 const CHANNELS: usize = 2;
@@ -24,7 +26,7 @@ const SETUP: Setup = Setup {
     rank: 0.6,
     false_alarm_probability: 1e-4,
     least_snr_db: 10.0,
-    follow: Follow {
+    follow: TrackerSettings {
         gate_cells: 0.5,
         acceleration_cells: 0.01,
         apart_cells: 1.5,
@@ -40,38 +42,39 @@ const ANTENNAS: Antennas<'static> = Antennas {
 };
 const PLACES_M: [[f64; 2]; 3] = [[-0.6, 1.1], [0.75, 2.0], [1.25, 3.5]];
 
-/// Steps of [`ODOMETER_PULSES`] pulses, in a buffer that is made to be a static.
+/// Self-test of [`Odometer`]: [`ODOMETER_PULSES`] pulses. Intended as a static.
 #[derive(Clone, Debug)]
 pub struct OdometerSelfTest {
     odometer: Odometer<TARGETS, CHANNELS, FREQUENCIES, BINS>,
 }
 
-/// Which step refused what it should accept.
+/// Step that rejected valid data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum OdometerSelfTestError {
-    /// The settings.
+    /// The setup was rejected.
     Setup(SetupError),
-    /// A pulse.
+    /// Samples were rejected.
     Samples(SampleError),
-    /// A pulse brought no step, or too few an increment.
+    /// A pulse gave no step, or too few steps have an increment.
     Steps,
 }
 
 impl OdometerSelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers.
+    /// Create empty buffers.
     pub const fn new() -> Self {
         Self {
             odometer: Odometer::new(),
         }
     }
 
-    /// Runs the test and returns the checksum of all steps.
+    /// Run the test and return the checksum of all steps.
     ///
     /// # Errors
-    /// None that a correct build can return.
+    /// None in a correct build.
     pub fn run(&mut self) -> Result<u32, OdometerSelfTestError> {
         let odometer = &mut self.odometer;
         odometer
@@ -122,7 +125,7 @@ fn add(checksum: &mut Fnv1a, step: &Step) {
     checksum.add_bytes(&[moved.targets as u8, moved.doubtful as u8]);
 }
 
-/// What a receiver samples of pulse `n`, half a millimetre farther along each time, compensated to two metres.
+/// Samples of one receiver in pulse `n`: moved half a millimetre per pulse, phases referenced to two metres.
 fn samples(n: u32, receiver: &[f64; 2], noise: &mut Lcg) -> [Complex32; FREQUENCIES] {
     let x_m = f64::from(n) * 0.000_5;
     let leg = |place: &[f64; 2], antenna: &[f64; 2]| {
@@ -147,7 +150,7 @@ impl core::fmt::Display for OdometerSelfTestError {
         match self {
             Self::Setup(error) => write!(f, "odometer self-test: {error}"),
             Self::Samples(error) => write!(f, "odometer self-test: {error}"),
-            Self::Steps => f.write_str("odometer self-test: a pulse brought no increment"),
+            Self::Steps => f.write_str("odometer self-test: expected increments are missing"),
         }
     }
 }

@@ -1,27 +1,27 @@
-//! The synthetic pulses of the stream's self-tests: samples from integers, geometry of exact numbers.
+//! Synthetic pulses of the stream self-tests: samples from integers, geometry of exact numbers.
 //!
-//! Samples are 16-bit, three scatterers of amplitudes 1/2, 1/4 and 1/8 with phases
-//! `t0 + tk k + tm m + tkm k m` in 2^-32 turns, and noise within 1/32: together below 1, so that none is
-//! clipped. The float path takes the same samples, converted (exact). Positions, times, paths
-//! and weights are small multiples of powers of two, which float32 or float64 hold exactly.
+//! Samples are 16-bit: three scatterers of amplitudes 1/2, 1/4 and 1/8 with phases `t0 + tk k + tm m + tkm k m` in
+//! 2^-32 turns, and noise within 1/32. Their sum is below 1, so no sample clips. The float path processes the same samples
+//! after exact conversion. Positions, times, paths and weights are small multiples of powers of two, which float32 or
+//! float64 represent exactly.
 
 use super::Lcg;
 use crate::fixed_point::sine;
 use crate::stream::{Patch, Setup};
 use crate::{Pulse, Sc16, Turns};
 
-/// Two full sub-CPIs and a part of a third, of two patches.
+/// Two full sub-CPIs and a partial third, with two patches.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scene {
     pub(super) setup: Setup,
     pub(super) patches: [Patch; 2],
-    /// Pulses of the last sub-CPI, fewer than the others have.
+    /// Pulses of the last sub-CPI, fewer than in the others.
     pub(super) last_pulses: u16,
 }
 
 impl Scene {
-    /// Sizes `[pulses, frequencies, range length, Doppler length]`, reaches `[range, Doppler]` of the
-    /// patches.
+    /// Create a scene from the sizes `[pulses, frequencies, range length, Doppler length]` and the half-widths
+    /// `[range, Doppler]` of the patches.
     pub(super) const fn new(sizes: [u16; 4], reaches: [[u16; 2]; 2], last_pulses: u16) -> Self {
         let [num_pulses, num_frequencies, range_length, doppler_length] = sizes;
         let [first, second] = reaches;
@@ -42,17 +42,17 @@ impl Scene {
         }
     }
 
-    /// Pulses of the run.
+    /// Number of pulses of the run.
     pub(super) fn num_pulses(&self) -> u32 {
         2 * u32::from(self.setup.num_pulses) + u32::from(self.last_pulses)
     }
 
-    /// Maps of the run.
+    /// Number of maps of the run.
     pub(super) const fn num_maps(&self) -> u32 {
         3 * self.patches.len() as u32
     }
 
-    /// Fast-time weights: a triangle whose sum is 1 but for rounding.
+    /// Fast-time weights: a triangle whose sum is 1 up to rounding.
     pub(super) fn weights(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
         let frequencies = self.setup.num_frequencies;
         let height = move |k: u16| (k + 1).min(frequencies - k);
@@ -69,7 +69,7 @@ const fn patch(centre_m: [f64; 3], [range_reach, doppler_reach]: [u16; 2]) -> Pa
     }
 }
 
-/// Pulse `number`: transmitter and receiver a kilometre off, on tracks that bend.
+/// Metadata of pulse `number`: transmitter and receiver at a kilometre, on curved tracks.
 pub(super) fn pulse(number: u32) -> Pulse {
     let n = f64::from(number);
     let bend_m = n * n / 256.0;
@@ -83,7 +83,7 @@ pub(super) fn pulse(number: u32) -> Pulse {
     }
 }
 
-/// The samples of pulse `number`, frequency by frequency; `noise` goes on from pulse to pulse.
+/// Samples of pulse `number`. `noise` continues from pulse to pulse.
 pub(super) fn samples(
     number: u32,
     num_frequencies: u16,
@@ -102,7 +102,7 @@ impl Lcg {
         (self.next_bits() >> 21) as i16
     }
 
-    /// Leaves out `count` numbers.
+    /// Skip `count` numbers.
     pub(super) fn skip(&mut self, count: u32) {
         for _ in 0..count {
             self.next_bits();
@@ -112,7 +112,7 @@ impl Lcg {
 
 /// Sample `k` of pulse `m` without noise, parts in units of 2^-15.
 fn scatterers(m: i64, k: i64) -> (i16, i16) {
-    // The shift takes 2^-30 to 2^-15 of the amplitude.
+    // The shift scales from 2^-30 to 2^-15 and applies the amplitude.
     const PHASES: [(u32, [i64; 4]); 3] = [
         (16, [0, -50_000_000, 300_000_000, 96_000]),
         (17, [1 << 30, 210_000_000, -700_000_000, -220_000]),

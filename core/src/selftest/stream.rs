@@ -1,12 +1,11 @@
-//! The streaming core from pulses to frames, in float32 and in fixed point.
+//! Self-tests of the stream from pulses to frames, in float32 and in fixed point.
 //!
-//! **What it does.** Two runs in the same buffers, of even and of odd sizes, each two sub-CPIs and a
-//! part of a third, two patches; a patch of each has rows longer than a pulse. **Output**: FNV-1a of the
-//! maps in the order they come: the header (numbers, times, weight, nodes), the values' bits (in fixed
-//! point mantissas, then exponents), the frames of the link.
+//! Each test does two runs in the same buffers, with even and with odd sizes. Each run has two full sub-CPIs and a partial
+//! third, and two patches, one of which has rows longer than a pulse. **Output**: FNV-1a of the maps in order: header
+//! (numbers, times, weight, nodes), bits of the values (in fixed point mantissas, then exponents), and frames of the link.
 //!
-//! **Memory**: what `BYTES` states; the fixed-point one is for a part of 16 KiB of RAM.
-//! **Cost**: the pulses are made in integers, the maps as [`crate::stream`] makes them.
+//! **Memory**: stated by `BYTES`; the fixed-point test fits a part with 16 KiB of RAM. **Cost**: pulses are generated in
+//! integers, maps are formed as in [`crate::stream`].
 
 use core::fmt;
 
@@ -19,7 +18,7 @@ use crate::stream::{
 };
 use crate::{LengthError, Sc16, link};
 
-/// Float32: pulses, frequencies, points of the range transform, Doppler rows, patches.
+/// Float32: pulses, frequencies, range transform length, Doppler rows, patches.
 type Float = FloatBuffers<12, 64, 64, 15, 2>;
 const FLOAT_SCENES: [Scene; 2] = [
     Scene::new([12, 48, 64, 16], [[20, 7], [30, 4]], 5),
@@ -28,7 +27,7 @@ const FLOAT_SCENES: [Scene; 2] = [
 /// Range bins of the widest row.
 const FLOAT_WIDTH: usize = 63;
 
-/// Fixed point: as above, the fifth is blocks.
+/// Fixed point: as above, with exponent blocks as fifth.
 type Fixed = FixedBuffers<6, 42, 64, 9, 3, 2>;
 const FIXED_SCENES: [Scene; 2] = [
     Scene::new([6, 24, 64, 16], [[10, 4], [20, 2]], 3),
@@ -44,7 +43,7 @@ const fn row_len(encoding: Encoding, width: usize) -> usize {
     }
 }
 
-/// Where frames are made.
+/// Buffers for rows and frames.
 #[derive(Debug)]
 struct LinkBuffers<const ROW: usize, const FRAME: usize> {
     row: [u8; ROW],
@@ -60,7 +59,7 @@ impl<const ROW: usize, const FRAME: usize> LinkBuffers<ROW, FRAME> {
     }
 }
 
-/// Buffers of the self-test in float32; made to be a static.
+/// Stream self-test in float32 with its buffers. Intended as a static.
 #[derive(Debug)]
 pub struct FloatStreamSelfTest {
     buffers: Float,
@@ -71,10 +70,10 @@ pub struct FloatStreamSelfTest {
 }
 
 impl FloatStreamSelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers, all zero bytes.
+    /// Create empty buffers. All bytes are zero.
     pub const fn new() -> Self {
         Self {
             buffers: FloatBuffers::new(),
@@ -82,18 +81,18 @@ impl FloatStreamSelfTest {
         }
     }
 
-    /// Runs the test and returns the checksum.
+    /// Run the test and return the checksum.
     ///
     /// # Errors
-    /// As [`super::SelfTest::run`].
+    /// None in a correct build, as for [`super::SelfTest::run`].
     pub fn run(&mut self) -> Result<u32, StreamSelfTestError> {
         self.run_with(|_| ())
     }
 
-    /// As [`FloatStreamSelfTest::run`]; `see` is shown every map.
+    /// Like [`FloatStreamSelfTest::run`], and pass every map to `see`.
     ///
     /// # Errors
-    /// As [`super::SelfTest::run`].
+    /// None in a correct build, as for [`super::SelfTest::run`].
     pub fn run_with(&mut self, see: impl FnMut(&PatchMap<'_>)) -> Result<u32, StreamSelfTestError> {
         let LinkBuffers { row, frame } = &mut self.link;
         let mut runner = Runner::new(row, frame, see);
@@ -111,7 +110,7 @@ impl Default for FloatStreamSelfTest {
     }
 }
 
-/// Buffers of the self-test in fixed point; made to be a static.
+/// Stream self-test in fixed point with its buffers. Intended as a static.
 #[derive(Debug)]
 pub struct FixedStreamSelfTest {
     buffers: Fixed,
@@ -119,10 +118,10 @@ pub struct FixedStreamSelfTest {
 }
 
 impl FixedStreamSelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers, all zero bytes.
+    /// Create empty buffers. All bytes are zero.
     pub const fn new() -> Self {
         Self {
             buffers: FixedBuffers::new(),
@@ -130,18 +129,18 @@ impl FixedStreamSelfTest {
         }
     }
 
-    /// Runs the test and returns the checksum.
+    /// Run the test and return the checksum.
     ///
     /// # Errors
-    /// As [`super::SelfTest::run`].
+    /// None in a correct build, as for [`super::SelfTest::run`].
     pub fn run(&mut self) -> Result<u32, StreamSelfTestError> {
         self.run_with(|_| ())
     }
 
-    /// As [`FixedStreamSelfTest::run`]; `see` is shown every map.
+    /// Like [`FixedStreamSelfTest::run`], and pass every map to `see`.
     ///
     /// # Errors
-    /// As [`super::SelfTest::run`].
+    /// None in a correct build, as for [`super::SelfTest::run`].
     pub fn run_with(&mut self, see: impl FnMut(&PatchMap<'_>)) -> Result<u32, StreamSelfTestError> {
         let LinkBuffers { row, frame } = &mut self.link;
         let mut runner = Runner::new(row, frame, see);
@@ -162,7 +161,7 @@ impl Default for FixedStreamSelfTest {
     }
 }
 
-/// Takes scenes through a processor and sums up what comes out.
+/// Runs scenes through a processor and accumulates the checksum.
 struct Runner<'b, V> {
     row: &'b mut [u8],
     frame: &'b mut [u8],
@@ -217,7 +216,7 @@ impl<'b, V: FnMut(&PatchMap<'_>)> Runner<'b, V> {
         Ok(())
     }
 
-    /// Does all the work there is.
+    /// Work until the processor is idle.
     fn drain<E: Engine<Sample: Sample>>(
         &mut self,
         processor: &mut SubCpiProcessor<'_, E>,
@@ -266,7 +265,7 @@ impl<'b, V: FnMut(&PatchMap<'_>)> Runner<'b, V> {
     }
 }
 
-/// What a header has beside the patch.
+/// Fields of a header without the patch.
 fn add_header(checksum: &mut Fnv1a, header: &MapHeader) {
     checksum.add_bytes(&header.sub_cpi.to_le_bytes());
     checksum.add_bytes(&header.patch_index.to_le_bytes());
@@ -279,22 +278,23 @@ fn add_header(checksum: &mut Fnv1a, header: &MapHeader) {
     }
 }
 
-/// Which step refused what it should accept.
+/// Step that rejected valid data.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum StreamSelfTestError {
-    /// The buffers.
+    /// A buffer is too short.
     Buffer(LengthError),
-    /// The settings or a patch.
+    /// The setup or a patch was rejected.
     Setup(SetupError),
-    /// A pulse.
+    /// A pulse was rejected.
     Pulse(PulseError),
-    /// A frame.
+    /// A frame could not be encoded.
     Encode(link::EncodeError),
-    /// Too few or too many maps came.
+    /// The number of maps is wrong.
     Maps {
-        /// Maps of the run.
+        /// Expected number of maps.
         expected: u32,
-        /// Maps that came.
+        /// Actual number of maps.
         got: u32,
     },
 }
@@ -304,10 +304,10 @@ impl fmt::Display for StreamSelfTestError {
         match self {
             Self::Buffer(error) => write!(f, "stream self-test: {error}"),
             Self::Setup(error) => write!(f, "stream self-test: {error}"),
-            Self::Pulse(error) => write!(f, "stream self-test: a pulse was not taken: {error:?}"),
+            Self::Pulse(error) => write!(f, "stream self-test: {error}"),
             Self::Encode(error) => write!(f, "stream self-test: {error}"),
             Self::Maps { expected, got } => {
-                write!(f, "stream self-test: {got} maps came, not {expected}")
+                write!(f, "stream self-test: expected {expected} maps, found {got}")
             }
         }
     }

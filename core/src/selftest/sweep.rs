@@ -1,4 +1,4 @@
-//! Sweeps of a stepped-carrier radar: from counts to profiles.
+//! Self-test of range profiles: sweeps of a stepped-frequency radar.
 
 use num_complex::Complex;
 
@@ -6,7 +6,7 @@ use super::{Fnv1a, Lcg};
 use crate::sweep::{BurstError, Profiler, Setup, SetupError};
 use crate::{Complex32, Turns, Window};
 
-/// Sweeps of the synthetic scene.
+/// Number of sweeps of the synthetic scene.
 pub const SWEEPS: u32 = 3;
 
 const PERIOD: usize = 8;
@@ -23,38 +23,39 @@ const SETUP: Setup = Setup {
     step_hz: 4e6,
 };
 
-/// Profiles of [`SWEEPS`] sweeps, in a buffer that is made to be a static.
+/// Self-test of [`Profiler`]: [`SWEEPS`] sweeps. Intended as a static.
 #[derive(Clone, Debug)]
 pub struct SweepSelfTest {
     profiler: Profiler<PERIOD, CARRIERS, BINS>,
 }
 
-/// Which step refused what it should accept.
+/// Step that rejected valid data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SweepSelfTestError {
-    /// The settings.
+    /// The setup was rejected.
     Setup(SetupError),
-    /// Samples.
+    /// Samples were rejected.
     Samples(BurstError),
-    /// A sweep brought no profile.
+    /// A sweep gave no profile.
     Profile,
 }
 
 impl SweepSelfTest {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers.
+    /// Create empty buffers.
     pub const fn new() -> Self {
         Self {
             profiler: Profiler::new(),
         }
     }
 
-    /// Runs the test and returns the checksum of all profiles.
+    /// Run the test and return the checksum of all profiles.
     ///
     /// # Errors
-    /// None that a correct build can return.
+    /// None in a correct build.
     pub fn run(&mut self) -> Result<u32, SweepSelfTestError> {
         let profiler = &mut self.profiler;
         profiler
@@ -76,7 +77,7 @@ impl SweepSelfTest {
         let mut noise = Lcg(9);
         for sweep in 0..SWEEPS {
             for carrier in 0..CARRIERS as u16 {
-                // In two parts, between which samples are missing now and then.
+                // In two parts; some samples in between are missing now and then.
                 for first in [0, 150 + u32::from(carrier % 7 == 3)] {
                     let last = if first == 0 { 150 } else { SAMPLES as u32 };
                     let samples = (first..last).map(|i| pair(sweep, carrier, i, &mut noise));
@@ -105,7 +106,7 @@ impl Default for SweepSelfTest {
     }
 }
 
-/// An iterator whose length is known to its maker.
+/// Iterator with a length stated by its creator.
 struct Counted<I>(I, usize);
 
 impl<I: Iterator> Iterator for Counted<I> {
@@ -123,7 +124,7 @@ impl<I: Iterator> Iterator for Counted<I> {
 
 impl<I: Iterator> ExactSizeIterator for Counted<I> {}
 
-/// Reference and echo of two scatterers, which turn as the synthesisers do, with noise of a few counts.
+/// Reference and echo of two scatterers with the phase of unlocked synthesisers and noise of a few counts.
 fn pair(sweep: u32, carrier: u16, i: u32, noise: &mut Lcg) -> [Complex<i16>; 2] {
     let n = i64::from(carrier);
     let synthesisers = Turns(0x9e37_79b9_7f4a_7c15).times(n * n + i64::from(sweep));
@@ -146,7 +147,7 @@ impl core::fmt::Display for SweepSelfTestError {
         match self {
             Self::Setup(error) => write!(f, "sweep self-test: {error}"),
             Self::Samples(error) => write!(f, "sweep self-test: {error}"),
-            Self::Profile => f.write_str("sweep self-test: a sweep brought no profile"),
+            Self::Profile => f.write_str("sweep self-test: expected profile is missing"),
         }
     }
 }

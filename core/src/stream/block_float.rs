@@ -1,29 +1,29 @@
-//! 16-bit samples in blocks of a common exponent: what the fixed-point path makes maps of.
+//! Block floating point: 16-bit mantissas with one exponent per block, the map format of the fixed-point path.
 
 use num_complex::Complex32;
 
 use crate::Sc16;
 
-/// 16-bit samples in blocks of a common exponent: sample `i` of a row is
-/// `mantissas[i] 2^exponents[i / BLOCK]`, `mantissas` in `[-1, 1)`. Every row begins a new block.
+/// Block floating-point samples: sample `i` of a row is `mantissas[i] 2^exponents[i / BLOCK]` with
+/// `mantissas` in `[-1, 1)` (Q15). Every row begins a new block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockFloat<'a> {
-    /// Row by row.
+    /// Mantissas in row-major order.
     pub mantissas: &'a [Sc16],
-    /// Row by row, [`BlockFloat::blocks`] each.
+    /// Exponents in row-major order, [`BlockFloat::blocks`] per row.
     pub exponents: &'a [i8],
 }
 
 impl BlockFloat<'_> {
-    /// Samples that share an exponent.
+    /// Number of samples that share one exponent.
     pub const BLOCK: usize = 32;
 
-    /// Exponents of a row of `len` samples.
+    /// Number of exponents of a row of `len` samples.
     pub const fn blocks(len: usize) -> usize {
         len.div_ceil(Self::BLOCK)
     }
 
-    /// As [`super::MapSamples::at`].
+    /// Sample at `row`, `column`; see [`super::MapSamples::at`].
     #[inline]
     pub(super) fn at(&self, width: usize, row: usize, column: usize) -> Option<Complex32> {
         let mantissa = self.mantissas.get(row * width + column)?;
@@ -32,7 +32,7 @@ impl BlockFloat<'_> {
         Some(mantissa.to_complex32() * power_of_two(*exponent))
     }
 
-    /// As [`super::MapSamples::weighted`].
+    /// Weighted sum of consecutive samples; see [`super::MapSamples::weighted`].
     #[inline]
     pub(super) fn weighted<const TAPS: usize>(
         &self,
@@ -53,9 +53,9 @@ impl BlockFloat<'_> {
     }
 }
 
-/// `2^exponent`, exact.
+/// Exact power of two, `2^exponent`.
 pub fn power_of_two(exponent: i8) -> f32 {
-    // Within the normal numbers for exponents above -127; -127 and -128 are denormal and exact too.
+    // Normal numbers for exponents above -127; -127 and -128 are subnormal and still exact.
     let biased = i32::from(exponent) + 127;
     if biased > 0 {
         f32::from_bits((biased as u32) << 23)

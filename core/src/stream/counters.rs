@@ -1,25 +1,25 @@
-//! Where the pulses of a run went.
+//! Pulse counters of a run.
 
-/// What became of the pulses; every one is in one of the first five.
+/// Counts of accepted and rejected pulses in one run. Every pulse is counted in exactly one of the first five fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseCounters {
-    /// Stored, and in a map unless its sub-CPI was given up.
+    /// Pulses stored. They are part of a map unless their sub-CPI was discarded as incomplete.
     pub accepted: u32,
-    /// Never came: gaps in the numbers.
+    /// Pulses never received, counted from gaps in the pulse numbers.
     pub lost: u32,
-    /// Came again, or too late.
+    /// Pulses whose number was received before, or that arrived after a later pulse.
     pub repeated: u32,
-    /// Could not be used: a wrong length, not a number, or the largest number that there is.
+    /// Pulses rejected for a wrong number of samples, a value that is not finite, or the pulse number `u32::MAX`.
     pub refused: u32,
-    /// Came while both stores were full, or in the middle of a sub-CPI whose beginning is missing.
+    /// Pulses dropped because both stores were full, or because the first pulse of their sub-CPI is missing.
     pub dropped: u32,
-    /// Samples (not pulses) with a part at an end of the converter's range.
+    /// Samples (not pulses) whose real or imaginary part is at a limit of the converter's range.
     pub at_limit: u32,
-    /// Arithmetic results (not pulses) that had to be clamped.
+    /// Arithmetic results (not pulses) that saturated in fixed point.
     pub saturated: u32,
-    /// Sub-CPIs (not pulses) given up after some of their pulses had been accepted, because a later one
-    /// was missing. One that misses its first is never begun: its pulses are dropped.
+    /// Sub-CPIs (not pulses) discarded because a later pulse was missing after some had been accepted. A sub-CPI
+    /// whose first pulse is missing is not counted here: its pulses count as `dropped`.
     pub incomplete: u32,
 }

@@ -1,44 +1,50 @@
-//! What the processor asks of an arithmetic: floating point or fixed point.
+//! Arithmetic engine of the stream processor: float32 or fixed point.
 
-use super::{MapSamples, Patch, Setup};
-use crate::Pulse;
+use super::{Capacity, MapSamples, Patch, Setup};
+use crate::{LengthError, Pulse};
 
-/// One patch of one sub-CPI: what an engine computes a map of.
+/// Input of an [`Engine`]: one patch of one sub-CPI.
 #[derive(Clone, Copy, Debug)]
 pub struct Work<'a, S> {
-    /// The run's settings; checked.
+    /// Settings of the run, already checked.
     pub setup: &'a Setup,
-    /// The patch; checked against the setup.
+    /// Patch to form a map of, already checked against the setup.
     pub patch: &'a Patch,
-    /// Fast-time weights, one a frequency; they sum to 1.
+    /// Fast-time window weights, one per frequency. They sum to 1.
     pub weights: &'a [f32],
-    /// The sub-CPI's pulses, `M` of them, at least 1.
+    /// Pulses of the sub-CPI, `M >= 1`.
     pub pulses: &'a [Pulse],
-    /// Their samples, pulse by pulse, `F` each.
+    /// Samples of all pulses, `[M][F]`, pulses outermost.
     pub samples: &'a [S],
 }
 
-/// The arithmetic of a map, in units of bounded work so that a processor can see to its link between
-/// them: [`Engine::begin`], then [`Engine::column`] for every frequency in ascending order, then
-/// [`Engine::row`] for every Doppler bin in ascending order; then [`Engine::map`].
+/// Arithmetic that forms one map in steps of bounded duration, so that a processor can serve its link between
+/// steps. Call order: [`Engine::begin`], [`Engine::column`] for every frequency in ascending order,
+/// [`Engine::row`] for every Doppler bin in ascending order, then [`Engine::map`].
 ///
-/// None of them may panic, whatever the samples.
+/// No method may panic, whatever the samples.
 pub trait Engine {
-    /// A stored sample.
+    /// Type of a stored sample.
     type Sample: Copy;
 
-    /// Prepares the patch: phases of every pulse.
+    /// Checks that the engine's buffers are large enough for `capacity`.
+    ///
+    /// # Errors
+    /// [`LengthError`] naming the first buffer that is too short.
+    fn holds(&self, capacity: &Capacity) -> Result<(), LengthError>;
+
+    /// Prepare a patch: compute the motion-compensation phase of every pulse.
     fn begin(&mut self, work: &Work<'_, Self::Sample>);
 
-    /// Compensates frequency `k` to the patch's centre and transforms it to Doppler.
+    /// Compensate frequency `k` to the patch centre and transform it to Doppler (keystone).
     fn column(&mut self, work: &Work<'_, Self::Sample>, k: usize);
 
-    /// Transforms Doppler row `row` (0 is the lowest) to range, and keeps the gate.
+    /// Transform Doppler row `row` to range and keep the range gate. Row 0 is the lowest Doppler bin.
     fn row(&mut self, work: &Work<'_, Self::Sample>, row: usize);
 
-    /// The map's samples; those of the rows done so far.
+    /// Samples of the map. Rows not yet processed are invalid.
     fn map(&self, work: &Work<'_, Self::Sample>) -> MapSamples<'_>;
 
-    /// Arithmetic results that had to be clamped since the beginning; none in floating point.
+    /// Number of arithmetic results that saturated since construction. Always 0 in floating point.
     fn saturated(&self) -> u32;
 }

@@ -1,4 +1,4 @@
-//! The buffers of a processor in fixed point, in arrays of sizes known to the compiler.
+//! Statically sized buffers of a fixed-point processor.
 
 use num_complex::Complex;
 
@@ -6,8 +6,8 @@ use super::fixed_point::{FixedSlices, PulsePhase};
 use super::{BlockFloat, Capacity, FixedEngine, Patch, PulseStores, SubCpiProcessor};
 use crate::{LengthError, Sc16, fft};
 
-/// The map in work in fixed point: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate, and
-/// exponents. `BLOCKS` is one more than a row of frequencies has blocks of [`BlockFloat::BLOCK`].
+/// Map buffer in fixed point: `DOPPLER_BINS` rows of `FREQUENCIES` samples (or of a range gate) with their
+/// exponents. `BLOCKS` must be [`BlockFloat::blocks`]`(FREQUENCIES) + 1`.
 #[derive(Debug)]
 pub struct FixedMap<const FREQUENCIES: usize, const DOPPLER_BINS: usize, const BLOCKS: usize> {
     cells: [[Sc16; FREQUENCIES]; DOPPLER_BINS],
@@ -18,19 +18,19 @@ pub struct FixedMap<const FREQUENCIES: usize, const DOPPLER_BINS: usize, const B
 impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize, const BLOCKS: usize>
     FixedMap<FREQUENCIES, DOPPLER_BINS, BLOCKS>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// An empty map, all zero bytes.
+    /// Create an empty map buffer. All bytes are zero, so a static is placed in `.bss`.
     pub const fn new() -> Self {
         const {
             assert!(
                 DOPPLER_BINS >= 1 && DOPPLER_BINS <= 4096,
-                "DOPPLER_BINS is 1 to 4096"
+                "DOPPLER_BINS must be 1 to 4096"
             );
             assert!(
                 BLOCKS == BlockFloat::blocks(FREQUENCIES) + 1,
-                "BLOCKS is FREQUENCIES / 32, rounded up, and 1"
+                "BLOCKS must be FREQUENCIES / 32, rounded up, plus 1"
             );
         };
         Self {
@@ -49,7 +49,7 @@ impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize, const BLOCKS: usize> D
     }
 }
 
-/// What the fixed-point path needs beside stores and map.
+/// Work buffers of the fixed-point path other than the pulse stores and the map.
 #[derive(Debug)]
 pub struct FixedScratch<
     const PULSES: usize,
@@ -67,17 +67,17 @@ pub struct FixedScratch<
 impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, const PATCHES: usize>
     FixedScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty scratch, all zero bytes.
+    /// Create empty work buffers. All bytes are zero.
     pub const fn new() -> Self {
         const {
             assert!(
                 fft::supports(RANGE_BINS) && RANGE_BINS >= FREQUENCIES,
-                "RANGE_BINS is a power of two from 2 to 4096, at least FREQUENCIES"
+                "RANGE_BINS must be a power of two from 2 to 4096 and at least FREQUENCIES"
             );
-            assert!(PATCHES >= 1 && PATCHES <= 4096, "PATCHES is 1 to 4096");
+            assert!(PATCHES >= 1 && PATCHES <= 4096, "PATCHES must be 1 to 4096");
         };
         let zero = Complex { re: 0, im: 0 };
         Self {
@@ -99,10 +99,10 @@ impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, con
 }
 
 impl<'a> SubCpiProcessor<'a, FixedEngine<'a>> {
-    /// A processor in fixed point on buffers of matching sizes.
+    /// Create a fixed-point processor on statically sized buffers.
     ///
     /// # Errors
-    /// None that arrays of these types can give.
+    /// [`LengthError`] if a buffer is too short, which arrays of these types rule out.
     pub fn fixed<
         const PULSES: usize,
         const FREQUENCIES: usize,
@@ -118,7 +118,7 @@ impl<'a> SubCpiProcessor<'a, FixedEngine<'a>> {
         const {
             assert!(
                 RANGE_BINS >= DOPPLER_BINS,
-                "RANGE_BINS is at least DOPPLER_BINS: columns use the scratch of rows"
+                "RANGE_BINS must be at least DOPPLER_BINS: columns use the scratch buffer of rows"
             );
         };
         let capacity = Capacity {
@@ -138,7 +138,7 @@ impl<'a> SubCpiProcessor<'a, FixedEngine<'a>> {
         };
         let engine = FixedEngine::new(slices, &capacity)?;
         let (weights, patches) = (&mut scratch.weights, &mut scratch.patches);
-        Ok(Self::from_parts(
+        Ok(Self::with_buffers(
             engine,
             capacity,
             weights,
@@ -148,14 +148,14 @@ impl<'a> SubCpiProcessor<'a, FixedEngine<'a>> {
     }
 }
 
-/// Everything that a processor in fixed point needs, where one memory holds it all.
+/// All buffers of a fixed-point processor in one value, for a device with one memory.
 ///
 /// ```
 /// use subaperture_core::stream::FixedBuffers;
 /// static BUFFERS: FixedBuffers<30, 424, 1024, 41, 15, 16> = FixedBuffers::new();
 /// println!("{} bytes", FixedBuffers::<30, 424, 1024, 41, 15, 16>::BYTES);
 /// ```
-/// Blocks that are not those of the frequencies do not compile:
+/// A number of blocks that does not match the frequencies does not compile:
 /// ```compile_fail
 /// use subaperture_core::stream::FixedBuffers;
 /// static BUFFERS: FixedBuffers<30, 424, 1024, 41, 14, 16> = FixedBuffers::new();
@@ -183,10 +183,10 @@ impl<
     const PATCHES: usize,
 > FixedBuffers<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS, BLOCKS, PATCHES>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers, all zero bytes.
+    /// Create empty buffers. All bytes are zero.
     pub const fn new() -> Self {
         Self {
             stores: PulseStores::new(),
@@ -195,10 +195,10 @@ impl<
         }
     }
 
-    /// Lends the buffers to a processor.
+    /// Borrow the buffers as a processor.
     ///
     /// # Errors
-    /// None that arrays of these types can give.
+    /// [`LengthError`] if a buffer is too short, which arrays of these types rule out.
     pub fn processor(&mut self) -> Result<SubCpiProcessor<'_, FixedEngine<'_>>, LengthError> {
         SubCpiProcessor::fixed(&mut self.stores, &mut self.map, &mut self.scratch)
     }

@@ -1,47 +1,48 @@
-//! Maps in float32.
+//! Range-Doppler maps in float32.
 //!
-//! **Equation**: that of [`super`]. Compensation: the phase `f_k rho_m / c` is an integer number of
-//! `2^-64` turns for every pulse; its phasor is computed at every [`ANCHOR`]-th frequency and rotated
-//! from one to the next between. Keystone is the scaled Doppler transform itself, summed at the bins
-//! that are kept and no others: with `theta = 2 pi (f_k / f_ref) d / D`, and pulses `u` and `-u` folded
-//! into `e = z(u) + z(-u)` and `o = z(u) - z(-u)`,
+//! **Equation**: that of [`super`]. Compensation: the phase `f_k rho_m / c` is held for every pulse as an integer
+//! number of `2^-64` turns. Its phasor is computed at every [`ANCHOR`]-th frequency and advanced by a complex
+//! rotation at the frequencies in between. The keystone transform is the Doppler transform scaled with frequency,
+//! summed directly at the retained bins only. With `theta = 2 pi (f_k / f_ref) d / D`, and pulses `u` and `-u`
+//! folded into `e = z(u) + z(-u)` and `o = z(u) - z(-u)`,
 //!
 //! ```text
 //! A = z(0) + sum_{u > 0} e(u) cos(theta u),   B = sum_{u > 0} o(u) sin(theta u)
 //! X(d) = A - j B,   X(-d) = A + j B
 //! ```
 //!
-//! so that one rotation and four products serve two pulses and two bins: six instructions a pulse and
-//! bin under QEMU's Cortex-M7. It needs no transform length, no table and no scratch beyond a column,
-//! and computes no bin that is not kept; [`crate::keystone::chirp_z`] takes 31 k for all 64 bins of 32
-//! pulses, which is five thousand pulses times bins of this.
+//! One rotation and four products thus serve two pulses and two bins: six instructions per pulse and bin under
+//! QEMU's Cortex-M7. The method needs no minimum transform length, no table and no scratch memory beyond one column.
+//! [`crate::keystone::chirp_z`] takes 31 k instructions for all 64 bins of 32 pulses, as many as this method
+//! takes for five thousand pulse-bin products.
 //!
 //! **Neglected**: nothing. **Accuracy**: -127 dB or better against float64 (`tests/stream/float.rs`).
-//! **Cost**: `firmware/REPORT.md`; memory `8 (M + R)` bytes and 32 a pulse for phases, beside the map.
+//! **Cost**: see `firmware/REPORT.md`. Memory: `8 (M + R)` bytes plus 32 bytes per pulse for phases, plus the map.
 
 use num_complex::Complex32;
 
 use super::engine::{Engine, Work};
-use super::{MapSamples, Setup};
-use crate::{Pulse, SPEED_OF_LIGHT_M_S, Turns, fft};
+use super::{Capacity, MapSamples, Setup};
+use crate::{LengthError, Pulse, SPEED_OF_LIGHT_M_S, Turns, fft};
 
-/// Frequencies from one phasor to the next. Between, the relative error of a rotated phasor grows by at
-/// most `1.2e-7` a step: `1.8e-6` (-115 dB) at the last, if every rounding went one way.
+/// Number of frequencies from one directly computed phasor to the next. In between, the relative error of a rotated
+/// phasor grows by at most `1.2e-7` per step, to at most `1.8e-6` (-115 dB) at the last if all rounding
+/// errors have the same sign.
 pub const ANCHOR: usize = 16;
 
-/// A pulse's compensation.
+/// Motion-compensation phase of one pulse.
 #[derive(Clone, Copy, Debug)]
 pub struct PulsePhase {
-    /// Phase at frequency 0, and from one frequency to the next.
+    /// Phase at frequency 0 and phase increment per frequency.
     start: Turns,
     step: Turns,
-    /// `exp(+j phase)` at the frequency in work, times the pulse's weight; and what turns it on.
+    /// `exp(+j phase)` at the current frequency times the pulse's weight, and the phasor of the increment.
     value: Complex32,
     rotation: Complex32,
 }
 
 impl PulsePhase {
-    /// No phase.
+    /// Zero phase; initial value of a buffer.
     pub const EMPTY: Self = Self {
         start: Turns(0),
         step: Turns(0),
@@ -50,7 +51,7 @@ impl PulsePhase {
     };
 }
 
-/// Phase of a pulse's compensation to a point: at frequency 0, and from one to the next.
+/// Compensation phase of a pulse to a point: phase at 0 Hz offset (`start_hz`) and increment per frequency step.
 pub(crate) fn compensation(setup: &Setup, pulse: &Pulse, point_m: [f64; 3]) -> (Turns, Turns) {
     let delay_s = pulse.relative_path_m(point_m) / SPEED_OF_LIGHT_M_S;
     (
@@ -59,7 +60,7 @@ pub(crate) fn compensation(setup: &Setup, pulse: &Pulse, point_m: [f64; 3]) -> (
     )
 }
 
-/// Half of the turn from pulse to pulse at Doppler bin 1 and frequency `k`: `f_k / (2 D f_ref)`.
+/// Half of the phase advance per pulse at Doppler bin 1 and frequency `k`: `f_k / (2 D f_ref)` turns.
 fn half_rate(setup: &Setup, k: usize) -> Turns {
     let bins = 2.0 * f64::from(setup.doppler_length);
     let centre = Turns::from_f64(1.0 / bins);
@@ -67,22 +68,22 @@ fn half_rate(setup: &Setup, k: usize) -> Turns {
     centre.plus(step.times(k as i64 - i64::from(setup.num_frequencies / 2)))
 }
 
-/// The floating-point path, on buffers that the caller lends.
+/// Float32 engine on borrowed buffers.
 #[derive(Debug)]
 pub struct FloatEngine<'a> {
-    /// Rows of `max(F, 2G + 1)` samples while in work, of `2G + 1` when done.
+    /// `[2Q+1]` rows of `max(F, 2G + 1)` samples during processing, of `2G + 1` samples in the finished map.
     map: &'a mut [Complex32],
-    /// `R` samples.
+    /// Range transform buffer, `R` samples.
     row: &'a mut [Complex32],
-    /// `M` samples.
+    /// One frequency of all pulses, `M` samples.
     column: &'a mut [Complex32],
-    /// `M` phases.
+    /// Compensation phases, `M` values.
     phases: &'a mut [PulsePhase],
 }
 
 impl<'a> FloatEngine<'a> {
-    /// Lends the buffers: `map` of rows times frequencies, `row` of `R` samples, `column` and `phases`
-    /// of `M`, all at the most that the capacity states.
+    /// Create an engine on borrowed buffers: `map` of Doppler rows times frequencies, `row` of `R` samples, `column`
+    /// and `phases` of `M`, each for the maximum that the capacity states. [`Engine::holds`] checks their lengths.
     pub fn new(
         map: &'a mut [Complex32],
         row: &'a mut [Complex32],
@@ -97,7 +98,7 @@ impl<'a> FloatEngine<'a> {
         }
     }
 
-    /// Compensates frequency `k` of every pulse into the column.
+    /// Motion-compensate frequency `k` of every pulse into the column buffer.
     fn compensate(&mut self, work: &Work<'_, Complex32>, k: usize) {
         let num_frequencies = usize::from(work.setup.num_frequencies);
         let scale = work.weights.get(k).copied().unwrap_or(0.0) / work.pulses.len() as f32;
@@ -120,6 +121,15 @@ impl<'a> FloatEngine<'a> {
 impl Engine for FloatEngine<'_> {
     type Sample = Complex32;
 
+    fn holds(&self, capacity: &Capacity) -> Result<(), LengthError> {
+        let pulses = usize::from(capacity.pulses);
+        let cells = usize::from(capacity.doppler_bins) * usize::from(capacity.frequencies);
+        LengthError::at_least("map", cells, self.map.len())?;
+        LengthError::at_least("range row", capacity.range_bins.into(), self.row.len())?;
+        LengthError::at_least("column", pulses, self.column.len())?;
+        LengthError::at_least("pulse phases", pulses, self.phases.len())
+    }
+
     fn begin(&mut self, work: &Work<'_, Complex32>) {
         for (pulse, phase) in work.pulses.iter().zip(self.phases.iter_mut()) {
             let (start, step) = compensation(work.setup, pulse, work.patch.centre_m);
@@ -138,7 +148,7 @@ impl Engine for FloatEngine<'_> {
         let stride = work.setup.row_stride(work.patch);
         let reach = usize::from(work.patch.doppler_reach);
 
-        // Pulses at u > 0 above, at u < 0 below, nearest to the middle first.
+        // Split into pulses at u < 0 (below) and u > 0 (above), each taken from the middle outwards.
         let Some(column) = self.column.get_mut(..num_pulses) else {
             return;
         };
@@ -189,7 +199,7 @@ impl Engine for FloatEngine<'_> {
         };
         let source = self.map.get(row * stride..).unwrap_or(&[]);
         let source = source.get(..frequencies).unwrap_or(&[]);
-        // Frequency k lies at place -(k - F/2) modulo R of a forward transform: the exponent turns.
+        // Frequency k goes to index -(k - F/2) modulo R: a forward FFT then evaluates the positive exponent.
         buffer.fill(Complex32::ZERO);
         let (below, above) = source.split_at(source.len().min(frequencies / 2 + 1));
         let places = buffer.iter_mut().take(frequencies / 2 + 1).rev();
@@ -204,7 +214,7 @@ impl Engine for FloatEngine<'_> {
             usize::from(work.patch.range_reach),
             work.patch.num_range_bins(),
         );
-        // Rows shrink to their gate from the first on: none reaches into one that is still to come.
+        // Rows shrink in place to their range gate; a gate never overwrites a row that is not yet processed.
         let gate = self.map.get_mut(row * bins..).unwrap_or(&mut []);
         let negative = buffer.iter().skip(length.saturating_sub(reach));
         for (out, value) in gate

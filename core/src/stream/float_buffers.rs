@@ -1,24 +1,24 @@
-//! The buffers of a processor in float32, in arrays of sizes known to the compiler: made to be statics.
+//! Statically sized buffers of a float32 processor, suitable for statics.
 
 use super::{Capacity, FloatEngine, Patch, PulsePhase, PulseStores, SubCpiProcessor};
 use crate::{Complex32, fft};
 
-/// The map in work in float32: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate.
+/// Map buffer in float32: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate.
 #[derive(Debug)]
 pub struct FloatMap<const FREQUENCIES: usize, const DOPPLER_BINS: usize> {
     cells: [[Complex32; FREQUENCIES]; DOPPLER_BINS],
 }
 
 impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize> FloatMap<FREQUENCIES, DOPPLER_BINS> {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// An empty map, all zero bytes.
+    /// Create an empty map buffer. All bytes are zero, so a static is placed in `.bss`.
     pub const fn new() -> Self {
         const {
             assert!(
                 DOPPLER_BINS >= 1 && DOPPLER_BINS <= 4096,
-                "DOPPLER_BINS is 1 to 4096"
+                "DOPPLER_BINS must be 1 to 4096"
             );
         };
         Self {
@@ -35,7 +35,7 @@ impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize> Default
     }
 }
 
-/// What the floating-point path needs beside stores and map.
+/// Work buffers of the float32 path other than the pulse stores and the map.
 #[derive(Debug)]
 pub struct FloatScratch<
     const PULSES: usize,
@@ -53,17 +53,17 @@ pub struct FloatScratch<
 impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, const PATCHES: usize>
     FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty scratch, all zero bytes.
+    /// Create empty work buffers. All bytes are zero.
     pub const fn new() -> Self {
         const {
             assert!(
                 fft::supports(RANGE_BINS) && RANGE_BINS >= FREQUENCIES,
-                "RANGE_BINS is a power of two from 2 to 4096, at least FREQUENCIES"
+                "RANGE_BINS must be a power of two from 2 to 4096 and at least FREQUENCIES"
             );
-            assert!(PATCHES >= 1 && PATCHES <= 4096, "PATCHES is 1 to 4096");
+            assert!(PATCHES >= 1 && PATCHES <= 4096, "PATCHES must be 1 to 4096");
         };
         Self {
             row: [Complex32::ZERO; RANGE_BINS],
@@ -84,7 +84,7 @@ impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, con
 }
 
 impl<'a> SubCpiProcessor<'a, FloatEngine<'a>> {
-    /// A processor in float32 on buffers of matching sizes.
+    /// Create a float32 processor on statically sized buffers.
     pub fn float<
         const PULSES: usize,
         const FREQUENCIES: usize,
@@ -110,29 +110,29 @@ impl<'a> SubCpiProcessor<'a, FloatEngine<'a>> {
             &mut scratch.phases,
         );
         let (weights, patches) = (&mut scratch.weights, &mut scratch.patches);
-        Self::from_parts(engine, capacity, weights, patches, stores.split())
+        Self::with_buffers(engine, capacity, weights, patches, stores.split())
     }
 }
 
-/// Everything that a processor in float32 needs, where one memory holds it all.
+/// All buffers of a float32 processor in one value, for a device with one memory.
 ///
-/// Sizes that cannot be do not compile. Range bins that are no power of two:
+/// Invalid sizes do not compile. A number of range bins that is not a power of two:
 ///
 /// ```compile_fail
 /// use subaperture_core::stream::FloatBuffers;
 /// static BUFFERS: FloatBuffers<30, 424, 1000, 41, 16> = FloatBuffers::new();
 /// ```
-/// Range bins below the frequencies:
+/// Fewer range bins than frequencies:
 /// ```compile_fail
 /// use subaperture_core::stream::FloatBuffers;
 /// static BUFFERS: FloatBuffers<30, 424, 256, 41, 16> = FloatBuffers::new();
 /// ```
-/// No pulses:
+/// Zero pulses:
 /// ```compile_fail
 /// use subaperture_core::stream::FloatBuffers;
 /// static BUFFERS: FloatBuffers<0, 424, 1024, 41, 16> = FloatBuffers::new();
 /// ```
-/// These do:
+/// Valid sizes:
 /// ```
 /// use subaperture_core::stream::FloatBuffers;
 /// static BUFFERS: FloatBuffers<30, 424, 1024, 41, 16> = FloatBuffers::new();
@@ -159,10 +159,10 @@ impl<
     const PATCHES: usize,
 > FloatBuffers<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS, PATCHES>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers, all zero bytes.
+    /// Create empty buffers. All bytes are zero.
     pub const fn new() -> Self {
         Self {
             stores: PulseStores::new(),
@@ -171,7 +171,7 @@ impl<
         }
     }
 
-    /// Lends the buffers to a processor.
+    /// Borrow the buffers as a processor.
     pub fn processor(&mut self) -> SubCpiProcessor<'_, FloatEngine<'_>> {
         SubCpiProcessor::float(&mut self.stores, &mut self.map, &mut self.scratch)
     }

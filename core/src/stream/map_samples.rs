@@ -1,28 +1,28 @@
-//! Samples of a map, in the form of either arithmetic, and how they are read.
+//! Map samples in float32 or block floating point, and access to them.
 //!
-//! Here alone the core asks which of the two forms samples have; everybody else reads through this.
+//! This is the only place in the core that distinguishes the two formats.
 
 use num_complex::Complex32;
 
 #[cfg(feature = "fixed")]
 use super::BlockFloat;
 
-/// Samples of a map, Doppler bin by Doppler bin (ascending), range bins (ascending) contiguous.
+/// Samples of a map, `[Doppler bin][range bin]`, both axes ascending, range contiguous.
 ///
-/// Without the feature `fixed` there is no second form, but code must be written as if there might be
-/// one: another crate of the same program may ask for it.
+/// Without the feature `fixed` only `Float` exists. The enum is then `non_exhaustive`, because another crate of
+/// the same program can enable the feature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(not(feature = "fixed"), non_exhaustive)]
 pub enum MapSamples<'a> {
-    /// By the floating-point path.
+    /// Complex float32 samples of the floating-point path.
     Float(&'a [Complex32]),
-    /// By the fixed-point path, in blocks of a common exponent.
+    /// Block floating-point samples of the fixed-point path.
     #[cfg(feature = "fixed")]
     Fixed(BlockFloat<'a>),
 }
 
 impl MapSamples<'_> {
-    /// The sample in `column` of `row`, of rows of `width`.
+    /// Sample at `row`, `column` of a map whose rows have `width` samples. `None` outside the map.
     #[inline]
     pub(super) fn at(&self, width: usize, row: usize, column: usize) -> Option<Complex32> {
         match self {
@@ -32,7 +32,7 @@ impl MapSamples<'_> {
         }
     }
 
-    /// Weighted sum of the samples from `first` on of `row`, of rows of `width`; the row must have them all.
+    /// Weighted sum of `TAPS` consecutive samples of `row` from column `first`. The row must contain all of them.
     #[inline]
     pub(crate) fn weighted<const TAPS: usize>(
         &self,

@@ -1,40 +1,39 @@
-//! Streaming: pulses in, the maps of several patches out, in a fixed set of buffers.
+//! Streaming processor: pulses in, motion-compensated range-Doppler maps of several patches out, in fixed buffers.
 //!
-//! **Equation.** Every pulse `m` of a sub-CPI of `M` is compensated to a patch's centre `q` with its own
-//! antenna positions, `rho_m(q) = path_m(q) - reference_path_m`, so that what all of the patch has in
-//! common (its range, its migration, its curvature) is gone; then Keystone, Doppler and range in one
-//! sum. With `u_m = m - (M - 1)/2`, for `|d| <= doppler_reach` and `|r| <= range_reach` about the
-//! patch's centre:
+//! **Equation.** Every pulse `m` of a sub-CPI of `M` pulses is motion-compensated to the patch centre `q` with its
+//! own antenna positions, `rho_m(q) = path_m(q) - reference_path_m`. This removes the range, range migration
+//! and phase curvature that are common to the patch. Keystone, Doppler and range transform then follow in one
+//! sum. With `u_m = m - (M - 1)/2`, for `|d| <= doppler_reach` and `|r| <= range_reach` about the patch
+//! centre:
 //!
 //! ```text
 //! map[d][r] = 1/M  sum_k sum_m  w_f[k] w_m z[m][k] exp(+j 2 pi f_k rho_m(q) / c)
 //!             exp(+j 2 pi (k - F/2) r / R)  exp(-j 2 pi (f_k / f_ref) u_m d / D)
 //! ```
 //!
-//! A scatterer whose path relative to the patch's centre is `a + b u_m` lies at
-//! `r = a R step_hz / c`, `d = -b D f_ref / c` with the phase `-2 pi f_ref a / c`: read there and turned
-//! back by it, maps add up to the image (Schone 2020, chapter 3; the compensation is what takes the
-//! quadratic phase, and with it the grating lobes, away). Fast weights sum to 1; the weights `w_m` in
-//! slow time come with the pulses, so that a window over the whole aperture can be used.
+//! A scatterer whose path relative to the patch centre is `a + b u_m` lies at
+//! `r = a R step_hz / c`, `d = -b D f_ref / c` with the phase `-2 pi f_ref a / c`. Maps interpolated there and
+//! multiplied by the conjugate phasor sum to the image (Schone 2020, chapter 3). The compensation removes the
+//! quadratic phase and with it the grating lobes. Fast-time weights sum to 1. Slow-time weights `w_m` are
+//! supplied with the pulses, so a window over the whole aperture can be used.
 //!
-//! **The way of the data.** Two stores of raw pulses take turns: one fills while the other is worked
-//! on. Raw, because one store then serves any number of patches; compensation happens on the way into
-//! the transform.
+//! **Data flow.** Two stores of raw pulses alternate: one fills while the other is processed. Pulses are stored
+//! raw so that one store serves any number of patches. Compensation is applied as samples enter the transform.
 //!
 //! ```text
 //! push -> store A | B [M][F] -> for each patch: column (compensate, Keystone) for each frequency
 //!                               -> map [2Q+1][F] -> row (range, gate) for each Doppler bin -> map out
 //! ```
 //!
-//! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
-//! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
+//! [`SubCpiProcessor`] controls the order of steps. An [`Engine`] does the arithmetic in steps of bounded
+//! duration: [`FloatEngine`] in float32, [`FixedEngine`] in fixed point on 16-bit samples.
 //!
 //! # Memory
-//! Every buffer is an array of sizes known to the compiler, with its bytes as a `BYTES` constant. They
-//! come in three, by what they need of a memory: the stores are large and written once a sample; the
-//! map is large and in use throughout; scratch is small and busy. On a part with several memories each
-//! goes where it fits. In bytes, with `B` the blocks of a row, `P` the patches, `rows` the Doppler bins
-//! that there is room for; on the right for `M = 30`, `F = 424`, `R = 1024`, 41 rows, 16 patches:
+//! Every buffer is an array of a size known at compile time, with its size as a `BYTES` constant. There are three
+//! kinds, by access pattern: the stores are large and every sample is written once; the map is large and accessed
+//! throughout; the scratch buffers are small and accessed most. On a part with several memories each kind can be
+//! placed separately. Sizes in bytes, with `B` exponent blocks per row, `P` patches and `rows` Doppler bins of
+//! capacity; the figures are for `M = 30`, `F = 424`, `R = 1024`, 41 rows, 16 patches:
 //!
 //! | | float32 | | fixed point | |
 //! |---|---|---|---|---|
@@ -42,11 +41,11 @@
 //! | [`FloatMap`], [`FixedMap`] | `8 F rows` | 139072 | `(4 F + B + 1) rows + F` | 70576 |
 //! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 48 M + 4 F + 32 P` | 11840 |
 //!
-//! (`tests/stream/memory.rs` holds these figures, and that they are all.)
+//! (`tests/stream/memory.rs` checks these figures and that no other memory is used.)
 //!
 //! # Example
-//! A stream of one sub-CPI and one patch. The scatterer's path is one range bin longer than that of the
-//! patch's centre, and shrinks by one Doppler bin:
+//! One sub-CPI and one patch. The scatterer's path is one range bin longer than that of the patch centre, and
+//! shortens at a rate of one Doppler bin:
 //!
 //! ```
 //! use subaperture_core::stream::{FloatBuffers, Patch, Progress, Setup};
@@ -84,7 +83,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-// Names of what is not there lead to the table of features.
+// Links to items that are compiled out lead to the feature table.
 #![cfg_attr(
     not(feature = "fixed"),
     doc = "[`FixedEngine`]: crate#features",

@@ -1,4 +1,6 @@
-//! Pulses in, maps out: the order of things, and what happens when it is disturbed.
+//! Stream processor: collects pulses into sub-CPIs, forms maps, and recovers from missing pulses.
+
+use core::fmt;
 
 use super::engine::{Engine, Work};
 use super::sample::Sample;
@@ -7,39 +9,56 @@ use super::{
     Capacity, MapHeader, MapSamples, Patch, PatchMap, PulseCounters, Quantity, Setup, SetupError,
     nodes,
 };
-use crate::Pulse;
+use crate::{LengthError, Pulse};
 
-/// Why a pulse was not stored. It has been counted; nothing else has changed but what is said here.
+/// Reason why a pulse was not stored. The pulse is counted in [`PulseCounters`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PulseError {
-    /// Nothing is running.
+    /// No run is active: call [`SubCpiProcessor::start`] first.
     NotRunning,
-    /// The pulse has too few or too many samples.
+    /// The number of samples differs from the frequencies of the setup.
     Length,
-    /// A position, a weight or a sample is not a finite number.
+    /// A position, weight or sample is not finite.
     NotFinite,
-    /// Its number was there before.
+    /// A pulse of this number or a later one was received before.
     Repeated,
-    /// Its number is the largest that there is: none could be due after it.
+    /// The pulse number is `u32::MAX`, which is reserved so that a next pulse number exists.
     Number,
-    /// Both stores are full. Its sub-CPI will be given up.
+    /// Both stores are full. The pulse's sub-CPI will be discarded as incomplete.
     Full,
-    /// The beginning of its sub-CPI is missing: it waits for the next.
+    /// The first pulse of the sub-CPI is missing. Storage resumes with the next sub-CPI.
     Waiting,
 }
 
-/// What [`SubCpiProcessor::work`] did.
+impl fmt::Display for PulseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotRunning => "no run is active: start one before pushing pulses",
+            Self::Length => "number of samples differs from the frequencies of the setup",
+            Self::NotFinite => "a position, weight or sample is not finite",
+            Self::Repeated => "a pulse of this number or a later one was received before",
+            Self::Number => "pulse number 4294967295 is reserved: expected a smaller one",
+            Self::Full => "both pulse stores are full: call work() until a store is free",
+            Self::Waiting => "first pulse of the sub-CPI is missing: waiting for the next sub-CPI",
+        })
+    }
+}
+
+impl core::error::Error for PulseError {}
+
+/// Result of one call of [`SubCpiProcessor::work`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Nothing: no sub-CPI is full.
+    /// No sub-CPI is complete; nothing was done.
     Idle,
-    /// A part of a map.
+    /// One step was done; the map is not complete yet.
     Busy,
-    /// A map is ready: [`SubCpiProcessor::map`]. Going on with the work gives it up.
+    /// A map is complete: read it with [`SubCpiProcessor::map`]. The next call of `work` discards it.
     Map,
 }
 
-/// What is due next of the sub-CPI in work.
+/// Next step of the sub-CPI being processed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Begin,
@@ -48,10 +67,10 @@ enum Stage {
     Ready,
 }
 
-/// Collects pulses into sub-CPIs and forms the maps of every patch, a bounded piece of work at a time.
+/// Streaming sub-CPI processor: stores pulses and forms the maps of every patch in steps of bounded duration.
 ///
-/// Pulses carry running numbers, below the largest `u32`; sub-CPI `n` holds the pulses `n M .. (n + 1) M`
-/// of a run. A sub-CPI that misses a pulse is given up, and the next one is right.
+/// Pulses carry consecutive numbers below `u32::MAX`. Sub-CPI `n` of a run holds the pulses `n M .. (n + 1) M`.
+/// A sub-CPI with a missing pulse is discarded; the next one is unaffected.
 #[derive(Debug)]
 pub struct SubCpiProcessor<'a, E: Engine> {
     engine: E,
@@ -61,15 +80,15 @@ pub struct SubCpiProcessor<'a, E: Engine> {
     patches: &'a mut [Patch],
     num_patches: usize,
     stores: [Store<'a, E::Sample>; 2],
-    /// The store that fills; the other one is worked on, or free.
+    /// Index of the store being filled. The other store is being processed or is free.
     filling: usize,
     running: bool,
     next_pulse: u32,
-    /// The index of the patch in work.
+    /// Index of the patch being processed.
     patch: usize,
     stage: Stage,
     counters: PulseCounters,
-    /// What the engine had clamped when the run began.
+    /// Saturation count of the engine at the start of the run.
     saturated_before: u32,
 }
 
@@ -77,8 +96,54 @@ impl<'a, E: Engine> SubCpiProcessor<'a, E>
 where
     E::Sample: Sample,
 {
-    /// Lends the buffers, whose sizes must be those that `capacity` states: weights one a frequency.
+    /// Create a processor on borrowed buffers: fast-time weights (one per frequency), patches, two pulse stores and an
+    /// engine with its own buffers.
+    ///
+    /// # Errors
+    /// [`LengthError`] naming the first buffer that is shorter than `capacity` requires. On a short store a pulse
+    /// would be stored in part or not at all.
+    ///
+    /// ```
+    /// use subaperture_core::stream::{Capacity, FloatEngine, Patch, PulsePhase, Store, SubCpiProcessor};
+    /// use subaperture_core::{Complex32, Pulse};
+    /// let capacity = Capacity { pulses: 2, frequencies: 4, range_bins: 4, doppler_bins: 1, patches: 1 };
+    /// let (mut map, mut row, mut column) = ([Complex32::ZERO; 4], [Complex32::ZERO; 4], [Complex32::ZERO; 2]);
+    /// let mut phases = [PulsePhase::EMPTY; 2];
+    /// let (mut weights, mut patches) = ([0.0; 4], [Patch::EMPTY; 1]);
+    /// // The second store has room for 7 samples; 2 pulses of 4 frequencies need 8.
+    /// let (mut first, mut second) = ([Complex32::ZERO; 8], [Complex32::ZERO; 7]);
+    /// let (mut early, mut late) = ([Pulse::EMPTY; 2], [Pulse::EMPTY; 2]);
+    /// let engine = FloatEngine::new(&mut map, &mut row, &mut column, &mut phases);
+    /// let stores = [Store::new(&mut first, &mut early), Store::new(&mut second, &mut late)];
+    /// let error = SubCpiProcessor::from_parts(engine, capacity, &mut weights, &mut patches, stores).unwrap_err();
+    /// assert_eq!(error.to_string(), "pulse store samples: expected 8 elements, found 7");
+    /// ```
     pub fn from_parts(
+        engine: E,
+        capacity: Capacity,
+        weights: &'a mut [f32],
+        patches: &'a mut [Patch],
+        stores: [Store<'a, E::Sample>; 2],
+    ) -> Result<Self, LengthError> {
+        let (pulses, frequencies) = (
+            usize::from(capacity.pulses),
+            usize::from(capacity.frequencies),
+        );
+        LengthError::at_least("weights", frequencies, weights.len())?;
+        LengthError::at_least("patches", capacity.patches.into(), patches.len())?;
+        for store in &stores {
+            let samples = pulses.saturating_mul(frequencies);
+            LengthError::at_least("pulse store samples", samples, store.samples.len())?;
+            LengthError::at_least("pulse store headers", pulses, store.pulses.len())?;
+        }
+        engine.holds(&capacity)?;
+        Ok(Self::with_buffers(
+            engine, capacity, weights, patches, stores,
+        ))
+    }
+
+    /// Create a processor on buffers whose lengths match `capacity`.
+    pub(super) fn with_buffers(
         engine: E,
         capacity: Capacity,
         weights: &'a mut [f32],
@@ -103,17 +168,17 @@ where
         }
     }
 
-    /// The sizes that there is room for.
+    /// Maximum sizes that the buffers hold.
     pub fn capacity(&self) -> &Capacity {
         &self.capacity
     }
 
-    /// The settings, if any.
+    /// Settings of the run, or `None` before [`SubCpiProcessor::configure`].
     pub fn setup(&self) -> Option<&Setup> {
         self.setup.as_ref()
     }
 
-    /// The settings; without, sub-CPIs are of no pulses.
+    /// Settings, or an error that asks for a number of pulses if there are none.
     fn settings(&self) -> Result<Setup, SetupError> {
         self.setup.ok_or(SetupError::Size {
             what: Quantity::Pulses,
@@ -122,10 +187,11 @@ where
         })
     }
 
-    /// Takes settings for the next run: a rectangular fast-time window, no patches. Ends a run.
+    /// Set the settings of the next run. Resets the fast-time window to rectangular, clears the patch list and ends the
+    /// current run.
     ///
     /// # Errors
-    /// [`SetupError`]; nothing has changed.
+    /// [`SetupError`] if a size or value is invalid. The processor is then unchanged.
     pub fn configure(&mut self, setup: &Setup) -> Result<(), SetupError> {
         setup.check(&self.capacity)?;
         self.stop();
@@ -135,10 +201,10 @@ where
         Ok(())
     }
 
-    /// Takes weights of the fast-time window from frequency `first` on; all together should sum to 1.
+    /// Set fast-time window weights starting at frequency `first`. All weights together should sum to 1. Ends the run.
     ///
     /// # Errors
-    /// [`SetupError`] if there are not so many frequencies, one is not finite, or there are no settings.
+    /// [`SetupError`] if the weights exceed the number of frequencies, a weight is not finite, or no setup is set.
     pub fn set_weights(
         &mut self,
         first: usize,
@@ -163,10 +229,11 @@ where
         Ok(())
     }
 
-    /// Takes patch number `index`; a list is complete at the first index that was not given.
+    /// Set patch `index` and truncate the list after it. Ends the run.
     ///
     /// # Errors
-    /// [`SetupError`] if there is no room for it, it does not fit the settings, or there are none.
+    /// [`SetupError`] if `index` is beyond the end of the list or the capacity, the patch does not fit the setup, or no
+    /// setup is set.
     pub fn set_patch(&mut self, index: usize, patch: &Patch) -> Result<(), SetupError> {
         let setup = self.settings()?;
         setup.check_patch(patch, &self.capacity)?;
@@ -186,15 +253,15 @@ where
         Ok(())
     }
 
-    /// The patches.
+    /// Patch list.
     pub fn patches(&self) -> &[Patch] {
         self.patches.get(..self.num_patches).unwrap_or(&[])
     }
 
-    /// Begins a run with pulse `first`; counts from zero.
+    /// Start a run with pulse number `first` and reset the counters.
     ///
     /// # Errors
-    /// [`SetupError`] without settings or patches.
+    /// [`SetupError`] if no setup or no patch is set.
     pub fn start(&mut self, first: u32) -> Result<(), SetupError> {
         self.settings()?;
         if self.num_patches == 0 {
@@ -212,7 +279,7 @@ where
         Ok(())
     }
 
-    /// Gives up everything in hand.
+    /// Stop the run and discard all stored pulses and the map in progress.
     pub fn stop(&mut self) {
         self.running = false;
         self.stores.iter_mut().for_each(Store::clear);
@@ -221,18 +288,18 @@ where
         self.stage = Stage::Begin;
     }
 
-    /// Whether a sub-CPI waits for work or is in work.
+    /// Whether a complete sub-CPI is waiting or being processed.
     pub fn is_working(&self) -> bool {
         self.stores.iter().any(|store| store.full)
     }
 
-    /// Number of the pulse that is due.
+    /// Number of the next expected pulse.
     pub fn next_pulse(&self) -> u32 {
         self.next_pulse
     }
 
-    /// Pulses below this number find room now: the rest of the sub-CPI in hand and the next, as far as
-    /// stores are free.
+    /// Flow-control limit: pulses with numbers below this value can be stored now. It covers the rest of the current
+    /// sub-CPI and the next one as far as stores are free. 0 if no run is active.
     pub fn accept_through(&self) -> u32 {
         let Some(setup) = self.setup.filter(|_| self.running) else {
             return 0;
@@ -246,9 +313,9 @@ where
         }
     }
 
-    /// What became of the run's pulses so far.
+    /// Pulse counters of the current run.
     pub fn counters(&self) -> PulseCounters {
-        // An engine counts for as long as it lives.
+        // The engine counts from its construction, not from the start of the run.
         let saturated = self.engine.saturated();
         PulseCounters {
             saturated: saturated.saturating_sub(self.saturated_before),
@@ -256,10 +323,10 @@ where
         }
     }
 
-    /// Takes a pulse.
+    /// Store one pulse with its samples.
     ///
     /// # Errors
-    /// See [`PulseError`].
+    /// [`PulseError`] states why the pulse was not stored.
     pub fn push(
         &mut self,
         pulse: &Pulse,
@@ -295,7 +362,7 @@ where
         self.next_pulse = next_pulse;
         self.counters.lost = self.counters.lost.saturating_add(missing);
         if let Err(error) = usable {
-            // The next one finds its place empty.
+            // The refused pulse leaves a gap, so its sub-CPI is discarded at the next pulse.
             self.counters.refused = self.counters.refused.saturating_add(1);
             return Err(error);
         }
@@ -307,7 +374,7 @@ where
             self.counters.dropped = self.counters.dropped.saturating_add(1);
             return Err(PulseError::Full);
         }
-        // A gap of a whole number of sub-CPIs leads to the same place: the numbers tell.
+        // Compare numbers, not places: a gap of a whole number of sub-CPIs leads to the same place.
         let last = store.count.checked_sub(1);
         let follows = match last.and_then(|last| store.pulses.get(last)) {
             Some(last) => last.number.wrapping_add(1) == pulse.number,
@@ -323,27 +390,30 @@ where
                 return Err(PulseError::Waiting);
             }
         }
-        let row = store.samples.get_mut(place * frequencies..);
-        let row = row.unwrap_or(&mut []).iter_mut();
+        let first = place * frequencies;
+        let row = store.samples.get_mut(first..first + frequencies);
+        let (Some(row), Some(kept)) = (row, store.pulses.get_mut(place)) else {
+            // Unreachable: store lengths were checked against the capacity, which bounds the setup.
+            self.counters.dropped = self.counters.dropped.saturating_add(1);
+            return Err(PulseError::Full);
+        };
         let mut at_limit = 0u32;
-        for (out, sample) in row.zip(samples) {
+        for (out, sample) in row.iter_mut().zip(samples) {
             *out = sample;
             at_limit += u32::from(sample.at_limit());
         }
-        if let Some(out) = store.pulses.get_mut(place) {
-            *out = *pulse;
-        }
+        *kept = *pulse;
         store.count = place + 1;
         self.counters.accepted = self.counters.accepted.saturating_add(1);
         self.counters.at_limit = self.counters.at_limit.saturating_add(at_limit);
         if store.count == usize::from(setup.num_pulses) {
-            self.turn();
+            self.switch_stores();
         }
         Ok(())
     }
 
-    /// Takes no more pulses. What there is of a sub-CPI is worked on as one of fewer pulses, unless a
-    /// pulse after them is known to be missing.
+    /// End the input. A partly filled sub-CPI is processed as one of fewer pulses unless a pulse after its last one
+    /// is missing.
     pub fn finish(&mut self) {
         self.running = false;
         let Some(store) = self.stores.get_mut(self.filling) else {
@@ -354,29 +424,29 @@ where
             return;
         };
         if last.number.wrapping_add(1) == self.next_pulse {
-            self.turn();
+            self.switch_stores();
         } else {
             self.counters.incomplete = self.counters.incomplete.saturating_add(1);
             store.clear();
         }
     }
 
-    /// Declares the filling store full and fills the other.
-    fn turn(&mut self) {
+    /// Mark the filling store as full and switch to the other.
+    fn switch_stores(&mut self) {
         if let Some(store) = self.stores.get_mut(self.filling) {
             store.full = true;
         }
         self.filling = 1 - self.filling.min(1);
     }
 
-    /// The store to work on: of two full ones the older, which is the one to be filled next.
+    /// Store to process: the older of two full ones, which is the next to be filled.
     fn working(&self) -> Option<usize> {
         let full = |index: usize| self.stores.get(index).is_some_and(|store| store.full);
         let filling = self.filling;
         [filling, 1 - filling.min(1)].into_iter().find(|&i| full(i))
     }
 
-    /// Does one piece of work: a frequency, or a Doppler bin, of one patch.
+    /// Do one step: prepare a patch, or process one frequency or one Doppler bin of it.
     pub fn work(&mut self) -> Progress {
         let Some((setup, index)) = self.setup.zip(self.working()) else {
             return Progress::Idle;
@@ -429,7 +499,7 @@ where
         }
     }
 
-    /// The map that is ready, until the work goes on.
+    /// Completed map, available until the next call of [`SubCpiProcessor::work`].
     pub fn map(&self) -> Option<PatchMap<'_>> {
         if self.stage != Stage::Ready {
             return None;
@@ -452,7 +522,7 @@ where
     }
 }
 
-/// What an engine works on, from the parts of a processor.
+/// Borrow the engine's input from the parts of a processor.
 fn work<'w, S>(
     setup: &'w Setup,
     patch: Option<&'w Patch>,

@@ -1,16 +1,16 @@
-//! What a processor asks of a sample.
+//! Sample types of the stream processor.
 
 use crate::Complex32;
 
-/// A sample as stored.
+/// Stored sample: [`Complex32`] or, with the feature `fixed`, `Sc16`.
 pub trait Sample: Copy + sealed::Sealed {
-    /// Nothing.
+    /// Zero sample.
     const ZERO: Self;
 
-    /// Whether it is a number.
+    /// Whether both parts are finite. Always true for integers.
     fn is_finite(self) -> bool;
 
-    /// Whether a converter was at the end of its range.
+    /// Whether a part is at a limit of the converter's range. Always false for floating point.
     fn at_limit(self) -> bool;
 }
 
@@ -27,7 +27,7 @@ impl Sample for Complex32 {
 }
 
 pub(crate) mod sealed {
-    /// What only this crate's own samples are.
+    /// Seals [`super::Sample`]: only this crate implements it.
     pub trait Sealed {}
     impl Sealed for crate::Complex32 {}
 }

@@ -1,101 +1,102 @@
-//! The settings of a run, and why some cannot be.
+//! Settings of a run and their validation.
 
 use core::fmt;
 
 use super::Patch;
 use crate::fft;
 
-/// What stays the same for a run. Sizes are at most those that the buffers were built for.
+/// Settings of a run. Sizes must not exceed the [`Capacity`] of the buffers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setup {
-    /// Pulses a sub-CPI, `M`, at least 1.
+    /// Pulses per sub-CPI, `M >= 1`.
     pub num_pulses: u16,
-    /// Frequencies a pulse, `F`, at least 1.
+    /// Frequencies per pulse, `F >= 1`.
     pub num_frequencies: u16,
-    /// Points of the range transform, `R`: a power of two, at least `F`, 2 to 4096. A range bin is
+    /// Length of the range transform, `R`: a power of two from 2 to 4096, at least `F`. The range bin spacing is
     /// `c / (R step_hz)` of two-way path.
     pub range_length: u16,
-    /// Doppler bins a cycle, `D`, at least `M`. A Doppler bin is `1 / D` cycles a pulse at `f_ref`.
+    /// Doppler bins per cycle, `D >= M`. The Doppler bin spacing is `1 / D` cycles per pulse at `f_ref`.
     pub doppler_length: u16,
-    /// Frequency of sample 0, hertz.
+    /// Frequency of sample 0 in hertz.
     pub start_hz: f64,
-    /// Step from sample to sample, hertz.
+    /// Frequency step between samples in hertz.
     pub step_hz: f64,
 }
 
-/// Sizes that buffers were built for.
+/// Maximum sizes that the buffers of a processor hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Capacity {
-    /// Most pulses a sub-CPI.
+    /// Maximum pulses per sub-CPI.
     pub pulses: u16,
-    /// Most frequencies a pulse, and most range bins of a patch.
+    /// Maximum frequencies per pulse, and maximum range bins of a patch.
     pub frequencies: u16,
-    /// Longest range transform.
+    /// Maximum length of the range transform.
     pub range_bins: u16,
-    /// Most Doppler bins of a patch; that many rows of `frequencies` samples the map buffer has.
+    /// Maximum Doppler bins of a patch. The map buffer has this many rows of `frequencies` samples.
     pub doppler_bins: u16,
-    /// Most patches.
+    /// Maximum number of patches.
     pub patches: u16,
 }
 
-/// Why a setup or a patch was refused. Nothing has changed.
+/// Reason why a setup or a patch was rejected. The processor is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum SetupError {
-    /// A size is zero, or more than the buffers hold.
+    /// A size is zero or exceeds the capacity.
     Size {
-        /// Which.
+        /// Quantity whose size is invalid.
         what: Quantity,
-        /// What was wanted.
+        /// Requested size.
         wanted: u32,
-        /// The most there is room for.
+        /// Maximum size.
         most: u32,
     },
-    /// The range transform is no power of two from 2 to 4096, or shorter than a pulse.
+    /// The range transform length is not a power of two from 2 to 4096, or is less than the number of frequencies.
     RangeLength(u16),
-    /// Fewer Doppler bins a cycle than pulses.
+    /// Fewer Doppler bins per cycle than pulses per sub-CPI.
     DopplerLength(u16),
-    /// Frequencies must be positive and finite.
+    /// Start frequency or frequency step is not positive and finite.
     Band,
-    /// A window's weights, a patch's centre or the like is not a finite number.
+    /// A window weight or a coordinate of a patch centre is not finite.
     NotFinite,
 }
 
-/// What a size is of.
+/// Quantity named by [`SetupError::Size`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Quantity {
-    /// Pulses a sub-CPI.
+    /// Pulses per sub-CPI.
     Pulses,
-    /// Frequencies a pulse.
+    /// Frequencies per pulse.
     Frequencies,
-    /// Weights of the fast-time window, one a frequency.
+    /// Weights of the fast-time window, one per frequency.
     Weights,
-    /// Points of the range transform.
+    /// Length of the range transform.
     RangeLength,
     /// Range bins of a patch.
     RangeGate,
     /// Doppler bins of a patch.
     DopplerBand,
-    /// Samples of a patch's map.
+    /// Samples of the map buffer that a patch needs.
     Map,
-    /// Patches.
+    /// Number of patches.
     Patches,
 }
 
 impl Setup {
-    /// Reference frequency: that of sample `F / 2`, hertz.
+    /// Reference frequency in hertz: the frequency of sample `F / 2`.
     pub fn centre_hz(&self) -> f64 {
         self.start_hz + f64::from(self.num_frequencies / 2) * self.step_hz
     }
 
-    /// Samples of a pulse's row in the map buffer while `patch` is in work.
+    /// Samples per row of the map buffer while `patch` is processed: `max(F, 2 range_reach + 1)`.
     pub const fn row_stride(&self, patch: &Patch) -> usize {
         let (frequencies, bins) = (self.num_frequencies as usize, patch.num_range_bins());
         if frequencies > bins {
@@ -105,7 +106,7 @@ impl Setup {
         }
     }
 
-    /// Checks the sizes against `capacity` and the values against sense.
+    /// Check the sizes against `capacity` and the frequencies for plausibility.
     ///
     /// # Errors
     /// See [`SetupError`].
@@ -134,7 +135,7 @@ impl Setup {
         Ok(())
     }
 
-    /// Checks a patch against this setup and `capacity`.
+    /// Check a patch against this setup and `capacity`.
     ///
     /// # Errors
     /// See [`SetupError`].
@@ -149,7 +150,7 @@ impl Setup {
             let wanted = patch.num_range_bins();
             return Err(too_large(Quantity::RangeGate, wanted, range_length));
         }
-        // Bins beyond the band of one cycle a pulse would repeat those within.
+        // More bins than one Doppler cycle would repeat those within it.
         let doppler_length = self.doppler_length.min(capacity.doppler_bins).into();
         if patch.num_doppler_bins() > doppler_length {
             let wanted = patch.num_doppler_bins();
@@ -183,8 +184,8 @@ impl fmt::Display for SetupError {
         match self {
             Self::Size { what, wanted, most } => {
                 let what = match what {
-                    Quantity::Pulses => "pulses a sub-CPI",
-                    Quantity::Frequencies => "frequencies a pulse",
+                    Quantity::Pulses => "pulses per sub-CPI",
+                    Quantity::Frequencies => "frequencies per pulse",
                     Quantity::Weights => "window weights",
                     Quantity::RangeLength => "points of the range transform",
                     Quantity::RangeGate => "range bins of a patch",
@@ -192,19 +193,21 @@ impl fmt::Display for SetupError {
                     Quantity::Map => "samples of a patch's map buffer",
                     Quantity::Patches => "patches",
                 };
-                write!(f, "{wanted} {what}: there is room for 1 to {most}")
+                write!(f, "{what}: expected 1 to {most}, found {wanted}")
             }
             Self::RangeLength(length) => write!(
                 f,
-                "a range transform of {length} points: a power of two from 2 to 4096 is needed, at \
-                 least the frequencies of a pulse"
+                "range transform length: expected a power of two from 2 to 4096 that is at least the \
+                 frequencies per pulse, found {length}"
             ),
             Self::DopplerLength(length) => write!(
                 f,
-                "{length} Doppler bins a cycle: at least the pulses of a sub-CPI are needed"
+                "Doppler bins per cycle: expected at least the pulses per sub-CPI, found {length}"
             ),
-            Self::Band => f.write_str("frequencies must be positive and finite"),
-            Self::NotFinite => f.write_str("a value is not a finite number"),
+            Self::Band => {
+                f.write_str("start frequency and frequency step must be positive and finite")
+            }
+            Self::NotFinite => f.write_str("a window weight or patch centre is not finite"),
         }
     }
 }

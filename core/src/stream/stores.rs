@@ -1,21 +1,22 @@
-//! Where raw pulses wait.
+//! Pulse stores of the stream processor.
 
 use super::Sample;
 use crate::Pulse;
 
-/// Raw pulses of one sub-CPI.
+/// Store of the raw pulses of one sub-CPI.
 #[derive(Debug)]
 pub struct Store<'a, S> {
     pub(super) samples: &'a mut [S],
     pub(super) pulses: &'a mut [Pulse],
-    /// Pulses that are there.
+    /// Number of pulses stored.
     pub(super) count: usize,
-    /// Whether it waits for work, or is in work.
+    /// Whether the sub-CPI is complete and waiting for, or in, processing.
     pub(super) full: bool,
 }
 
 impl<'a, S> Store<'a, S> {
-    /// Lends the buffers: samples of `M F`, pulses of `M`, at the most that the capacity states.
+    /// Create a store on borrowed buffers of `M F` samples and `M` pulses, each for the maximum that the capacity
+    /// states. [`SubCpiProcessor::from_parts`](super::SubCpiProcessor::from_parts) checks the lengths.
     pub fn new(samples: &'a mut [S], pulses: &'a mut [Pulse]) -> Self {
         Self {
             samples,
@@ -31,7 +32,7 @@ impl<'a, S> Store<'a, S> {
     }
 }
 
-/// Two stores of raw pulses of samples `S`.
+/// Two pulse stores with samples of type `S`, statically sized.
 #[derive(Debug)]
 pub struct PulseStores<S, const PULSES: usize, const FREQUENCIES: usize> {
     samples: [[[S; FREQUENCIES]; PULSES]; 2],
@@ -39,15 +40,15 @@ pub struct PulseStores<S, const PULSES: usize, const FREQUENCIES: usize> {
 }
 
 impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> PulseStores<S, PULSES, FREQUENCIES> {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty stores, all zero bytes.
+    /// Create empty stores. All bytes are zero.
     pub const fn new() -> Self {
         const {
             assert!(
                 PULSES >= 1 && PULSES <= 4096 && FREQUENCIES >= 1 && FREQUENCIES <= 4096,
-                "PULSES and FREQUENCIES are 1 to 4096"
+                "PULSES and FREQUENCIES must be 1 to 4096"
             );
         };
         Self {
@@ -56,7 +57,7 @@ impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> PulseStores<S, PU
         }
     }
 
-    /// Lends the stores.
+    /// Borrow the two stores.
     pub(super) fn split(&mut self) -> [Store<'_, S>; 2] {
         let Self {
             samples: [a, b],

@@ -1,27 +1,26 @@
-//! The antennas' track over a sub-CPI, and the two places on it that a map is read by.
+//! Antenna track over a sub-CPI, reduced to the two Gauss nodes at which a map is interpolated.
 //!
-//! **Equation.** A quadratic is fitted to the positions by least squares, on polynomials that are
-//! orthogonal over the pulses, `1`, `u` and `u^2 - (M^2 - 1)/12` with `u_m = m - (M - 1)/2`, and taken
-//! at `u = -u_g` and `u = +u_g`, `u_g^2 = (M^2 - 1)/12`, the mean of `u_m^2`. These are the nodes of
-//! Gauss's rule of two points for a uniform weight on the pulses: the straight line through a
-//! quadratic's values there is the quadratic's own least-squares line, so a path read at the two nodes
-//! is in error by its curvature only, without mean and without slope. The third polynomial is zero at
-//! the nodes: the first two sums are all that is computed. They average the jitter of measured
-//! positions.
+//! **Equation.** A quadratic is fitted to the positions by least squares on polynomials that are orthogonal over the
+//! pulses, `1`, `u` and `u^2 - (M^2 - 1)/12` with `u_m = m - (M - 1)/2`. It is evaluated at `u = -u_g` and
+//! `u = +u_g`, where `u_g^2 = (M^2 - 1)/12` is the mean of `u_m^2`. These are the nodes of the two-point
+//! Gauss rule for a uniform weight on the pulses. The straight line through the values of a quadratic at these
+//! nodes is the least-squares line of that quadratic, so a path computed at the two nodes has an error from its
+//! curvature only, with zero mean and zero slope. The third polynomial is zero at the nodes, so only the first two
+//! sums are computed. They average the jitter of measured positions.
 //!
-//! **Neglected**: third and higher orders of the track at the nodes. A single pulse has no line: both
-//! nodes are then on it. The pulses' weights do not enter.
+//! **Neglected**: third and higher orders of the track at the nodes. With a single pulse both nodes are at its
+//! position. Pulse weights are not used.
 //!
-//! **Units** metres, `u` in pulses. **Cost** two passes over `M` positions in float64, no memory beyond
-//! them. **Accuracy** rounding only: positions are taken relative to the first, so that digits are kept
-//! far from the origin (`tests/stream/kernel.rs`: within 4e-9 m at 7e6 m, where a position resolves
-//! 1e-9 m). Positions that are not numbers make nodes that are not.
+//! **Units**: metres; `u` in pulses. **Cost**: two passes over `M` positions in float64, no further memory.
+//! **Accuracy**: rounding only. Positions are taken relative to the first one, so that digits are kept far from
+//! the origin (`tests/stream/kernel.rs`: within 4e-9 m at 7e6 m, where a position resolves 1e-9 m).
+//! Positions that are not finite give nodes that are not finite.
 
 use super::Node;
 use crate::Pulse;
 
-/// Antennas at `u = -u_g` and `u = +u_g` of the quadratic through the pulses' positions; at the origin
-/// if there are no pulses.
+/// Antenna positions at the nodes `u = -u_g` and `u = +u_g` of the quadratic fitted to the pulses' positions. The
+/// origin if there are no pulses.
 ///
 /// ```
 /// use subaperture_core::{Pulse, stream};
@@ -46,13 +45,13 @@ pub fn nodes(pulses: &[Pulse]) -> [Node; 2] {
     })
 }
 
-/// `u_g`: pulses from the sub-CPI's middle to either node; 0 for a single pulse.
+/// Node offset `u_g` in pulses from the middle of the sub-CPI. 0 for a single pulse.
 pub(crate) fn node_offset_pulses(num_pulses: usize) -> f64 {
     let m = num_pulses.max(1) as f64;
     libm::sqrt((m * m - 1.0) / 12.0)
 }
 
-/// The first two terms of the fit.
+/// First two terms of the least-squares fit.
 struct Line {
     mean_m: [f64; 3],
     slope_m_per_pulse: [f64; 3],

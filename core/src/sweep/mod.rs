@@ -1,35 +1,44 @@
-//! A stepped-carrier radar's range profiles, from the counts of its two receivers (Chim 2018, chapter 5), so that a module beside the radio can send profiles instead of samples.
+//! Range profiles of a stepped-frequency radar from the samples of its two receivers (Chim 2018, chapter 5), so that a module beside the radio can send profiles instead of samples.
 //!
 //! ```text
-//! burst at a carrier: reference and echo, counts ─> fold ─> mean of a block ─> z_n, echo over reference
+//! burst at a carrier: reference and echo samples ─> fold ─> block means ─> z_n, echo over reference
 //! sweep: z_n of all carriers ─> window ─> inverse transform ─> profile
 //! ```
 //!
-//! **Equation.** A tone of `P` samples a period is sent at each carrier and received twice. Of channel `c` and block `b` of a whole number of periods, and over the blocks of a burst,
+//! **Equation.** A tone with `P` samples per period is transmitted at each carrier and received by two channels. For channel `c` and block `b` of an integer number of periods, and over the blocks of a burst:
 //!
 //! ```text
 //! x_c[b] = mean over the block of s_c[i] exp(-j 2 pi i / P)          z_n = sum_b x_1[b] conj(x_0[b]) / sum_b |x_0[b]|^2
 //! p(r_l) = sum_n w_n z_n exp(+j 2 pi f_n 2 r_l / c),   r_l = l c / (2 R step_hz),   f_n = start_hz + n step_hz,   l = 0 .. R-1
 //! ```
 //!
-//! so that a scatterer of `z_n = exp(-j 2 pi f_n 2 r / c)` reads the sum of the weights at its range. That is (5.4) to (5.11) with the sign of phases that all of this project has.
+//! A scatterer with `z_n = exp(-j 2 pi f_n 2 r / c)` has the sum of the weights as its value at its range. This is
+//! (5.4) to (5.11) with the phase sign of this project.
 //!
-//! The mean needs no product a sample: counts are added up by their place in the period, in integers and so without error, and only the `P` sums of a block meet the tone.
+//! The mean takes no product per sample: samples are summed by their position in the period, exactly, in integers. Only the
+//! `P` sums of a block are multiplied by the tone.
 //!
-//! **Rules** for what is not whole, those of the host's radio where a bounded module can:
-//! - A block of which a sample is missing is left out of its burst's mean. Samples are missing where the next that come are farther on.
-//! - A burst of which less than half came, or whose reference is off its tone by more than 0.3 (the greatest part of its amplitude, or radians of its phase off a straight line, from
-//!   block to block), is left out. Of several bursts at a carrier in a sweep that of the steadiest reference counts. A late burst is none: it is not given.
-//! - With less than two carriers of three there is no profile. Those that are missing are zero: what the host does if echoes may lie anywhere up to the range at which they repeat. It fills gaps by least
-//!   squares where they are known to lie nearer, in a matrix of all carriers: that is not done here.
+//! **Incomplete data** is handled like the host's radio does, as far as bounded memory permits:
+//! - A block with a missing sample is excluded from its burst's mean. Samples are missing if the next ones received have a
+//!   higher index.
+//! - A burst is rejected if less than half of it was received, or if its reference deviates from a tone by more than 0.3:
+//!   the largest relative amplitude deviation, or phase deviation in radians from a straight line, over the blocks. Of
+//!   several bursts at a carrier in a sweep the one with the steadiest reference is used.
+//! - There is no profile if fewer than two thirds of the carriers are usable. Missing carriers are zero, as on the host if
+//!   echoes may lie anywhere within the unambiguous range. The host fills gaps by least squares if echoes are known to be
+//!   nearer, with a matrix over all carriers; this module does not.
 //!
-//! **Input** counts in full scale 32768. **Output** `R` values, and how many carriers and samples they are made of. **Memory** [`Profiler::BYTES`]. **Cost** four sums of integers a sample of both channels, `2 P` products
-//! of complex numbers a block, a transform of `R` and a phasor a bin a sweep. **Accuracy** (`tests/stream/sweep.rs`) profiles to -115 dB and better of the host's, which are float64; the same bits on every
-//! machine (`selftest::SweepSelfTest`). **Errors** [`SetupError`], [`BurstError`].
+//! **Input**: samples with a full scale of 32768. **Output**: `R` values, and the numbers of carriers and samples used.
+//! **Memory**: [`Profiler::BYTES`]. **Cost**: four integer sums per sample pair, `2 P` complex products per block, and per
+//! sweep one transform of `R` points and one phasor per bin. **Accuracy** (`tests/stream/sweep.rs`): -115 dB or better
+//! against the host's float64 profiles; bit-identical on every machine (`selftest::SweepSelfTest`). **Errors**:
+//! [`SetupError`], [`BurstError`].
 //!
-//! **Neglected**: what the host's mixing neglects: a difference of frequency of both sides within a block. Blocks are a sixteenth of a burst however long it is; the host's are a quarter of a millisecond
-//! at the most. Of bursts longer than 4 ms, blocks are longer here, and of `T` seconds a difference `d` weakens both channels by `sinc(d T)`, alike: of 20 ms and 800 Hz nothing is left but noise. Motion within a sweep; the empty scene and cables, for profiles are linear and their range begins
-//! anywhere: whoever reads them takes those off.
+//! **Neglected**, as by the host: a frequency offset between both sides within a block. A block is a sixteenth of a burst of
+//! any length, while the host's are at most a quarter of a millisecond. In bursts longer than 4 ms the blocks are longer
+//! here, and over a block of `T` seconds an offset `d` attenuates both channels alike by `sinc(d T)`: for bursts of 20 ms
+//! and 800 Hz only noise remains. Also neglected: motion within a sweep. Empty scene and cable delays are not removed;
+//! profiles are linear and start at an arbitrary range, so the reader of the profiles subtracts them.
 
 mod profiler;
 mod setup;

@@ -1,4 +1,4 @@
-//! The whole: bursts of both channels in, a profile a sweep out, in a fixed set of buffers.
+//! Range profiler: bursts of both channels in, one profile per sweep out, in fixed buffers.
 
 use core::fmt;
 
@@ -8,69 +8,70 @@ use super::setup::{Quantity, Setup, SetupError};
 use super::tone::Mixer;
 use crate::{Turns, fft};
 
-/// A burst of which less came is left out.
-const LEAST_WHOLE: f32 = 0.5;
-/// A reference that is off its tone by more is no reference.
-const USELESS: f32 = 0.3;
+/// Minimum fraction of a burst that must be received.
+const MIN_COMPLETE: f32 = 0.5;
+/// Maximum deviation of a reference from a steady tone.
+const MAX_UNSTEADINESS: f32 = 0.3;
 
-/// Why samples were not taken. Nothing has changed.
+/// Reason why samples were rejected. The profiler is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum BurstError {
-    /// There is no run.
+    /// No run is active: call [`Profiler::start`] first.
     NotStarted,
-    /// The sweep is behind.
+    /// The sweep number is behind.
     Repeated,
-    /// There is no such carrier.
+    /// The carrier index is not below the number of carriers.
     Carrier,
-    /// There are no samples, or more than a burst has.
+    /// No samples, or samples beyond the end of the burst.
     Length,
 }
 
-/// A profile.
+/// Range profile of one sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepProfile<'p> {
-    /// Number of the sweep.
+    /// Sweep number.
     pub sweep: u32,
-    /// Carriers that it is made of.
+    /// Number of carriers used.
     pub usable: u16,
-    /// Samples of each channel that came, in all bursts.
+    /// Number of samples received per channel in all bursts.
     pub taken: u32,
-    /// `R` values; none if there were less than two carriers of three.
+    /// Range profile, `R` values. Empty if fewer than two thirds of the carriers are usable.
     pub values: &'p [Complex32],
 }
 
-/// A carrier of the sweep in hand.
+/// Carrier of the current sweep.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     is_there: bool,
     value: Complex32,
-    unsteady: f32,
+    unsteadiness: f32,
 }
 
 impl Step {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     const EMPTY: Self = Self {
         is_there: false,
         value: Complex32::ZERO,
-        unsteady: 0.0,
+        unsteadiness: 0.0,
     };
 }
 
-/// Where it stands.
+/// State of the profiler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
-    /// Not of a run.
+    /// No run active.
     Stopped,
-    /// A sweep is to come, or its bursts are coming.
+    /// Collecting the bursts of a sweep.
     Collecting,
-    /// The profile of the sweep is there.
+    /// The profile of the sweep is available.
     Done,
 }
 
-/// Takes sweeps of up to `CARRIERS` carriers, of tones of up to `PERIOD` samples a period, and makes profiles of up to `BINS` bins.
+/// Range profiler for up to `CARRIERS` carriers per sweep, tones of up to `PERIOD` samples per period, and profiles of up to
+/// `BINS` bins.
 ///
-/// Made to be a static. **Memory** [`Profiler::BYTES`]: `24 P + 20 N + 8 R` and some 600 bytes.
+/// Intended as a static. **Memory**: [`Profiler::BYTES`], `24 P + 20 N + 8 R` plus some 600 bytes.
 #[derive(Clone, Debug)]
 pub struct Profiler<const PERIOD: usize, const CARRIERS: usize, const BINS: usize> {
     setup: Setup,
@@ -80,24 +81,24 @@ pub struct Profiler<const PERIOD: usize, const CARRIERS: usize, const BINS: usiz
     row: [Complex32; BINS],
     stage: Stage,
     sweep: u32,
-    /// Carrier of the burst in hand, if there is one, and the number of its next sample.
+    /// Whether a burst is in progress, its carrier, and the index of its next sample.
     is_open: bool,
     carrier: u16,
     next: u32,
     taken: u32,
-    /// Carriers of the profile that is there.
+    /// Number of usable carriers in the available profile.
     usable: u16,
-    /// Bursts of the run that were left out.
+    /// Number of rejected bursts of the run.
     left_out: u32,
 }
 
 impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
     Profiler<PERIOD, CARRIERS, BINS>
 {
-    /// Memory in bytes.
+    /// Size in bytes.
     pub const BYTES: usize = size_of::<Self>();
 
-    /// Empty buffers.
+    /// Create a profiler without configuration.
     pub const fn new() -> Self {
         Self {
             setup: Setup::EMPTY,
@@ -116,10 +117,10 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         }
     }
 
-    /// Sets what stays the same; a run that is going on is over, and weights are zero until they are set.
+    /// Set the settings of the next run. Ends the current run and sets all weights to zero.
     ///
     /// # Errors
-    /// [`SetupError`]; nothing has changed then.
+    /// [`SetupError`]; the profiler is then unchanged.
     pub fn configure(&mut self, setup: &Setup) -> Result<(), SetupError> {
         setup.check(PERIOD, CARRIERS, BINS)?;
         self.setup = *setup;
@@ -129,15 +130,15 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         Ok(())
     }
 
-    /// What was configured.
+    /// Current settings, or `None` before [`Profiler::configure`].
     pub fn setup(&self) -> Option<&Setup> {
         (self.setup.carriers > 0).then_some(&self.setup)
     }
 
-    /// Sets weights from carrier `first` on. A scatterer reads their sum.
+    /// Set window weights starting at carrier `first`. The value of a unit scatterer is their sum.
     ///
     /// # Errors
-    /// [`SetupError::Size`] beyond the carriers, [`SetupError::NotFinite`]; nothing has changed then.
+    /// [`SetupError::Size`] beyond the last carrier, [`SetupError::NotFinite`]; the weights are then unchanged.
     pub fn set_weights(
         &mut self,
         first: usize,
@@ -161,7 +162,7 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         Ok(())
     }
 
-    /// Begins a run with sweep `first`. False if nothing is configured.
+    /// Start a run with sweep number `first`. Returns false if not configured.
     pub fn start(&mut self, first: u32) -> bool {
         if self.setup.carriers == 0 {
             return false;
@@ -171,26 +172,28 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         true
     }
 
-    /// Ends the run; what is held is dropped.
+    /// End the run and discard the current sweep.
     pub fn stop(&mut self) {
         self.stage = Stage::Stopped;
     }
 
-    /// The sweep in hand, or that which is to come, or whose profile is there.
+    /// Number of the current or next expected sweep, or of the sweep whose profile is available.
     pub fn sweep(&self) -> u32 {
         self.sweep
     }
 
-    /// Bursts of the run that were left out: too little came of them, or they were unsteady.
+    /// Number of rejected bursts of the run: incomplete, or with an unsteady reference.
     pub fn left_out(&self) -> u32 {
         self.left_out
     }
 
-    /// Takes samples of both channels, reference and echo, of a burst at carrier `carrier` in sweep `sweep`, from sample `first` of the burst on. A burst ends with its last sample, or where another begins;
-    /// one that begins at the carrier of the one before begins with sample 0 or one that is behind. Samples of the next sweep, or of one whose profile is there, begin it anew.
+    /// Add samples of reference and echo channel of the burst at carrier `carrier` in sweep `sweep`, from sample `first` of the
+    /// burst on. A burst ends with its last sample or when another burst begins. A burst at the same carrier as the previous one
+    /// begins with a sample index that is not ahead. Samples of a later sweep, or of the sweep whose profile is available, start
+    /// that sweep anew.
     ///
     /// # Errors
-    /// [`BurstError`].
+    /// [`BurstError`] states why the samples were rejected.
     pub fn push(
         &mut self,
         sweep: u32,
@@ -215,8 +218,8 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         if sweep > self.sweep || self.stage == Stage::Done {
             self.begin(sweep);
         }
-        let goes_on = self.is_open && carrier == self.carrier && first >= self.next;
-        if !goes_on {
+        let continues = self.is_open && carrier == self.carrier && first >= self.next;
+        if !continues {
             self.end_burst();
             self.mixer.begin();
             (self.is_open, self.carrier) = (true, carrier);
@@ -230,10 +233,11 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         Ok(())
     }
 
-    /// Ends a sweep and makes its profile; the same again if it is there. A sweep of which nothing came has one too, of no carrier.
+    /// End a sweep and compute its profile. Returns the same profile if it is already available. A sweep without samples has a
+    /// profile of zero carriers.
     ///
     /// # Errors
-    /// [`BurstError::NotStarted`]; [`BurstError::Repeated`] for a sweep that is behind.
+    /// [`BurstError::NotStarted`] without a run; [`BurstError::Repeated`] if the sweep number is behind.
     pub fn finish(&mut self, sweep: u32) -> Result<SweepProfile<'_>, BurstError> {
         if self.stage == Stage::Stopped {
             return Err(BurstError::NotStarted);
@@ -252,7 +256,7 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         self.profile().ok_or(BurstError::NotStarted)
     }
 
-    /// The profile that is there.
+    /// Available profile, if any.
     pub fn profile(&self) -> Option<SweepProfile<'_>> {
         if self.stage != Stage::Done {
             return None;
@@ -276,22 +280,23 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
         self.usable = 0;
     }
 
-    /// Keeps what the burst in hand told, if it is better than what there is of its carrier.
+    /// Keep the current burst if it is better than the previous one at its carrier.
     fn end_burst(&mut self) {
         if !core::mem::take(&mut self.is_open) {
             return;
         }
         let mixed = self.mixer.mixed();
-        let good = mixed.filter(|own| own.whole >= LEAST_WHOLE && own.unsteady <= USELESS);
+        let good = mixed
+            .filter(|own| own.complete >= MIN_COMPLETE && own.unsteadiness <= MAX_UNSTEADINESS);
         let (Some(own), Some(step)) = (good, self.steps.get_mut(usize::from(self.carrier))) else {
             self.left_out = self.left_out.saturating_add(1);
             return;
         };
-        if !step.is_there || own.unsteady < step.unsteady {
+        if !step.is_there || own.unsteadiness < step.unsteadiness {
             *step = Step {
                 is_there: true,
                 value: own.value,
-                unsteady: own.unsteady,
+                unsteadiness: own.unsteadiness,
             };
         }
     }
@@ -310,15 +315,15 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize>
                 continue;
             }
             self.usable += 1;
-            // Backwards: the transform is a forward one.
+            // Reversed order, since the transform is a forward one.
             if let Some(place) = row.get_mut(bins.wrapping_sub(n) & bins.wrapping_sub(1)) {
                 *place = step.value * *weight;
             }
         }
         fft::forward(row);
-        let turn = Turns::from_f64(self.setup.start_hz / (self.setup.step_hz * bins as f64));
+        let phase_step = Turns::from_f64(self.setup.start_hz / (self.setup.step_hz * bins as f64));
         for (l, value) in (0..).zip(row) {
-            *value *= turn.times(l).phasor();
+            *value *= phase_step.times(l).phasor();
         }
     }
 }
@@ -334,10 +339,12 @@ impl<const PERIOD: usize, const CARRIERS: usize, const BINS: usize> Default
 impl fmt::Display for BurstError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NotStarted => "no run is going on",
-            Self::Repeated => "the sweep is behind",
-            Self::Carrier => "there is no such carrier",
-            Self::Length => "there are no samples, or more than a burst has",
+            Self::NotStarted => "no run is active: start one before pushing bursts",
+            Self::Repeated => "sweep number is behind the current sweep",
+            Self::Carrier => "carrier index is not below the number of carriers",
+            Self::Length => {
+                "burst samples: expected at least one and none beyond the end of the burst"
+            }
         })
     }
 }

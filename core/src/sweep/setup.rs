@@ -1,74 +1,75 @@
-//! What a profiler is told before it begins, and why some of it cannot be.
+//! Settings of the range profiler and their validation.
 
 use core::fmt;
 
 use crate::fft;
 
-/// Most samples of a burst: counts of the least period, added up over a sixteenth of it, have 31 bits.
-const MOST_SAMPLES: u32 = 1 << 21;
+/// Maximum samples per burst: sums over a sixteenth of a burst at the smallest period then fit 31 bits.
+const MAX_SAMPLES: u32 = 1 << 21;
 
-/// What stays the same for a run.
+/// Settings of a range-profile run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setup {
-    /// Carriers a sweep, `N`, at least 2.
+    /// Carriers per sweep, `N >= 2`.
     pub carriers: u16,
-    /// Samples a period of the tone, `P`, at least 3.
+    /// Samples per period of the tone, `P >= 3`.
     pub period: u16,
-    /// Samples of each channel a burst, at least a period and at most 2^21.
+    /// Samples per burst and channel, at least one period and at most 2^21.
     pub samples: u32,
     /// Bins of a profile, `R`: a power of two, at least `N` and at most 4096.
     pub bins: u16,
-    /// First carrier and its tone, hertz.
+    /// Frequency of the first carrier including its tone, in hertz.
     pub start_hz: f64,
-    /// From carrier to carrier, hertz.
+    /// Frequency step between carriers in hertz.
     pub step_hz: f64,
 }
 
-/// What there is too much or too little of.
+/// Quantity named by [`SetupError::Size`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Quantity {
-    /// Carriers a sweep.
+    /// Carriers per sweep.
     Carriers,
-    /// Samples a period of the tone.
+    /// Samples per period of the tone.
     Period,
-    /// Samples a burst.
+    /// Samples per burst.
     Samples,
     /// Bins of a profile.
     Bins,
-    /// Weights.
+    /// Window weights, one per carrier.
     Weights,
 }
 
-/// Why a setup was refused. Nothing has changed.
+/// Reason why a setup was rejected. The profiler is unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
 pub enum SetupError {
-    /// Out of what there is room for, or what makes sense.
+    /// A size is outside its limits or the capacity.
     Size {
-        /// Of what.
+        /// Quantity whose size is invalid.
         what: Quantity,
-        /// What was wanted.
+        /// Requested size.
         wanted: u32,
-        /// The least.
+        /// Minimum size.
         least: u32,
-        /// The most.
+        /// Maximum size.
         most: u32,
     },
-    /// Bins that are no power of two.
+    /// The number of bins, given here, is not a power of two.
     NoPowerOfTwo(u16),
-    /// Frequencies must be positive and finite.
+    /// Start frequency or frequency step is not positive and finite.
     Band,
-    /// A weight is no finite number.
+    /// A weight is not finite.
     NotFinite,
 }
 
 impl Setup {
-    /// What fills empty storage.
+    /// Initial value of a buffer.
     pub(super) const EMPTY: Self = Self {
         carriers: 0,
         period: 0,
@@ -78,7 +79,7 @@ impl Setup {
         step_hz: 0.0,
     };
 
-    /// Checks it against the room for periods, carriers and bins.
+    /// Validate against the capacity for periods, carriers and bins.
     pub(super) fn check(
         &self,
         period: usize,
@@ -94,7 +95,7 @@ impl Setup {
                 Quantity::Samples,
                 self.samples,
                 self.period.into(),
-                MOST_SAMPLES,
+                MAX_SAMPLES,
             ),
             (
                 Quantity::Bins,
@@ -117,7 +118,7 @@ impl Setup {
             return Err(SetupError::NoPowerOfTwo(self.bins));
         }
         let positive = |value: f64| value > 0.0 && value.is_finite();
-        // The carriers' phases are turns a bin.
+        // Phase advance of the first carrier per bin, in turns.
         let turns = self.start_hz / (self.step_hz * f64::from(self.bins));
         match positive(self.start_hz) && positive(self.step_hz) && turns < 1e6 {
             true => Ok(()),
@@ -136,21 +137,21 @@ impl fmt::Display for SetupError {
                 most,
             } => {
                 let what = match what {
-                    Quantity::Carriers => "carriers a sweep",
-                    Quantity::Period => "samples a period of the tone",
-                    Quantity::Samples => "samples a burst",
+                    Quantity::Carriers => "carriers per sweep",
+                    Quantity::Period => "samples per period of the tone",
+                    Quantity::Samples => "samples per burst",
                     Quantity::Bins => "bins of a profile",
                     Quantity::Weights => "weights",
                 };
-                write!(f, "{wanted} {what}: there may be {least} to {most}")
+                write!(f, "{what}: expected {least} to {most}, found {wanted}")
             }
             Self::NoPowerOfTwo(bins) => {
-                write!(f, "a profile of {bins} bins: a power of two is needed")
+                write!(f, "bins of a profile: expected a power of two, found {bins}")
             }
             Self::Band => f.write_str(
-                "the first frequency and the step must be positive and finite, and the former at most a million times a profile's bins of the latter",
+                "start frequency and step must be positive and finite, and the start frequency below a million times step times bins",
             ),
-            Self::NotFinite => f.write_str("a weight is no finite number"),
+            Self::NotFinite => f.write_str("a window weight is not finite"),
         }
     }
 }

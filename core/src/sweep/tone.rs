@@ -1,47 +1,47 @@
-//! A burst at a carrier: what two channels make of the tone.
+//! Complex ratio of echo and reference from a burst of a tone.
 
 use num_complex::{Complex, Complex32};
 
 use crate::Turns;
 
-/// Blocks that a burst is cut into, if it has periods enough; not twice as many.
+/// Number of blocks per burst, if it has enough periods; always less than twice this number.
 const BLOCKS: usize = 16;
-const MOST_BLOCKS: usize = 2 * BLOCKS - 1;
+const MAX_BLOCKS: usize = 2 * BLOCKS - 1;
 
-/// What is left of a burst.
+/// Result of one burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Mixed {
-    /// Echo over reference.
+pub(super) struct Ratio {
+    /// Echo divided by reference.
     pub(super) value: Complex32,
-    /// Part of the blocks that came whole.
-    pub(super) whole: f32,
-    /// How far the reference's blocks are from a tone of one amplitude and one frequency: the larger of a part of the amplitude and radians.
-    pub(super) unsteady: f32,
+    /// Fraction of complete blocks.
+    pub(super) complete: f32,
+    /// Deviation of the reference from a tone of constant amplitude and frequency: the larger of the relative amplitude deviation and the phase deviation in radians.
+    pub(super) unsteadiness: f32,
 }
 
-/// Folds a burst, block by block.
+/// Accumulator of a burst, block by block.
 #[derive(Clone, Debug)]
 pub(super) struct Mixer<const PERIOD: usize> {
     period: usize,
-    /// Samples a block, and samples of all blocks.
+    /// Samples per block, and samples of all blocks.
     block: u32,
     used: u32,
     /// `exp(-j 2 pi i / P)`.
     turns: [Complex32; PERIOD],
-    /// Counts added up by their place in the period: reference and echo. [`super::Setup`] allows no more of them than an `i32` holds.
+    /// Sums by position in the period, for reference and echo. [`super::Setup`] limits them to the range of `i32`.
     sums: [[Complex<i32>; 2]; PERIOD],
-    /// The block in hand, and how many of its samples came.
-    at: u32,
-    came: u32,
-    /// Blocks that came whole: where, and their reference.
-    references: [(u32, Complex32); MOST_BLOCKS],
+    /// Index of the current block, and number of its samples received.
+    current_block: u32,
+    received: u32,
+    /// Index and reference of the complete blocks.
+    references: [(u32, Complex32); MAX_BLOCKS],
     count: usize,
     cross: Complex32,
     power: f32,
 }
 
 impl<const PERIOD: usize> Mixer<PERIOD> {
-    /// Empty buffers.
+    /// Create an accumulator without configuration.
     pub(super) const fn new() -> Self {
         Self {
             period: 0,
@@ -49,16 +49,16 @@ impl<const PERIOD: usize> Mixer<PERIOD> {
             used: 0,
             turns: [Complex32::ZERO; PERIOD],
             sums: [[Complex::new(0, 0); 2]; PERIOD],
-            at: 0,
-            came: 0,
-            references: [(0, Complex32::ZERO); MOST_BLOCKS],
+            current_block: 0,
+            received: 0,
+            references: [(0, Complex32::ZERO); MAX_BLOCKS],
             count: 0,
             cross: Complex32::ZERO,
             power: 0.0,
         }
     }
 
-    /// For tones of `period` samples, in bursts of `samples`, which are more.
+    /// Configure for tones of `period` samples in bursts of `samples`, at least one period.
     pub(super) fn configure(&mut self, period: u16, samples: u32) {
         let length = u32::from(period).max(1);
         let periods = samples / length;
@@ -71,33 +71,33 @@ impl<const PERIOD: usize> Mixer<PERIOD> {
         }
     }
 
-    /// The next burst.
+    /// Start the next burst.
     pub(super) fn begin(&mut self) {
         self.clear();
-        self.at = 0;
+        self.current_block = 0;
         self.count = 0;
         self.cross = Complex32::ZERO;
         self.power = 0.0;
     }
 
     fn clear(&mut self) {
-        self.came = 0;
+        self.received = 0;
         self.sums = [[Complex::new(0, 0); 2]; PERIOD];
     }
 
-    /// Takes samples from number `first` of the burst on, reference and echo; they are not behind those before. What lies between is lost.
+    /// Add samples from index `first` of the burst on, reference and echo. `first` must not be behind the previous ones; samples in between are missing.
     pub(super) fn push(&mut self, first: u32, samples: impl Iterator<Item = [Complex<i16>; 2]>) {
         let block = self.block.max(1);
         let mut place = first as usize % self.period.max(1);
         for (number, pair) in (first..self.used).zip(samples) {
-            let at = number / block;
-            if at != self.at {
+            let current_block = number / block;
+            if current_block != self.current_block {
                 self.clear();
-                self.at = at;
+                self.current_block = current_block;
             }
             if let Some(sums) = self.sums.get_mut(place) {
                 for (sum, sample) in sums.iter_mut().zip(pair) {
-                    // As wide as the sums of the longest block are.
+                    // As wide as the sums of the longest block.
                     sum.re = sum.re.wrapping_add(sample.re.into());
                     sum.im = sum.im.wrapping_add(sample.im.into());
                 }
@@ -106,14 +106,14 @@ impl<const PERIOD: usize> Mixer<PERIOD> {
             if place == self.period {
                 place = 0;
             }
-            self.came += 1;
-            if self.came == block {
+            self.received += 1;
+            if self.received == block {
                 self.close();
             }
         }
     }
 
-    /// The block in hand is whole.
+    /// Finish the current block, which is complete.
     fn close(&mut self) {
         let mut means = [Complex32::ZERO; 2];
         for (sums, turn) in self.sums.iter().zip(&self.turns).take(self.period) {
@@ -126,29 +126,29 @@ impl<const PERIOD: usize> Mixer<PERIOD> {
         self.cross += echo * reference.conj();
         self.power += reference.norm_sqr();
         if let Some(place) = self.references.get_mut(self.count) {
-            *place = (self.at, reference);
+            *place = (self.current_block, reference);
             self.count += 1;
         }
         self.clear();
-        self.at += 1;
+        self.current_block += 1;
     }
 
-    /// What has come of the burst; none if no block came whole or the reference is nothing.
-    pub(super) fn mixed(&self) -> Option<Mixed> {
+    /// Result of the burst. `None` without a complete block or if the reference is zero.
+    pub(super) fn mixed(&self) -> Option<Ratio> {
         if self.power.is_nan() || self.power <= 0.0 {
             return None;
         }
         let references = self.references.get(..self.count)?;
         let blocks = self.used / self.block.max(1);
-        Some(Mixed {
+        Some(Ratio {
             value: self.cross / self.power,
-            whole: self.count as f32 / blocks as f32,
-            unsteady: unsteadiness(references),
+            complete: self.count as f32 / blocks as f32,
+            unsteadiness: unsteadiness(references),
         })
     }
 }
 
-/// How far blocks are from a tone of one amplitude and one frequency.
+/// Deviation of the blocks from a tone of constant amplitude and frequency.
 fn unsteadiness(blocks: &[(u32, Complex32)]) -> f32 {
     let n = blocks.len() as f32;
     let amplitude = |x: &Complex32| libm::sqrtf(x.norm_sqr());
@@ -157,8 +157,8 @@ fn unsteadiness(blocks: &[(u32, Complex32)]) -> f32 {
     for (_, x) in blocks {
         most = most.max(libm::fabsf(amplitude(x) / mean - 1.0));
     }
-    // Phases from block to block, never more than half a turn apart: tones turn much faster than synthesisers are off.
-    let mut phases = [(0.0, 0.0); MOST_BLOCKS];
+    // Phases from block to block differ by at most half a turn: synthesiser offsets are small compared to the tone frequency.
+    let mut phases = [(0.0, 0.0); MAX_BLOCKS];
     let mut before = blocks.first().map_or(Complex32::ONE, |(_, x)| *x);
     let mut phase = 0.0;
     let (mut middle, mut level) = (0.0, 0.0);

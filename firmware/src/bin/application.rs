@@ -1,4 +1,4 @@
-//! The module: pulses in over the serial link, maps out.
+//! Application of the embedded module: pulses in over the serial link, maps out.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -12,7 +12,7 @@ mod target {
     #[entry]
     fn main() -> ! {
         let Some(mut board) = Current::take() else {
-            fault::die(format_args!("the board was taken before the program began"));
+            fault::die(format_args!("board already taken at program start"));
         };
         board.log(format_args!(
             "subaperture {} {} on {}, {} resets",
@@ -22,14 +22,14 @@ mod target {
             fault::resets()
         ));
         let kernel = ChipKernel::new();
-        let Some(station) = module::station(&kernel) else {
-            fault::die(format_args!("a buffer was taken before the program began"));
+        let Some(endpoint) = module::endpoint(&kernel) else {
+            fault::die(format_args!("buffer already taken at program start"));
         };
-        serve(board, station)
+        serve(board, endpoint)
     }
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

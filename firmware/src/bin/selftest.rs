@@ -1,8 +1,8 @@
-//! The core's self-test on a board, or on the host for comparison.
+//! Self-tests of the core on a board, or on the host for comparison.
 //!
-//! Prints the memory of the buffers and four checksums, of maps, of a radar's increments of echoes and of samples, and of range profiles, the same to the bit wherever it runs. On the emulated
-//! board it exits the emulator with success, after any failure with an error;
-//! `tests/firmware/selftest.rs` runs it.
+//! Prints the buffer sizes and four checksums: of maps, of motion increments from echoes and from samples, and of range
+//! profiles. They are bit-identical on every machine. On the emulated board the program exits the emulator with success, or
+//! with failure after any error; `tests/firmware/selftest.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

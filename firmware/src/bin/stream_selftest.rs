@@ -1,9 +1,9 @@
-//! The streaming core's self-tests on a board, on an emulated machine, or on the host for comparison.
+//! Stream self-tests of the core on a board, on an emulated machine, or on the host for comparison.
 //!
-//! Prints a line for each: name, bytes of its buffers, a checksum that is the same wherever it runs
-//! (the bytes differ with the size of a pointer). A Cortex-M0 has memory for the fixed-point one only, and
-//! says how much stack it took. Under emulation it ends the emulator with success, after any failure with an
-//! error; `tests/firmware/golden.rs` runs it.
+//! Prints one line per test: name, buffer size in bytes, and a checksum that is bit-identical on every machine (the size
+//! depends on the pointer size). A Cortex-M0 has memory for the fixed-point test only, and prints its stack usage. Under
+//! emulation the program exits the emulator with success, or with failure after any error; `tests/firmware/golden.rs`
+//! runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 use core::fmt::{Arguments, Display};
@@ -12,7 +12,7 @@ use subaperture_core::selftest::FixedStreamSelfTest;
 #[cfg(not(feature = "board-microbit"))]
 use subaperture_core::selftest::FloatStreamSelfTest;
 
-/// Prints a result; whether it is one.
+/// Print a result. Returns whether it is a success.
 fn show<E: Display>(
     log: fn(Arguments<'_>),
     name: &str,
@@ -53,7 +53,7 @@ mod target {
         ConstStaticCell::new(FloatStreamSelfTest::new());
 
     #[cfg_attr(target_arch = "arm", cortex_m_rt::entry)]
-    // SAFETY: the start code of `riscv_virt` calls this name, once.
+    // SAFETY: the start-up code of `riscv_virt` calls this name, once.
     #[cfg_attr(target_arch = "riscv32", unsafe(export_name = "riscv_main"))]
     fn main() -> ! {
         #[cfg(not(feature = "board-microbit"))]

@@ -1,12 +1,12 @@
-//! ARM's MPS2 with FPGA image AN500, as QEMU's machine `mps2-an500` emulates it.
+//! ARM MPS2 board with FPGA image AN500, as emulated by QEMU's machine `mps2-an500`.
 //!
-//! LED 0 at 0x40028000, UART0 (the link) at 0x40004000, UART1 (the log) at 0x40005000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM's CMSDK parts
-//! (DDI 0479); all run at the board's 25 MHz. What the emulator leaves out: the UART has no speed (a byte
-//! goes as fast as the other end takes it), and time passes with the host's clock unless `-icount`
-//! ties it to instructions. The core's own cycle counter (DWT) is not emulated; the timer stands in.
+//! LED 0 at 0x40028000, UART0 (the link) at 0x40004000, UART1 (the log) at 0x40005000, timer 0 at 0x40000000 and the
+//! watchdog at 0x40008000 are ARM CMSDK peripherals (DDI 0479), clocked at 25 MHz. Differences of the emulation: the UART
+//! has no bit rate (a byte is sent as fast as the other end accepts it), and time follows the host's clock unless `-icount`
+//! ties it to instructions. The core's cycle counter (DWT) is not emulated; the timer replaces it.
 //!
-//! The receiver holds one byte. QEMU gives it the next only when that one was read, so nothing is lost
-//! however slowly a program reads; on the real board a program has one byte's time.
+//! The receiver holds one byte. QEMU delivers the next byte only after it was read, so nothing is lost however slowly a
+//! program reads. On the real board a program has the duration of one byte.
 
 use core::convert::Infallible;
 use core::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +20,7 @@ use super::Board;
 const CLOCK_HZ: u32 = 25_000_000;
 const BAUD: u32 = 921_600;
 
-/// The board.
+/// MPS2 board with FPGA image AN500.
 #[derive(Debug)]
 pub struct An500 {
     uart: Uart,
@@ -48,10 +48,10 @@ impl Board for An500 {
             uart::CTRL,
             uart::TX_ENABLE | uart::RX_ENABLE | uart::TX_INTERRUPT | uart::RX_INTERRUPT,
         );
-        // Interrupts end a sleep and do nothing else: masked, they are never taken.
+        // Interrupts only end a sleep: they are masked and never taken.
         cortex_m::interrupt::disable();
         for interrupt in [uart::RX, uart::TX] {
-            // SAFETY: nothing relies on these being off; they are not taken.
+            // SAFETY: no code relies on these interrupts being disabled; they are not taken.
             unsafe { NVIC::unmask(interrupt) };
         }
         let timer = Registers(0x4000_0000);
@@ -79,13 +79,13 @@ impl Board for An500 {
     }
 
     fn ticks(&self) -> u32 {
-        // The timer runs down.
+        // The timer counts down.
         !self.timer.read(timer::VALUE)
     }
 
     fn feed_watchdog(&mut self) {
-        // The first expiry is a non-maskable interrupt, which logs and resets (`fault`); should that
-        // fail, the second resets by itself.
+        // The first expiry is a non-maskable interrupt, which logs and resets (`fault`). If that fails, the second expiry
+        // resets the board by itself.
         self.watchdog.write(watchdog::LOCK, watchdog::UNLOCK);
         self.watchdog
             .write(watchdog::LOAD, CLOCK_HZ / 1000 * Self::WATCHDOG_MS);
@@ -96,7 +96,7 @@ impl Board for An500 {
     }
 }
 
-/// User LED 0, a bit of the FPGA's own registers.
+/// User LED 0, one bit of the FPGA registers.
 #[derive(Debug)]
 pub struct Light(Registers);
 
@@ -116,20 +116,20 @@ impl OutputPin for Light {
     }
 }
 
-/// The serial link, UART0.
+/// Serial link on UART0.
 #[derive(Debug)]
 pub struct Uart(Registers);
 
-/// What the serial link can fail with.
+/// Error of the serial link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UartError {
-    /// A byte came before the last one was read; it is lost.
+    /// A byte was received before the previous one was read, and is lost.
     Overrun,
 }
 
 impl core::fmt::Display for UartError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("a byte came before the last one was read")
+        f.write_str("UART overrun: a byte was received before the previous one was read")
     }
 }
 
@@ -142,12 +142,12 @@ impl embedded_io::Error for UartError {
 }
 
 impl Uart {
-    /// Sleeps until `mask` of the state reads `wanted`; the state.
+    /// Sleep until the masked state equals `wanted`, and return the state.
     ///
-    /// A loop that only reads the register works too, but takes a processor of the host for nothing.
+    /// Polling the register would also work, but would occupy a processor of the host.
     fn wait(&mut self, mask: u32, wanted: u32) -> u32 {
         loop {
-            // First forget what was, then look: an interrupt that comes after the look ends the sleep.
+            // Clear pending interrupts first, then check: an interrupt after the check ends the sleep.
             self.0.write(uart::INTCLEAR, u32::MAX);
             NVIC::unpend(uart::RX);
             NVIC::unpend(uart::TX);
@@ -223,18 +223,18 @@ impl Write for Uart {
     }
 }
 
-/// Writes a line of log to UART1.
+/// Write a line of log to UART1.
 #[cfg(not(feature = "defmt"))]
 pub(super) fn line(message: core::fmt::Arguments<'_>) {
     let registers = Registers(0x4000_5000);
-    // Each time, for a line may come before anything was set up.
+    // Set up every time, since a line may be logged before any other initialisation.
     registers.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
     registers.write(uart::CTRL, uart::TX_ENABLE);
-    // Cannot fail: it waits for room.
+    // Cannot fail: it waits until there is room.
     let _ = core::fmt::write(&mut Log(registers), format_args!("{message}\n"));
 }
 
-/// UART1, for text.
+/// UART1 as a text output.
 #[cfg(not(feature = "defmt"))]
 struct Log(Registers);
 
@@ -249,14 +249,14 @@ impl core::fmt::Write for Log {
     }
 }
 
-/// A peripheral's 32-bit registers.
+/// 32-bit registers of a peripheral.
 #[derive(Debug)]
 struct Registers(usize);
 
 impl Registers {
     fn read(&self, offset: usize) -> u32 {
-        // SAFETY: only `An500::take` and `line` make these, from addresses of peripherals; `offset` is one of
-        // the constants below, aligned and within the peripheral.
+        // SAFETY: only `An500::take` and `line` create these, from peripheral addresses; `offset` is one of the constants
+        // below, aligned and within the peripheral.
         unsafe { ((self.0 + offset) as *const u32).read_volatile() }
     }
 
@@ -266,15 +266,15 @@ impl Registers {
     }
 }
 
-/// LEDs, one a bit.
+/// LED register, one bit per LED.
 const FPGA_LEDS: usize = 0x0;
 
 mod uart {
-    /// UART0's interrupts.
+    /// Interrupts of UART0.
     #[derive(Clone, Copy)]
     pub(super) struct Interrupt(u16);
 
-    // SAFETY: the numbers are those of the AN500's table and never change.
+    // SAFETY: the numbers are those of the AN500 interrupt table and never change.
     unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
         fn number(self) -> u16 {
             self.0

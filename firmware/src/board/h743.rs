@@ -1,13 +1,12 @@
-//! ST's Nucleo-H743ZI2: an STM32H743ZI at 400 MHz. Compiled and measured for size; it has not run on
-//! the board.
+//! ST Nucleo-H743ZI2 with an STM32H743ZI at 400 MHz. Compiled and measured for size; not yet run on the board.
 //!
-//! Serial link: USART3, pins PD8 (out) and PD9 (in), which the board's debugger shows to the computer as a
-//! serial port; 921 600 baud, 8 data bits, no parity. An interrupt a byte moves bytes between the USART
-//! and two rings, so that nothing is lost while the program computes: the receiver's ring holds 89 ms
-//! of the link at full speed. A ring that is full loses what comes; the protocol must notice.
+//! Serial link: USART3 on pins PD8 (TX) and PD9 (RX), which the board's debugger presents to the computer as a serial port;
+//! 921 600 baud, 8 data bits, no parity. One interrupt per byte moves bytes between the USART and two ring buffers, so
+//! nothing is lost while the program computes: the receive buffer holds 89 ms of the link at full speed. A full buffer drops
+//! incoming bytes; the protocol detects it.
 //!
-//! Clocks: the internal oscillator of 64 MHz, by a PLL (64 / 4 * 50 / 2) to 400 MHz, half of it for the
-//! buses: what every revision of the part does at voltage scale 1.
+//! Clocks: the internal 64 MHz oscillator and a PLL (64 / 4 * 50 / 2) give 400 MHz, half of it for the buses. Every revision
+//! of the part supports this at voltage scale 1.
 
 use core::future::Future;
 use core::pin::pin;
@@ -32,7 +31,7 @@ bind_interrupts!(struct Interrupts {
 static RECEIVED: ConstStaticCell<[u8; 8192]> = ConstStaticCell::new([0; 8192]);
 static TO_SEND: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
 
-/// The board.
+/// Nucleo-H743ZI2 board.
 pub struct H743 {
     light: Output<'static>,
     link: SerialLink,
@@ -51,7 +50,7 @@ impl Board for H743 {
         let (received, to_send) = (RECEIVED.try_take()?, TO_SEND.try_take()?);
         let mut core = cortex_m::Peripherals::take()?;
         core.SCB.enable_icache();
-        // Nothing here is moved by DMA, so the data cache needs no care.
+        // No DMA is used, so the data cache needs no maintenance.
         core.SCB.enable_dcache(&mut core.CPUID);
         core.DCB.enable_trace();
         cortex_m::peripheral::DWT::unlock();
@@ -71,7 +70,7 @@ impl Board for H743 {
         );
         let (tx, rx) = uart.ok()?.split();
         Some(Self {
-            // LD1, the green one.
+            // LD1, the green LED.
             light: Output::new(board.PB0, Level::Low, Speed::Low),
             link: SerialLink {
                 rx,
@@ -92,7 +91,7 @@ impl Board for H743 {
     }
 
     fn wait(&mut self) {
-        // Masked, so that a byte that comes between the look and the sleep ends the sleep.
+        // Interrupts masked, so that a byte received between the check and the sleep ends the sleep.
         cortex_m::interrupt::free(|_| {
             if matches!(self.link.read_ready(), Ok(false)) {
                 cortex_m::asm::wfi();
@@ -139,10 +138,9 @@ fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// The serial link, USART3.
+/// Serial link on USART3.
 ///
-/// The driver cannot say whether its ring has room without putting something there; a byte that
-/// found none waits here.
+/// The driver cannot report whether its ring buffer has room without writing to it. A byte that found no room waits here.
 pub struct SerialLink {
     rx: BufferedUartRx<'static>,
     tx: BufferedUartTx<'static>,
@@ -150,9 +148,9 @@ pub struct SerialLink {
 }
 
 impl SerialLink {
-    /// Puts as much of `buffer` into the ring as there is room for; `None` if there is none.
+    /// Write as much of `buffer` to the ring buffer as fits. `None` if it is full.
     fn offer(&mut self, buffer: &[u8]) -> Result<Option<usize>, usart::Error> {
-        // The driver's future keeps nothing between polls: dropping it is what `None` means.
+        // The driver's future keeps no state between polls, so it can be dropped when pending.
         let write = pin!(embedded_io_async::Write::write(&mut self.tx, buffer));
         match write.poll(&mut Context::from_waker(Waker::noop())) {
             Poll::Ready(result) => result.map(Some),

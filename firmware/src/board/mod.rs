@@ -1,4 +1,4 @@
-//! A board: a serial link, a counter, a watchdog, a log.
+//! Board abstraction: serial link, counter, watchdog, log.
 
 use core::fmt;
 
@@ -23,88 +23,85 @@ pub use h743::{H743, H743 as Current, SerialLink};
     feature = "board-h743",
     feature = "board-microbit"
 )))]
-compile_error!("choose a board: --features board-an500, board-h743 or board-microbit");
+compile_error!("no board selected: add --features board-an500, board-h743 or board-microbit");
 #[cfg(any(
     all(feature = "board-an500", feature = "board-h743"),
     all(feature = "board-an500", feature = "board-microbit"),
     all(feature = "board-h743", feature = "board-microbit")
 ))]
-compile_error!("two boards: add --no-default-features to --features board-...");
+compile_error!("several boards selected: add --no-default-features to --features board-...");
 
-// The micro:bit stands for parts without atomic exchange and floating point: it has a log, and no `Board`.
+// The micro:bit represents devices without atomic exchange and floating point: it has a log but no `Board`.
 
-/// What a program asks of the machine it runs on.
+/// Hardware interface of the application.
 pub trait Board: Sized {
-    /// The serial link. `read` and `write` block until they can move a byte; a program that must not
-    /// wait asks `read_ready` and `write_ready` first.
+    /// Serial link. `read` and `write` block until at least one byte can be transferred. Check `read_ready` and
+    /// `write_ready` first to avoid blocking.
     type Link: Read + ReadReady + Write + WriteReady;
-    /// A light; high is on.
+    /// Status light; high is on.
     type Light: OutputPin;
 
-    /// Name, for the banner.
+    /// Board name for the start-up banner.
     const NAME: &'static str;
-    /// Rate of [`Board::ticks`].
+    /// Rate of [`Board::ticks`] in hertz.
     const TICKS_HZ: u32;
-    /// The watchdog resets the board when it was not fed for this long.
+    /// Watchdog timeout in milliseconds.
     const WATCHDOG_MS: u32;
 
-    /// The board, set up; `None` if it was taken before. The watchdog sleeps until it is first fed.
+    /// Initialise and return the board. `None` if it was taken before. The watchdog starts when it is first fed.
     fn take() -> Option<Self>;
 
-    /// The serial link.
+    /// Serial link of the board.
     fn link(&mut self) -> &mut Self::Link;
 
-    /// Sleeps until the link has something to read, or a little less: a program that has nothing to do
-    /// calls it and asks again.
+    /// Sleep until the link has received something. May return early: check again and repeat.
     fn wait(&mut self);
 
-    /// The light.
+    /// Status light of the board.
     fn light(&mut self) -> &mut Self::Light;
 
-    /// A counter that runs up at [`Board::TICKS_HZ`] and wraps.
+    /// Free-running counter at [`Board::TICKS_HZ`], wrapping.
     fn ticks(&self) -> u32;
 
-    /// Starts the watchdog, or tells it that the program is alive.
+    /// Start or feed the watchdog.
     fn feed_watchdog(&mut self);
 
-    /// Starts over.
+    /// Reset the board.
     fn reset(&mut self) -> ! {
         reset()
     }
 
-    /// A line of log for a person at a debugger; lost where there is none.
+    /// Log a line for a debugger. Discarded if none is attached.
     fn log(&mut self, message: fmt::Arguments<'_>) {
         log(message);
     }
 }
 
-/// Starts over; for places that do not own the board.
+/// Reset the board, for code that does not own it.
 pub fn reset() -> ! {
     cortex_m::peripheral::SCB::sys_reset()
 }
 
-/// Logs a line; for places that do not own the board.
+/// Log a line, for code that does not own the board.
 #[cfg(feature = "defmt")]
 pub fn log(message: fmt::Arguments<'_>) {
     defmt::println!("{}", defmt::Display2Format(&message));
 }
 
-/// Logs a line; for places that do not own the board. It leaves by the second UART: no debugger or emulator has to
-/// serve it, so that the application runs where semihosting, which lets a program read and write the host's
-/// files, is off.
+/// Log a line, for code that does not own the board. Uses the second UART: no debugger or emulator has to serve it, so the
+/// application runs with semihosting disabled, which would let a program read and write the host's files.
 #[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
 pub fn log(message: fmt::Arguments<'_>) {
     an500::line(message);
 }
 
-/// Logs a line; for places that do not own the board.
+/// Log a line, for code that does not own the board.
 #[cfg(all(not(feature = "defmt"), feature = "board-microbit"))]
 pub fn log(message: fmt::Arguments<'_>) {
     semihosting::line(message);
 }
 
-/// Logs a line, but without `defmt` there is nobody to read it: semihosting would stop a board that
-/// runs without a debugger.
+/// Discard a log line. Without `defmt` there is no reader: semihosting would halt a board that runs without a debugger.
 #[cfg(all(not(feature = "defmt"), feature = "board-h743"))]
 pub fn log(_message: fmt::Arguments<'_>) {}
 
@@ -113,7 +110,7 @@ use defmt_rtt as _;
 #[cfg(all(feature = "defmt", feature = "board-an500"))]
 use defmt_semihosting as _;
 
-/// Ends a program that is a test: the emulator exits with success or failure; a board waits for a person.
+/// End a test program: the emulator exits with success or failure; a board waits.
 pub fn end(_success: bool) -> ! {
     #[cfg(any(feature = "board-an500", feature = "board-microbit"))]
     cortex_m_semihosting::debug::exit(if _success {

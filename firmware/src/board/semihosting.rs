@@ -1,12 +1,12 @@
-//! Text to the emulator's standard output, for self-tests. cortex-m-semihosting's own `hprintln` borrows a `RefCell`, whose
-//! panic the linker cannot rule out.
+//! Text output to the emulator's standard output, for self-tests. The `hprintln` of cortex-m-semihosting borrows a
+//! `RefCell`, whose panic the linker cannot rule out.
 
 use core::fmt::{self, Write};
 use core::sync::atomic::{AtomicUsize, Ordering};
 
 use cortex_m_semihosting::{nr, syscall};
 
-/// The open console; 0 before it was opened. The emulator's handles begin at 1.
+/// Console handle; 0 before it was opened. The emulator's handles start at 1.
 static CONSOLE: AtomicUsize = AtomicUsize::new(0);
 
 struct Console(usize);
@@ -15,7 +15,7 @@ impl Write for Console {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let mut rest = text.as_bytes();
         while !rest.is_empty() {
-            // SAFETY: the call reads the bytes of `rest` and no more; it returns how many it left.
+            // SAFETY: the call reads exactly the bytes of `rest`; it returns the number of bytes not written.
             let left = unsafe { syscall!(WRITE, self.0, rest.as_ptr(), rest.len()) };
             if left >= rest.len() {
                 return Err(fmt::Error);
@@ -26,12 +26,12 @@ impl Write for Console {
     }
 }
 
-/// Writes a line; lost if the emulator takes none.
+/// Write a line. Discarded if the emulator does not accept it.
 pub(super) fn line(message: fmt::Arguments<'_>) {
     let mut handle = CONSOLE.load(Ordering::Relaxed);
     if handle == 0 {
         let name = c":tt".to_bytes_with_nul();
-        // SAFETY: the call reads the name, which ends with a zero, and its length without it.
+        // SAFETY: the call reads the zero-terminated name, and its length without the terminator.
         handle = unsafe { syscall!(OPEN, name.as_ptr(), nr::open::W_TRUNC, name.len() - 1) };
         if handle == usize::MAX {
             return;

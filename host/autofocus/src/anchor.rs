@@ -1,19 +1,18 @@
-//! The same part of the scene, whatever the geometry.
+//! Displacement of image points with the geometry parameters.
 //!
-//! A wrong clock or a wrong bias does not only defocus an image, it moves it. On pixels that stay where they are,
-//! points then come and go with the parameter, and a figure of merit tells which of them are there more loudly than
-//! how sharp they are: its maximum may lie anywhere. So what is compared has to be the same pulses and the same
-//! points, and the pixels have to follow them.
+//! A wrong clock or range bias displaces an image as well as defocusing it. On fixed pixels, points enter and leave with the
+//! parameter, and the figure of merit then depends on which points are present more than on sharpness: its maximum may lie
+//! anywhere. The search must therefore compare the same pulses and the same points, on pixels that follow the points.
 //!
-//! Where a point of the image at `p` goes is known from geometry alone. What was measured of it is its paths
-//! `P_n = path_n(p) + bias`. With other values of the parameters it images where its paths fit best,
+//! The displacement follows from geometry alone. A point imaged at `p` has the measured paths
+//! `P_n = path_n(p) + bias`. With other parameter values it is imaged where its paths fit best,
 //!
 //! ```text
 //! p' = argmin sum_n w_n^2 (path'_n(p') + bias' - P_n)^2,    p' in the plane of the pixels
 //! ```
 //!
-//! by Gauss and Newton, and the pixels are moved by `p' - p`. What is left of the differences is what defocuses. A
-//! turn of the scene about `p` is not followed.
+//! by Gauss-Newton iteration, and the pixels are moved by `p' - p`. The remaining path differences cause defocus. Rotation
+//! of the scene about `p` is not followed.
 
 use glam::DVec3;
 
@@ -24,11 +23,11 @@ use subaperture_model::phase_history::Pulse;
 const STEPS: usize = 20;
 const CLOSE_M: f64 = 1e-4;
 
-/// Farthest that pixels are moved, in units of the farthest antenna's range: beyond, nothing fits.
+/// Largest displacement of pixels, in units of the farthest antenna's range.
 const FARTHEST: f64 = 4.0;
 
 /// How a scene point at `at_m`, seen in `from` with the bias `from_bias_m` of its paths, moves within the plane of
-/// `grid` if the same pulses are taken as `to` and `to_bias_m` say; nothing where no move fits better than none.
+/// `grid` if the same pulses are taken as `to` and `to_bias_m` say; zero if no move fits better.
 pub(super) fn shift_m(
     grid: &ImageGrid,
     at_m: DVec3,
@@ -71,7 +70,7 @@ pub(super) fn shift_m(
             u += x * left;
             v += y * left;
         }
-        // A little of the trace keeps a direction that the paths do not tell from running away.
+        // A small part of the trace bounds the move in a direction that the paths do not determine.
         let little = 1e-6 * (a + d);
         let (a, d) = (a + little, d + little);
         let determinant = a * d - b * b;
@@ -137,7 +136,7 @@ mod tests {
         );
         let none = shift_m(&grid, at, (&straight, 0.0), (&straight, 0.0));
         assert_eq!(none, DVec3::ZERO);
-        // An antenna that stands tells no direction: the point does not run away.
+        // An antenna at rest determines no direction: the move stays bounded.
         let still = pulses(|_| DVec3::ZERO);
         let moved = shift_m(&grid, at, (&still, 0.0), (&still, -0.2));
         assert!((moved.length() - 0.1).abs() < 1e-2, "{moved}");

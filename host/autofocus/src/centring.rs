@@ -1,7 +1,7 @@
-//! Bringing a point's history to its own centre: the circular shift of PGA, in exact geometry.
+//! Centring of point histories: the circular shift of PGA in exact geometry.
 //!
-//! A pixel beside the scatterer sees it turn. The place along cross-range is looked for at which the history adds up to the
-//! most, phase errors that are known already taken away,
+//! The phase of a scatterer off the pixel rotates from pulse to pulse. Centring searches cross-range for the position with the largest
+//! coherent sum of the history, after correction of known phase errors,
 //!
 //! ```text
 //! max over d of | sum_n h_n(p) exp(+j k (path_n(p + d e) - path_n(p))) exp(-j phi_n) |
@@ -28,9 +28,9 @@ const FINE_A_CELL: f64 = 8.0;
 /// A history brought to its centre.
 #[derive(Clone, Debug)]
 pub(crate) struct Centred {
-    /// Where that is.
+    /// Place of the centre, metres.
     pub(crate) place_m: DVec3,
-    /// The history there.
+    /// History compensated to the place, one value per turn.
     pub(crate) values: Vec<Complex64>,
 }
 

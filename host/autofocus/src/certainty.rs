@@ -1,23 +1,23 @@
-//! How far a search can be trusted, by what it finds without a part of the data.
+//! Accuracy of a search, by the delete-a-group jackknife over the aperture.
 //!
-//! The curvature of a merit at its maximum says how sharply it peaks, not how far off the truth the peak is: noise,
-//! speckle and errors of the track move it, and a flat top has no place of its own. So the search is made again on
-//! all but one of `G` parts of the aperture, each in its turn, and the spread of what it finds is the delete-a-group
-//! jackknife's estimate of the standard error (Efron and Tibshirani, An Introduction to the Bootstrap, chapter 11),
+//! The curvature of a merit at its maximum measures the width of the peak, not its distance from the truth: noise,
+//! speckle and track errors displace the peak, and the position of a flat maximum is undefined. The search is therefore repeated on
+//! all but one of `G` parts of the aperture. The spread of the results is the delete-a-group jackknife
+//! estimate of the standard error (Efron and Tibshirani, An Introduction to the Bootstrap, chapter 11),
 //!
 //! ```text
 //! s^2 = (G - 1) / G sum_g (v_g - mean v)^2
 //! ```
 //!
-//! given here times Student's 97.5 % point for `G - 1` degrees of freedom. Each repetition takes the highest
-//! of all points tried and climbs from there, in all parameters at once: one that depends on another, or a second
-//! maximum that a part of the data prefers, shows in the spread.
+//! multiplied here by Student's 97.5 % point for `G - 1` degrees of freedom. Each repetition starts from the highest
+//! point tried and climbs in all parameters at once, so that the spread includes coupled parameters and a second
+//! maximum preferred by a part of the data.
 //!
 //! Another maximum of the scan is a rival if, of all data or without any one part, it rises to [`RIVAL`] of the best's
-//! height above the scan's median. (The jackknife of that difference tells less: what a part does to the window weighs
-//! more in it than noise.)
+//! height above the scan's median. (The jackknife of that difference is less useful: it responds to the changed window
+//! more than to noise.)
 //!
-//! Not known from this: what all parts have in common, such as a wrong carrier or a bent rail.
+//! Not covered: errors common to all parts, such as a wrong carrier frequency or a bent rail.
 
 use subaperture_model::geometry::Axis;
 
@@ -32,7 +32,7 @@ const STUDENT: [f64; 15] = [
 /// Height of a rival, above the median and in parts of the best's.
 const RIVAL: f64 = 0.7;
 
-/// Half of the interval of 95 % confidence of what the repetitions found.
+/// Half-width of the 95 % confidence interval from the repetitions.
 fn half_interval(found: &[f64]) -> Option<f64> {
     let count = found.len();
     let student = *STUDENT.get(count.checked_sub(2)?).unwrap_or(&2.0);
@@ -41,7 +41,7 @@ fn half_interval(found: &[f64]) -> Option<f64> {
     Some(student * ((count - 1) as f64 / count as f64 * spread).sqrt())
 }
 
-/// What every repetition finds, a row of values each; none if the merits are of the whole only.
+/// Best values of every repetition, one row each; empty if the merits are of all data only.
 pub(super) fn repeat<E, V, F>(
     trials: &mut Trials<F>,
     intervals: &[Axis],
@@ -79,8 +79,8 @@ where
     Ok(found)
 }
 
-/// What is to be thought of a parameter, from its scan, the merits of all views along it and at the best, and what
-/// the repetitions found. `least` is the smallest error that the search can tell.
+/// Set error, rivals and verdict of a parameter from its scan, the merits of all views along it and at the best, and the
+/// results of the repetitions. `least` is the resolution of the search.
 pub(super) fn judge(
     axis: &Axis,
     scan: &mut Scan,

@@ -1,32 +1,34 @@
-//! What autofocus changes of a recording: a phase a pulse, or where the radar was.
+//! Correction of a recording by autofocus: one phase per pulse, or displacements of the antennas.
 //!
-//! A recorded sample is taken for `exp(+j error_rad[n])` times what the geometry says; the correction takes that away. A
-//! displacement is how far the radar, transmitter and receiver alike, was from where the recording has it. What phases were
-//! referred to ([`Pulse::reference_path_m`](subaperture_model::phase_history::Pulse::reference_path_m)) stays as it is: it was
-//! computed by whoever recorded, from the track that he had.
+//! A recorded sample is modelled as `exp(+j error_rad[n])` times the value predicted by the geometry; the correction removes this
+//! factor. A displacement is the offset of the radar, transmitter and receiver alike, from its recorded position. The reference
+//! paths ([`Pulse::reference_path_m`](subaperture_model::phase_history::Pulse::reference_path_m)) are unchanged, because the
+//! recording's producer computed them from the recorded track.
 //!
-//! Neglected: that velocities within a pulse change with the track, too
-//! ([`Sweep`](subaperture_model::phase_history::Sweep) stays).
+//! Neglected: changes of the velocity within a pulse
+//! ([`Sweep`](subaperture_model::phase_history::Sweep) is unchanged).
 
 use std::ops::Range;
 
 use glam::DVec3;
 use num_complex::Complex32;
 
-use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+};
 use subaperture_signal::phase::{cis, narrow};
 
-/// What is changed, an entry a pulse.
+/// Correction of a recording, one entry per pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Correction {
     /// Phase errors, radians: each pulse is multiplied by `exp(-j error_rad)`.
     Phase {
-        /// Of every pulse.
+        /// Phase correction of every pulse.
         error_rad: Vec<f64>,
     },
     /// Displacements of the antennas, metres in the scene frame: added to their recorded positions.
     Track {
-        /// Of every pulse.
+        /// Displacement of every pulse.
         displacement_m: Vec<DVec3>,
     },
 }
@@ -38,21 +40,21 @@ pub enum Misfit {
     /// Not an entry a pulse.
     #[error("the correction has {entries} entries and the recording {pulses} pulses")]
     Count {
-        /// Of the correction.
+        /// Number of pulses in the correction.
         entries: usize,
-        /// Of the recording.
+        /// Number of pulses in the recording.
         pulses: usize,
     },
-    /// An entry is no number.
+    /// An entry is not finite.
     #[error("the correction of pulse {pulse} (from 0) is not a finite number")]
     NotFinite {
-        /// Which.
+        /// Index of the entry.
         pulse: usize,
     },
 }
 
 impl Correction {
-    /// Entries.
+    /// Number of entries, one per pulse.
     pub fn len(&self) -> usize {
         match self {
             Self::Phase { error_rad } => error_rad.len(),
@@ -60,7 +62,7 @@ impl Correction {
         }
     }
 
-    /// Whether there are none.
+    /// Whether the correction is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -87,8 +89,8 @@ impl Correction {
         self
     }
 
-    /// Root of the mean square phase about its mean, radians; `None` of a track. Phases are taken as they are and
-    /// unwrapped from pulse to pulse, and the lesser counts: whole turns that nothing asks for are no error.
+    /// Root of the mean square phase about its mean, radians; `None` for a track. The smaller of the values for
+    /// wrapped phases and for phases unwrapped from pulse to pulse: whole turns are no error.
     pub fn rms_phase_rad(&self) -> Option<f64> {
         let Self::Phase { error_rad } = self else {
             return None;
@@ -97,7 +99,7 @@ impl Correction {
         Some(rms(&unwrapped(error_rad)).min(rms(&wrapped)))
     }
 
-    /// Root of the mean square displacement about its mean, metres; `None` of phases.
+    /// Root of the mean square displacement about its mean, metres; `None` for phase corrections.
     pub fn rms_displacement_m(&self) -> Option<f64> {
         let Self::Track { displacement_m } = self else {
             return None;
@@ -213,6 +215,14 @@ impl PhaseHistory for Corrected<'_> {
 
     fn channels(&self) -> Vec<Channel> {
         self.history.channels()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.history.beam()
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.history.phase_conventions()
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -1,11 +1,11 @@
-//! Smooth curves over the turns of an aperture: cubic B-splines of few numbers, down to a number a turn.
+//! Cubic B-spline curves over the turns of an aperture, from a few coefficients up to one per turn.
 
 /// Curves of `knots` numbers over `turns`.
 #[derive(Clone, Debug)]
 pub(crate) struct Curves {
     /// Of each turn the first of the numbers that bear on it, and their weights.
     weights: Vec<(usize, Vec<f64>)>,
-    /// Numbers a curve.
+    /// Number of coefficients of a curve.
     pub(crate) count: usize,
 }
 
@@ -35,6 +35,18 @@ impl Curves {
         Self {
             weights: (0..turns).map(at).collect(),
             count,
+        }
+    }
+
+    /// One number: a quadratic over the aperture, `u^2 - 1/3` of `u` from -1 to 1.
+    pub(crate) fn quadratic(turns: usize) -> Self {
+        let at = |n: usize| {
+            let u = 2.0 * (n as f64 + 0.5) / turns as f64 - 1.0;
+            (0, vec![u * u - 1.0 / 3.0])
+        };
+        Self {
+            weights: (0..turns).map(at).collect(),
+            count: 1,
         }
     }
 

@@ -1,4 +1,4 @@
-//! A search over a recording's geometry that cannot be led astray by what its pixels show.
+//! Search over a recording's geometry on pixels that follow the displaced scene.
 
 use std::time::{Duration, Instant};
 
@@ -26,21 +26,21 @@ pub trait Model {
     fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError>;
 }
 
-/// What is searched, and by what.
+/// Search problem: recording, intervals, figure of merit and limits.
 pub struct Problem<'a> {
-    /// The recording.
+    /// Recording to be calibrated.
     pub model: &'a dyn Model,
-    /// The parameters' intervals.
+    /// Search intervals of the parameters.
     pub intervals: &'a [Axis],
-    /// How the search goes.
+    /// Order and refinement of the search.
     pub search: Search,
-    /// What is looked at.
+    /// Grid or points that the merit is measured on.
     pub sight: &'a Sight,
     /// Windows over fast and slow time.
     pub windows: [Window; 2],
     /// Bytes that images and samples may take.
     pub memory_bytes: u64,
-    /// Told of progress, asked whether to go on.
+    /// Receives progress and can cancel.
     pub monitor: &'a dyn Monitor,
 }
 
@@ -52,7 +52,7 @@ const ERROR_DB: f64 = -30.0;
 
 /// Finds the values of the largest merit, with their errors.
 ///
-/// Points of known place are searched as they are. For the sharpness of an image the search on the pixels given is a
+/// For points of known position one search suffices. For the sharpness of an image the search on the given pixels is a
 /// first guess; from there on the pulses are those chosen at the guess, and the pixels follow the brightest point as
 /// `anchor.rs` says. Where that leads elsewhere, it is done again from there, until it stays.
 ///
@@ -127,7 +127,7 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
             });
         if stays || round == ROUNDS {
             if !stays {
-                // Each place looks best from another: none is found.
+                // The optimum moves with the starting point: it is not determined.
                 for scan in &mut tuned.scans {
                     scan.verdict = Verdict::Open;
                 }
@@ -142,12 +142,12 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
     }
 }
 
-/// What [`determine`] will take, about.
+/// Expected cost of [`determine`].
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
     /// Images that it makes.
     pub images: usize,
-    /// Time of one.
+    /// Time of one image.
     pub each: Duration,
     /// Bytes that the recording holds.
     pub held_bytes: u64,
@@ -203,7 +203,7 @@ fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, 
             from: 0.0,
             length: 0.0,
         },
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let former = Backprojection { error_db: ERROR_DB };
     let peak = former.form_best(&task)?.image.peak();
@@ -213,7 +213,7 @@ fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, 
     ))
 }
 
-/// A part of the work; one without length tells nothing of its progress.
+/// Progress of a part of the work; a part of zero length reports no progress.
 struct Portion<'a> {
     monitor: &'a dyn Monitor,
     from: f64,

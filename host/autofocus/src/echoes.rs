@@ -1,19 +1,19 @@
-//! Phase histories of points, seen through a recording's own geometry.
+//! Phase histories of points in exact geometry.
 //!
-//! What pulse `n` says of a point `p` is the recording compensated to `p` and compressed in range there,
+//! The history of a point `p` is the recording compensated to `p` and compressed in range there,
 //!
 //! ```text
 //! h_n(p) = sum_k w_k z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c) / sum_k w_k
 //! ```
 //!
-//! one term of the sum that is the pixel at `p`. A scatterer at `p` is a constant in it, times the phasor of its phase error;
-//! others within its range cell turn, the faster the farther off they are across range. So `h(p)` over the
-//! pulses is what conventional PGA makes of a range bin: shifted so that the point is at zero, and an inverse transform
-//! taken. Here no transform joins image and pulses, and nothing is assumed of the geometry: paths are those of each
-//! pulse's own antennas, in the near field and over any angle, whatever former made the image, and no spectrum needs
-//! aligning (C 6.3.3: the phase that (6.10) puts back is never taken away).
+//! which is the term of pulse `n` in the sum of the pixel at `p`. A scatterer at `p` contributes a constant times the phasor of its phase
+//! error. Other scatterers of its range cell rotate at a rate proportional to their cross-range distance. `h(p)` over the pulses
+//! corresponds to a range bin of conventional PGA after circular shift and inverse transform. No transform
+//! relates image and pulses here, and no far-field geometry is assumed: paths are exact for each pulse's antennas, in the near field
+//! and over any angle, for images of any former, and no spectrum alignment is
+//! needed (C 6.3.3: the phase that (6.10) restores is never removed).
 //!
-//! Of several channels side by side each gives a history of its own: its phases relative to the others' do not matter.
+//! Each channel gives a history of its own. Phases between channels do not matter.
 //!
 //! Points are the brightest pixels of the image, one a range bin (C 6.5: "argmax of the amplitude"), two range cells wide at
 //! the aperture's middle, if they are within a given number of dB of the brightest: C's mask. One a bin, because
@@ -40,8 +40,8 @@ const BLOCK_BYTES: usize = 16 << 20;
 /// Range cells a bin.
 const CELLS_A_BIN: f64 = 2.0;
 
-/// Pulses by which points are told apart, and the part of them in which they have to lie in other range cells.
-const TELLING_PULSES: usize = 32;
+/// Pulses used to separate points, and the fraction of them in which two points must lie in different range cells.
+const PROBED_PULSES: usize = 32;
 const APART: f64 = 0.85;
 
 /// Which points are looked at.
@@ -118,12 +118,11 @@ pub(crate) fn brightest(
     let mut found: Vec<(f64, DVec3)> = bins.into_values().filter(|bin| bin.0 >= floor).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
     let turns = collection.num_turns();
-    let telling: Vec<&Pulse> = (0..TELLING_PULSES.min(turns))
-        .map(|i| &collection.pulses[i * turns / TELLING_PULSES.min(turns)])
+    let probed: Vec<&Pulse> = (0..PROBED_PULSES.min(turns))
+        .map(|i| &collection.pulses[i * turns / PROBED_PULSES.min(turns)])
         .collect();
-    let paths = |place_m: DVec3| -> Vec<f64> {
-        telling.iter().map(|pulse| pulse.path_m(place_m)).collect()
-    };
+    let paths =
+        |place_m: DVec3| -> Vec<f64> { probed.iter().map(|pulse| pulse.path_m(place_m)).collect() };
     let mut kept: Vec<(Vec<f64>, DVec3)> = Vec::new();
     for (_, place_m) in found {
         if kept.len() == points.most {
@@ -135,7 +134,7 @@ pub(crate) fn brightest(
             let apart = pairs
                 .filter(|(a, b)| (*a - *b).abs() >= 0.75 * bin_m)
                 .count();
-            apart as f64 >= APART * telling.len() as f64
+            apart as f64 >= APART * probed.len() as f64
         };
         if kept.iter().all(apart) {
             kept.push((paths_m, place_m));
@@ -185,7 +184,7 @@ pub(crate) fn echoes(
     Ok(echoes)
 }
 
-/// What a pulse says of every point.
+/// Response of a pulse at every point.
 fn responses(
     pulse: &Pulse,
     fast: &[f64],

@@ -1,8 +1,7 @@
-//! Least values of smooth functions of many variables: the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno
-//! (Liu and Nocedal, On the limited memory BFGS method for large scale optimization, 1989), with steps halved until the function falls by
-//! a part of what its slope promises (Armijo).
+//! Minimisation of smooth functions of many variables by L-BFGS (Liu and Nocedal, On the limited memory BFGS method for large scale
+//! optimization, 1989), with backtracking line search (Armijo condition).
 
-/// Steps remembered.
+/// Number of steps stored.
 const MEMORY: usize = 8;
 
 /// Part of the promised fall that is asked for, and halvings of a step at most.
@@ -14,7 +13,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// From `start` on downhill, `steps` at the most, until a step gains less than `still` of the value. `first` is how far the first step
-/// goes, in units of the variables. `function` gives the value and its gradient, or nothing to stop at the best so far.
+/// goes, in units of the variables. `function` returns the value and its gradient, or `None` to stop at the best so far.
 pub(crate) fn least(
     start: Vec<f64>,
     first: f64,
@@ -67,7 +66,7 @@ pub(crate) fn least(
             .zip(&gradient)
             .map(|(a, b)| a - b)
             .collect();
-        // Only a function that bends upwards between both tells a curvature.
+        // Only a positive curvature is used.
         if dot(&moved, &turned) > 1e-12 * dot(&turned, &turned).sqrt() * dot(&moved, &moved).sqrt()
         {
             pairs.push((moved, turned));
@@ -84,7 +83,7 @@ pub(crate) fn least(
     Some(at)
 }
 
-/// The inverse Hessian that the pairs remember, times the gradient, negated; `scale` stands for it where there are none.
+/// Negated product of the gradient with the inverse Hessian from the pairs; without pairs the inverse Hessian is `scale`.
 fn descent(gradient: &[f64], pairs: &[(Vec<f64>, Vec<f64>)], scale: f64) -> Vec<f64> {
     let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut parts = Vec::with_capacity(pairs.len());
@@ -135,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stops_when_told_to() {
+    fn minimisation_stops_when_the_function_returns_none() {
         let mut calls = 0;
         let found = least(vec![1.0], 0.1, 100, 0.0, |x| {
             calls += 1;

@@ -1,88 +1,101 @@
-//! Unknown geometry, phases and tracks found by the sharpness of the image.
+//! Calibration of geometry parameters, phases and tracks by image sharpness.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `autofocus`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture` re-exports this crate as
+//! its module `autofocus`.
 //!
 //! # Parameters
 //!
-//! A search knows its parameters only by their intervals, and the image only by a figure of merit, larger is better:
-//! the caller says how values become a merit, usually through [`merit`]. It goes
+//! The search maximises a figure of merit over intervals of parameters. The caller supplies the merit, usually [`merit`].
+//! The search has three steps:
 //!
-//! 1. over a grid: every combination of the parameters' values, or one parameter after another
-//!    ([`Order::InTurn`]), the others kept at the best so far, from the middles of the intervals on, until nothing
-//!    changes. In turn costs the sum of the counts in place of their product. It finds the same where the peak
-//!    shows with the other parameters at the middles of their intervals, and its ridges are not oblique to the axes;
-//! 2. around the best: all neighbours at half the step, moving while one is better, then half of that, and so on;
-//! 3. to the vertex of a parabola through the best and its two last neighbours on each axis.
+//! 1. A grid: every combination of values, or one parameter after another ([`Order::InTurn`]) with the others at their best
+//!    values so far, starting at the middles of the intervals, until the best values are stable. Searching in turn costs the sum of the
+//!    counts instead of their product. Both orders agree if the peak is visible with the other parameters at their
+//!    middles and its ridges are parallel to the axes.
+//! 2. Refinement: all neighbours at half the step, moving while one is better; then the step is halved again.
+//! 3. Interpolation: the vertex of a parabola through the best value and its two neighbours on each axis.
 //!
-//! How sharply the merit peaks is told by its *width*: how far apart the points are, on both sides of the
-//! best, where the merit has fallen half way to its median over the interval, the other parameters at their
-//! best. It says nothing of how far the peak is from the truth. That is told by the *error*, from what the search finds
-//! without one part of the aperture and without another (`certainty.rs`), and by the [`Verdict`]: whether there is
-//! a finding at all.
+//! The *width* of the peak is the distance between the points on both sides of the best where the merit has fallen half way to
+//! its median over the interval, with the other parameters at their best. It measures sharpness, not accuracy.
+//! The *error* measures accuracy: it comes from searches that leave out parts of the aperture (`certainty.rs`). The
+//! [`Verdict`] states whether the data determine the parameter.
 //!
-//! Sharpness has many maxima: a grid whose step is above the width can miss the highest one. The widths tell
-//! afterwards whether the step was fine enough.
+//! Sharpness has many local maxima. A grid with a step above the width can miss the highest; compare the
+//! widths with the step after a search.
 //!
-//! Some parameters move the image more than they defocus it. [`determine`] therefore compares the same pulses and the
-//! same points, with pixels that follow them (`anchor.rs`): without, a clock's offset was found to 0.6 s and was
-//! 2.4 s wrong.
+//! Some parameters displace the image more than they defocus it. [`determine`] therefore compares the same pulses and the
+//! same points, with pixels that follow them (`anchor.rs`). Without this the optimum of a clock offset was 2.4 s wrong, with an error estimate
+//! of 0.6 s.
 //!
-//! Focus does not tell everything. A shift that stays focused (of ranges seen from a short aperture, of clocks while the
-//! platform goes evenly) needs a point of known place: [`Sight::Points`]. Measured on a public recording of a radar pushed
-//! along a rail (`tests/recordings/described.rs`): sharpness finds the clocks' offset to 0.06 s and leaves the range bias open, the power at
-//! one surveyed reflector finds both, and the reflector then lies within 3 cm of its survey.
+//! Focus does not determine shifts that leave the image focused (of range from a short aperture, of clocks at constant platform
+//! velocity). These need a point of known position: [`Sight::Points`]. On a public recording of a radar pushed
+//! along a rail (`tests/recordings/described.rs`), sharpness determines the clock offset to 0.06 s but not the range bias. The power at
+//! one surveyed reflector determines both, and the reflector then lies within 3 cm of its survey.
 //!
-//! Every evaluation is made once. The result depends on nothing but the merit: it is deterministic if that is.
+//! Every evaluation is made once. The result is deterministic if the merit is.
 //!
 //! # Phases and tracks
 //!
-//! What changes from pulse to pulse is no matter of a few parameters. [`sharpen()`] finds it by a [`Method`] and images of any
-//! former, and never makes an image worse:
+//! Errors that vary from pulse to pulse are estimated by [`sharpen()`], with a [`Method`] and images of any former. It never
+//! makes an image worse, and judges the gain on range cells that were not used for estimation ([`HeldOut`]):
 //!
-//! | method | finds | for |
+//! | method | estimates | suited to |
 //! |---|---|---|
-//! | [`PhaseGradient`] | a phase a pulse | scenes with some bright points, any error that is alike for all of them |
-//! | [`ModifiedPhaseGradient`] | displacements of the antennas, two components a pulse | near scenes, points under different directions |
-//! | [`Sharpness`] | either, as curves of more and more numbers | scenes without points that stand alone; tracks seen from afar |
+//! | [`PhaseGradient`] | one phase per pulse | points, texture and clutter; errors common to the whole scene |
+//! | [`ModifiedPhaseGradient`] | antenna displacements, two components per pulse | near scenes, points in different directions |
+//! | [`Sharpness`] | phases or displacements, as curves with an increasing number of terms | scenes without isolated points; tracks in the far field |
 //! | [`MapDrift`] | a polynomial of few terms | smooth errors, scenes without points |
 //!
-//! What comes out is a [`Correction`], and [`Corrected`] is the recording with it.
+//! The result is a [`Correction`]. [`Corrected`] is the recording with the correction applied.
 #![forbid(unsafe_code)]
 
 mod anchor;
 mod centring;
 mod certainty;
+mod chance;
 mod correction;
 mod curve;
 mod determine;
 mod echoes;
 mod estimator;
+mod folds;
+mod held_out;
 mod joint;
 mod lbfgs;
+mod likelihood;
 mod map_drift;
 mod measure;
 mod modified_pga;
 mod patches;
 mod pga;
 mod rigid;
+mod rounds;
 mod search;
 mod sharpen;
 mod sharpness;
+mod slips;
+mod split;
+mod starts;
+mod texture;
+mod tiles;
+mod track_error;
 mod trials;
 
 pub use correction::{Corrected, Correction, Misfit};
 pub use determine::{Expected, Model, Problem, determine, rehearse};
 pub use echoes::Points;
 pub use estimator::{Estimator, UnknownEstimator};
+pub use held_out::{HeldOut, SIGNIFICANCE};
 pub use map_drift::MapDrift;
 pub use measure::{Measure, PARTS, Sight, UnknownMeasure, merit, merits};
 pub use modified_pga::ModifiedPhaseGradient;
 pub use pga::PhaseGradient;
-pub use search::{Axis, Order, Search, Tuned, search};
-pub use sharpen::{
-    Figures, Look, Method, Round, SharpenError, Sharpened, Stopping, Subject, sharpen,
+pub use rounds::{
+    Figures, HELD_IMAGES, Method, Round, RoundInput, SharpenError, Stopping, Subject,
 };
+pub use search::{Axis, Order, Search, Tuned, search};
+pub use sharpen::{Outcome, Sharpened, most_images, sharpen};
 
-pub use sharpness::{Goal, LEAST_ACROSS, Sharpness, Unknown, UnknownGoal, UnknownName};
+pub use sharpness::{Goal, MIN_ACROSS, Sharpness, Unknown, UnknownGoal, UnknownName};
+pub use slips::MAX_STEP_RAD;
 pub use trials::{Scan, TuneError, Verdict, Views};

@@ -1,8 +1,8 @@
-//! Map drift: looks of parts of the aperture, set against one another.
+//! Map drift autofocus: phase errors from the relative shifts of sub-aperture looks.
 //!
 //! A phase error `phi(n)` shifts the image of a short look at `n_j` to where the slope of the path makes up for its own,
 //! `phi'(n_j) + k g'(n_j) d_j = 0` with `k` radians a metre, `g` the path's growth with the place along cross-range and `d_j` the
-//! shift. So between looks beside one another
+//! shift. So between neighbouring looks
 //!
 //! ```text
 //! phi'(n_(j+1)) - phi'(n_j) = -k g' (d_(j+1) - d_j)
@@ -10,10 +10,10 @@
 //!
 //! The right side is measured, by correlating the magnitudes of the images of looks by any former
 //! ([`subaperture_quality::registration`]); on the left is a polynomial of degree `L` for `L` looks, whose constant and slope only
-//! shift the image. Two looks find the quadratic term, which is what an error of the along-track velocity makes; more
+//! shift the image. Two looks find the quadratic term, the effect of an error of the along-track velocity; more
 //! looks find higher ones, each less surely, for shorter looks are blurred more.
 //!
-//! What it neglects: that shifts differ over the scene (near range), that slopes change within a look other than by the polynomial,
+//! Neglected: that shifts differ over the scene (near range), that slopes change within a look other than by the polynomial,
 //! and phase errors that change within a look. Of channels side by side the phase of a turn is that of all of them. Cost a round: an
 //! image in all for the looks, and their transforms, 48 bytes a pixel.
 
@@ -32,9 +32,9 @@ use super::centring::cross_range;
 use super::correction::Correction;
 use super::echoes::{Echo, Points, brightest, gradients, wavenumber_rad_m};
 use super::measure::Quiet;
-use super::sharpen::{Look, Method, SharpenError};
+use super::rounds::{Method, RoundInput, SharpenError};
 
-/// Map drift.
+/// Map drift autofocus: a polynomial phase from relative shifts of looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapDrift {
     /// Looks, and the degree of the polynomial: 2 or more.
@@ -48,7 +48,7 @@ impl Default for MapDrift {
 }
 
 /// Pulses a look takes at the least.
-const LEAST_PULSES: usize = 4;
+const MIN_PULSES: usize = 4;
 
 impl Method for MapDrift {
     fn name(&self) -> &'static str {
@@ -59,7 +59,7 @@ impl Method for MapDrift {
         2
     }
 
-    fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
+    fn propose(&self, look: &RoundInput) -> Result<Option<Correction>, SharpenError> {
         let collection = look.history.collection();
         let (grid, turns) = (look.subject.grid, collection.num_turns());
         if !look.kept {
@@ -67,10 +67,10 @@ impl Method for MapDrift {
             return Ok(None);
         }
         let looks = self.looks.max(2);
-        if turns < LEAST_PULSES * looks {
+        if turns < MIN_PULSES * looks {
             return Err(SharpenError::TooShort {
                 method: self.name(),
-                needed: LEAST_PULSES * looks,
+                needed: MIN_PULSES * looks,
                 pulses: turns,
             });
         }
@@ -143,7 +143,7 @@ impl Slopes {
     }
 }
 
-fn slopes(look: &Look, place_m: DVec3) -> Option<Slopes> {
+fn slopes(look: &RoundInput, place_m: DVec3) -> Option<Slopes> {
     let collection = look.history.collection();
     let turns = collection.num_turns();
     let echo = Echo {
@@ -167,7 +167,7 @@ fn slopes(look: &Look, place_m: DVec3) -> Option<Slopes> {
 }
 
 /// The image of some turns, of the first channel, one of so many looks.
-fn image_of(look: &Look, span: Range<usize>, looks: usize) -> Result<Image, FormError> {
+fn image_of(look: &RoundInput, span: Range<usize>, looks: usize) -> Result<Image, FormError> {
     let subject = look.subject;
     // The best image, that before, and the looks.
     let held_bytes = (looks as u64 + 2) * 8 * subject.grid.num_pixels();
@@ -179,7 +179,18 @@ fn image_of(look: &Look, span: Range<usize>, looks: usize) -> Result<Image, Form
         weights: &Weights::new(stretch.collection(), fast, slow),
         memory_bytes: subject.memory_bytes.saturating_sub(held_bytes),
         monitor: &Quiet(subject.monitor),
-        means: Default::default(),
+        numerics: Default::default(),
     };
-    Ok(subject.former.form_planned(&task)?.image)
+    let mut image = subject.former.form_planned(&task)?.image;
+    if look.holds_out() {
+        for (index, pixel) in image.pixels.iter_mut().enumerate() {
+            let place_m = subject
+                .grid
+                .position_m(index / image.columns, index % image.columns);
+            if !look.uses(place_m) {
+                *pixel = Default::default();
+            }
+        }
+    }
+    Ok(image)
 }

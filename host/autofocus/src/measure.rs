@@ -1,4 +1,4 @@
-//! Figures of merit of an image: what a search makes as large as it can.
+//! Figures of merit of an image, maximised by a search.
 
 use std::fmt;
 use std::str::FromStr;
@@ -17,7 +17,7 @@ use subaperture_signal::window::Window;
 
 use glam::DVec3;
 
-/// What is measured of an image; see [`subaperture_quality::statistics`] for the formulas.
+/// Sharpness measure of an image; see [`subaperture_quality::statistics`] for the formulas.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
     /// Entropy of power, negated. Counts all that is in the image: of a scene with many points.
@@ -31,20 +31,20 @@ pub enum Measure {
     Peak,
 }
 
-/// What is looked at.
+/// Grid or points that the merit is measured on.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sight {
     /// The image on a grid, by a measure.
     Grid(ImageGrid, Measure),
     /// Points of known positions, calibration reflectors: the sum of the image's power there. As sharp in
-    /// range and cross-range as the image itself, where focus alone hardly tells a shift.
+    /// range and cross-range as the image itself, where focus alone hardly determines a shift.
     Points(Vec<DVec3>),
 }
 
-/// Error that backprojection may have, dB: far below what moves a maximum.
+/// Error bound of backprojection, dB: too small to move a maximum.
 const ERROR_DB: f64 = -40.0;
 
-/// Tells nothing but when to stop.
+/// Monitor that forwards cancellation and suppresses progress.
 pub(super) struct Quiet<'a>(pub(super) &'a dyn Monitor);
 
 impl Monitor for Quiet<'_> {
@@ -76,7 +76,7 @@ pub fn merit(
             weights: &weights,
             memory_bytes,
             monitor: &quiet,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let former = Backprojection { error_db: ERROR_DB };
         // A search looks at dark places too.
@@ -98,7 +98,7 @@ pub fn merit(
 pub const PARTS: usize = 8;
 
 /// The merit of a history's image as [`merit`], and those of its images without each of [`PARTS`] parts of the
-/// aperture. An image being a sum over pulses, all cost what the one does. Fewer pulses than twice the parts have the
+/// aperture. An image is a sum over pulses, so all cost as much as one. Fewer pulses than twice the parts have the
 /// one merit only.
 ///
 /// # Errors
@@ -138,6 +138,7 @@ pub fn merits(
         let weights = Weights {
             fast: weights.fast.clone(),
             slow: weights.slow[range].to_vec(),
+            lit: None,
         };
         let weight = weights.slow.iter().sum::<f64>() / total_weight;
         let mut pixels = Vec::with_capacity(num_pixels as usize);
@@ -148,7 +149,7 @@ pub fn merits(
                 weights: &weights,
                 memory_bytes: left,
                 monitor: &quiet,
-                means: Default::default(),
+                numerics: Default::default(),
             };
             let former = Backprojection { error_db: ERROR_DB };
             pixels.extend(former.form_planned(&task)?.image.pixels);

@@ -1,4 +1,4 @@
-//! The modified phase gradient autofocus: where the radar was, from points seen under different directions (C 6.3 to 6.5).
+//! Modified phase gradient autofocus: antenna displacements from points in different directions (C 6.3 to 6.5).
 //!
 //! Near by, a displacement `d` of the radar turns the phase of every point by its own amount. For a point whose path grows by
 //! `s = u_t + u_r` a metre (unit vectors away from the antennas), and which lies `p` off the place taken for it,
@@ -11,24 +11,24 @@
 //! `sqrt(dRg^2 + dAz^2)`, which is the length of the displacement, has no sign, and is the change of range of no point but one straight ahead:
 //! to first order `|q - d| - |q| = -u . d` is the projection on the line of sight, as (6.11) then has it.)
 //!
-//! A round, beside what [`PhaseGradient`](super::PhaseGradient) does to get at histories of points:
+//! Histories of points are made as by [`PhaseGradient`](super::PhaseGradient). Further steps of a round:
 //!
 //! 1. **Spectrum alignment** (6.10) is not needed: histories are of the echoes, not of the image.
 //! 2. **Angles of arrival** are those of the points' places, from each pulse's own antennas; **masked range bins** are those without a
-//!    bright point, and what a history holds beside its point makes it count less.
+//!    bright point, and a history counts less the more power other scatterers and noise have in it.
 //! 3. **Steps** from pulse to pulse by least squares over the points, C (6.12) to (6.15), outliers down-weighted, summed up. They cannot be
 //!    lost by whole turns unless the radar moves by a quarter of a wavelength between two pulses more than recorded.
 //! 4. **All at once**: steps leave errors that add up, and take points to be where the blurred image has them. So the
-//!    displacements of all pulses, the places `p_i` and the phases `c_i` are then found together by least squares on the phases
-//!    themselves, by Gauss and Newton. Displacements are eliminated pulse by pulse (`joint.rs`).
-//! 5. What moves track and scene as one rigid body is no error, and is taken out of the displacements: the image stays where it is.
+//!    displacements of all pulses, the places `p_i` and the phases `c_i` are then estimated together by least squares on the phases
+//!    (Gauss-Newton). Displacements are eliminated pulse by pulse (`joint.rs`).
+//! 5. A rigid motion of track and scene is no error and is removed from the displacements: the image stays in place.
 //!
-//! Displacements lie in the plane of the pixels. One across every line of sight shows in no phase: it is left at zero, within
-//! what noise says, by a prior of some wavelengths.
+//! Displacements lie in the plane of the pixels. One across every line of sight changes no phase: a prior
+//! keeps it near zero.
 //!
 //! Accuracy, measured (`tests/images/near.rs`): in C 6.6's geometry, with a track that errs by 1.5 mm rms along each axis, every reflector
 //! comes within 0.05 dB of its peak on the true track, in one round; one phase for all leaves them 1 to 17 dB below. Displacements
-//! differ from the truth by what the phases' noise allows (Cramér and Rao), but for some smooth motions that hardly turn the phases of points at places that are
+//! reach the Cramér-Rao bound, except for some smooth motions that hardly turn the phases of points at places that are
 //! found with them (`joint.rs`): images are sharp by them, surveys should not be made with them.
 
 use glam::DVec3;
@@ -40,12 +40,12 @@ use subaperture_signal::phase::cis;
 use super::correction::Correction;
 use super::echoes::{Points, cell_path_m, wavenumber_rad_m};
 use super::estimator::low_pass;
-use super::joint::{Sighted, Solved, refine, steps};
+use super::joint::{PLACE_CELLS, Sighted, Solved, refine, steps};
 use super::pga::{centred, seen, window};
 use super::rigid::without_rigid_motion;
-use super::sharpen::{Look, Method, SharpenError};
+use super::rounds::{Method, RoundInput, SharpenError};
 
-/// The modified phase gradient autofocus.
+/// Modified phase gradient autofocus: two displacement components per pulse from points in different directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModifiedPhaseGradient {
     /// Which points are looked at: C's mask of range bins.
@@ -64,14 +64,20 @@ impl Default for ModifiedPhaseGradient {
 }
 
 /// Points that two components a pulse take.
-const LEAST_POINTS: usize = 2;
+const MIN_POINTS: usize = 2;
+
+/// Groups of points that the jackknife leaves out, one at a time.
+const GROUPS: usize = 8;
 
 /// How far a point may lie from its pixel, in resolution cells.
 const REACH_CELLS: f64 = 1.5;
 
-/// Prior spread of displacements, in wavelengths, and of points' places, in range cells.
-const DISPLACEMENT_WAVELENGTHS: f64 = 2.0;
-const PLACE_CELLS: f64 = 0.5;
+/// Prior spreads of displacements, in wavelengths. A wide one lets noise fill displacements that hardly change the phases.
+const SPREADS: [f64; 6] = [1.0 / 128.0, 1.0 / 32.0, 1.0 / 8.0, 0.5, 1.0, 2.0];
+
+/// Loss of the points' peaks that the narrowest spread may leave, relative to the least, and added to it: 0.004 dB.
+const WORSE_PART: f64 = 1.1;
+const WORSE: f64 = 1e-3;
 
 impl Method for ModifiedPhaseGradient {
     fn name(&self) -> &'static str {
@@ -82,25 +88,109 @@ impl Method for ModifiedPhaseGradient {
         4
     }
 
-    fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
+    fn propose(&self, look: &RoundInput) -> Result<Option<Correction>, SharpenError> {
+        let collection = look.history.collection();
+        let turns = collection.num_turns();
+        let (rows, places) = self.sighted(look, window(look.round, turns))?;
+        let axes = axes(look);
+        let wavelength_m = wavelength_m(collection);
+        let started = steps(&rows, axes, turns, wavelength_m / 4.0);
+        let tried: Vec<(f64, Solved)> = SPREADS
+            .iter()
+            .map(|spread| {
+                let mut solved = Solved {
+                    displacements: started.clone(),
+                    expected: Vec::new(),
+                };
+                let priors = [spread * wavelength_m, place_m(collection)];
+                let left = refine(&rows, axes, places.len(), priors, &mut solved);
+                (left, solved)
+            })
+            .collect();
+        let least = tried
+            .iter()
+            .fold(f64::INFINITY, |least, tried| least.min(tried.0));
+        let seen = WORSE_PART * least + WORSE;
+        let solved = tried.into_iter().find(|tried| tried.0 <= seen);
+        Ok(solved.map(|(_, solved)| track(collection, axes, solved.displacements.into_iter())))
+    }
+
+    fn without_points(
+        &self,
+        look: &RoundInput,
+        correction: &Correction,
+    ) -> Result<Option<Vec<Correction>>, SharpenError> {
+        let Correction::Track { displacement_m } = correction else {
+            return Ok(None);
+        };
+        let collection = look.history.collection();
+        let turns = collection.num_turns();
+        let (rows, places) = self.sighted(look, 1.0)?;
+        let groups = places.len().min(GROUPS);
+        if groups <= MIN_POINTS {
+            return Ok(None);
+        }
+        let axes = axes(look);
+        let found: Vec<[f64; 2]> = displacement_m[..turns]
+            .iter()
+            .map(|moved_m| axes.map(|axis| moved_m.dot(axis)))
+            .collect();
+        let squares: f64 = found.iter().map(|[x, y]| x * x + y * y).sum();
+        let spread_m = (squares / (2 * turns) as f64).sqrt();
+        if spread_m == 0.0 {
+            return Ok(None);
+        }
+        let started = Solved {
+            displacements: vec![[0.0; 2]; turns],
+            expected: found.iter().map(|[x, y]| [-x, -y]).collect(),
+        };
+        let priors = [spread_m, place_m(collection)];
+        let without = |group: usize| {
+            let kept = |point: usize| point % groups != group;
+            // Points that are left, numbered again.
+            let numbers: Vec<usize> = (0..places.len()).filter(|&point| kept(point)).collect();
+            let rows: Vec<Sighted> = rows
+                .iter()
+                .filter(|row| kept(row.point))
+                .map(|row| Sighted {
+                    point: numbers.partition_point(|&point| point < row.point),
+                    ..row.clone()
+                })
+                .collect();
+            let mut solved = started.clone();
+            refine(&rows, axes, numbers.len(), priors, &mut solved);
+            let moved = solved.displacements.iter().zip(&found);
+            let moved = moved.map(|(d, f)| [d[0] + f[0], d[1] + f[1]]);
+            // The recorded track is that of the rigid motion.
+            track(look.subject.history.collection(), axes, moved)
+        };
+        Ok(Some((0..groups).map(without).collect()))
+    }
+}
+
+impl ModifiedPhaseGradient {
+    /// Histories of the points in the image, low-pass filtered to `width` (of all cycles per pulse), and the places of the points.
+    fn sighted<'a>(
+        &self,
+        look: &'a RoundInput,
+        width: f64,
+    ) -> Result<(Vec<Sighted<'a>>, Vec<DVec3>), SharpenError> {
         let collection = look.history.collection();
         let grid = look.subject.grid;
         let turns = collection.num_turns();
         let (echoes, places) = seen(look, self.name(), self.points)?;
-        if places.len() < LEAST_POINTS {
+        if places.len() < MIN_POINTS {
             return Err(SharpenError::TooFewPoints {
                 method: self.name(),
-                needed: LEAST_POINTS,
+                needed: MIN_POINTS,
                 found: places.len(),
                 within_db: self.points.within_db,
             });
         }
         let unknowns = (echoes.len() + 2 * places.len()) as u64;
         look.room("the joint estimate", 8 * unknowns * unknowns)?;
-        let axes = [grid.x_axis, grid.y_axis];
         let centred = centred(collection, grid, &echoes, &places, None, REACH_CELLS);
-        let width = window(look.round, turns);
-        let rows: Vec<Sighted> = centred
+        let rows = centred
             .into_iter()
             .zip(&echoes)
             .map(|(centred, echo)| {
@@ -124,32 +214,41 @@ impl Method for ModifiedPhaseGradient {
                 }
             })
             .collect();
-        let wavelength_m =
-            std::f64::consts::TAU / wavenumber_rad_m(collection, &collection.pulses[0]);
-        let mut solved = Solved {
-            displacements: steps(&rows, axes, turns, wavelength_m / 4.0),
-        };
-        let priors = [
-            DISPLACEMENT_WAVELENGTHS * wavelength_m,
-            PLACE_CELLS * cell_path_m(collection) / 2.0,
-        ];
-        refine(&rows, axes, places.len(), priors, &mut solved);
-        let displaced = solved
-            .displacements
-            .iter()
-            .map(|[x, y]| axes[0] * *x + axes[1] * *y);
-        let antennas: Vec<DVec3> = middles(collection).take(turns).collect();
-        let displaced: Vec<DVec3> = displaced.collect();
-        let displaced = without_rigid_motion(axes, &antennas, &displaced);
-        let channels = collection.pulses.len() / turns;
-        let displacement_m = (0..channels)
-            .flat_map(|_| displaced.iter().copied())
-            .collect();
-        Ok(Some(Correction::Track { displacement_m }))
+        Ok((rows, places))
     }
 }
 
-/// Half way between the antennas of every pulse.
+/// Axes of the plane of the pixels.
+fn axes(look: &RoundInput) -> [DVec3; 2] {
+    [look.subject.grid.x_axis, look.subject.grid.y_axis]
+}
+
+/// Wavelength of the first pulse's centre frequency, metres.
+fn wavelength_m(collection: &Collection) -> f64 {
+    std::f64::consts::TAU / wavenumber_rad_m(collection, &collection.pulses[0])
+}
+
+/// Prior spread of the points' places, metres.
+fn place_m(collection: &Collection) -> f64 {
+    PLACE_CELLS * cell_path_m(collection) / 2.0
+}
+
+/// The same displacements in every channel, without their rigid motion.
+fn track(
+    collection: &Collection,
+    axes: [DVec3; 2],
+    moved: impl Iterator<Item = [f64; 2]>,
+) -> Correction {
+    let turns = collection.num_turns();
+    let moved: Vec<DVec3> = moved.map(|[x, y]| axes[0] * x + axes[1] * y).collect();
+    let antennas: Vec<DVec3> = middles(collection).take(turns).collect();
+    let moved = without_rigid_motion(axes, &antennas, &moved);
+    let channels = collection.pulses.len() / turns;
+    let displacement_m = (0..channels).flat_map(|_| moved.iter().copied()).collect();
+    Correction::Track { displacement_m }
+}
+
+/// Midpoint of the antennas of every pulse.
 pub(crate) fn middles(collection: &Collection) -> impl Iterator<Item = DVec3> {
     let pulses = collection.pulses.iter();
     pulses.map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))

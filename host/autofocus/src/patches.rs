@@ -1,8 +1,8 @@
-//! Small parts of an image around its brightest points, pulse by pulse: what an image would become under any phases.
+//! Per-pulse contributions to small patches around the brightest points, for fast evaluation of phase corrections.
 //!
-//! The value of pixel `p` is `sum_n b_n(p) exp(-j psi_n)`, with `b_n(p)` what pulse `n` puts there by backprojection and
-//! `psi_n` the phase that is taken away of it. For a displacement of the radar `psi = k s . d` with the line of sight `s` from the
-//! patch's middle: within a patch of a few cells it hardly turns, and each round of autofocus makes all of it anew.
+//! The value of pixel `p` is `sum_n b_n(p) exp(-j psi_n)`, with the backprojection `b_n(p)` of pulse `n` and the phase correction
+//! `psi_n`. For a displacement `d` of the radar, `psi = k s . d` with the line of sight `s` from the
+//! patch's centre, which hardly changes within a patch of a few cells. Patches are formed anew in each round of autofocus.
 //!
 //! Memory: 8 bytes a pixel and pulse. Range profiles are read linearly at [`ERROR_DB`]; where antennas move within a pulse the
 //! profile is read where range and Doppler are coupled to, its blur is neglected.
@@ -23,7 +23,7 @@ use subaperture_signal::range_profile::RangeProfiler;
 
 use super::echoes::wavenumber_rad_m;
 
-/// Error of range profiles, dB: far below what moves a maximum.
+/// Error bound of range profiles, dB: too small to move a maximum.
 const ERROR_DB: f64 = -45.0;
 
 /// Pulses that are summed in float32: sums of so many err by 1e-6 at most.
@@ -34,9 +34,9 @@ const BLOCK_BYTES: usize = 16 << 20;
 
 /// A part of an image, pulse by pulse.
 pub(crate) struct Patch {
-    /// Pixels.
+    /// Number of pixels.
     pub(crate) count: usize,
-    /// What pulse `n` puts on pixel `i`, at `n * count + i`.
+    /// Contribution of pulse `n` to pixel `i`, at `n * count + i`.
     values: Vec<Complex32>,
     /// How the phase of each pulse turns with a displacement along x, y and z: `k s`, radians a metre.
     pub(crate) slopes: Vec<DVec3>,
@@ -44,12 +44,12 @@ pub(crate) struct Patch {
     power: f64,
 }
 
-/// Bytes of patches.
+/// Memory of patches, bytes.
 pub(crate) fn bytes(patches: usize, pixels: usize, pulses: usize) -> u64 {
     (patches * pulses) as u64 * (8 * pixels as u64 + size_of::<DVec3>() as u64)
 }
 
-/// The pixels around a place: `size` rows and columns, or what of them the grid has.
+/// Pixels around a place: `size` rows and columns, clipped to the grid.
 pub(crate) fn pixels_around(grid: &ImageGrid, place_m: DVec3, size: usize) -> Vec<DVec3> {
     let [row, column] = grid.coordinates(place_m);
     let span = |value: f64, axis: &subaperture_model::geometry::Axis| {
@@ -132,7 +132,7 @@ pub(crate) fn patches(
     Ok(patches)
 }
 
-/// What a pulse puts at a point.
+/// Contribution of a pulse at a point.
 fn read(pulse: &Pulse, profile: &[Complex32], hz: f64, point: DVec3) -> Complex32 {
     let terms = pulse.path_terms(point, DVec3::ZERO) - pulse.reference_terms();
     let length = profile.len() - 1;

@@ -1,4 +1,4 @@
-//! What moves the track as one rigid body.
+//! Rigid-body motion of a track.
 
 use glam::DVec3;
 
@@ -29,7 +29,7 @@ pub(crate) fn without_rigid_motion(
     each.map(|(&antenna_m, &displaced_m)| {
         let there_m = antenna_m + displaced_m - moved_middle;
         let [x, y] = flat(there_m);
-        // Turned back; what is out of the plane stays.
+        // Rotated back; the component out of the plane is kept.
         let back = axes[0] * (cos * x + sin * y) + axes[1] * (cos * y - sin * x);
         let out = there_m - axes[0] * x - axes[1] * y;
         middle + back + out - antenna_m
@@ -59,7 +59,7 @@ mod tests {
         for left in without_rigid_motion(axes, &antennas, &moved) {
             assert!(left.length() < 1e-14, "{left}");
         }
-        // A parabola without mean and slope is left as it is: its cross product with the straight track is zero.
+        // A parabola without mean and slope is unchanged: its cross product with the straight track is zero.
         let bend = |n: u32| DVec3::Y * 0.01 * ((f64::from(n) / 50.0 - 1.0).powi(2) - 0.34);
         let bent: Vec<DVec3> = (0..101).map(bend).collect();
         let left = without_rigid_motion(axes, &antennas, &bent);

@@ -1,4 +1,4 @@
-//! The largest merit of some parameters: over a grid, then around the best; how wide its peak is, and how far it can be trusted.
+//! Maximisation of a merit over several parameters: grid search, refinement, peak width and error.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ pub use subaperture_model::geometry::Axis;
 /// In which order a grid is searched.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// Every combination.
+    /// Every combination of values.
     #[default]
     Product,
     /// One parameter after another.
@@ -23,26 +23,26 @@ pub enum Order {
 /// How a search goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Search {
-    /// Over the grid.
+    /// Order in which the grid is searched.
     pub order: Order,
     /// How often the step is halved around the best.
     pub refinements: usize,
 }
 
-/// What was found.
+/// Result of a parameter search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
     /// The best value of each parameter.
     pub best: Vec<f64>,
-    /// The merit there.
+    /// Merit at the best values.
     pub merit: f64,
-    /// Of each parameter what is known of it.
+    /// Scan, error and verdict of each parameter.
     pub scans: Vec<Scan>,
     /// Merit of every combination, the last parameter fastest, if all were tried.
     pub grid: Option<Vec<f64>>,
-    /// What the search finds without each part of the data, if that is known.
+    /// Best values without each part of the data, one row per part; empty if the merits are of all data only.
     pub without_parts: Vec<Vec<f64>>,
-    /// Evaluations made.
+    /// Number of evaluations of the merit.
     pub evaluations: usize,
 }
 
@@ -129,7 +129,7 @@ pub(crate) fn search_from<E, V: Into<Views>>(
     })
 }
 
-/// Evaluations that a search makes, about: a climb may be longer, and what was tried is not tried again.
+/// Approximate number of evaluations of a search: a climb may be longer, and known merits are reused.
 pub(crate) fn expected(intervals: &[Axis], search: Search) -> usize {
     let counts = intervals.iter().map(|axis| axis.count);
     let coarse = match search.order {

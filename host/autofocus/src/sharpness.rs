@@ -1,28 +1,28 @@
 //! Autofocus by the sharpness of backprojected patches, with analytic gradients.
 //!
-//! Of the patches around the brightest points (`patches.rs`) what is made as small as can be over the phases taken away of the pulses, with
-//! `q_i = |I_i|^2 / P`, `P` the power of all that is put on the patch, so that bright and faint patches count alike:
+//! The objective on the patches around the brightest points (`patches.rs`) is minimised over the phase correction of the pulses, with
+//! `q_i = |I_i|^2 / P`, `P` the power of all contributions to the patch, so that bright and faint patches count alike:
 //!
 //! ```text
 //! minimum entropy     - sum_i (q_i / Q) ln (q_i / Q),  Q = sum q_i      its gradient by q_i:  -(ln (q_i / Q) + E) / Q
 //! maximum sharpness   - ln sum_i q_i^2                                                       -2 q_i / sum q_i^2
 //! ```
 //!
-//! and on to the phases by `d q / d psi_n = 2 Im (I* b_n exp(-j psi_n)) / P`. Phases are those of the pulses themselves, or of
+//! and on to the phases by `d q / d psi_n = 2 Im (I* b_n exp(-j psi_n)) / P`. Phases are free, or follow from
 //! displacements of the radar, `psi_n = k s_n . d_n`, `s` from each patch. Either is a B-spline over the aperture
-//! (`curve.rs`), of few intervals in the first round and twice as many in each, at the end a number a turn: what is smooth is found first, where the
+//! (`curve.rs`), of few intervals in the first round and twice as many in each, finally one coefficient per turn: smooth errors are estimated first, where the
 //! figure has few maxima, and every round makes the patches anew on the track found so far, around the points that are bright by then. Steps
 //! are those of the limited-memory BFGS method (`lbfgs.rs`).
 //!
 //! **Directions.** A displacement along the mean line of sight shows in all patches. One across it shows only by the
-//! angles between lines of sight; it is sought where those are wide enough ([`LEAST_ACROSS`]), and left alone elsewhere: far away nothing
-//! tells it, and it blurs nothing. Both lie in the plane of the pixels.
+//! angles between lines of sight; it is sought where those are wide enough ([`MIN_ACROSS`]), and kept at zero elsewhere: in a far scene
+//! it changes no phase and no image. Both lie in the plane of the pixels.
 //!
 //! Accuracy, measured (`tests/images/gotcha.rs`): a random walk of the track of 2 cm rms, 1.3 wavelengths, put into two degrees of the GOTCHA recording: its
-//! brightest reflector falls by 8 dB, and comes out 0.15 dB above that of the recording as it is. By minimum entropy it stays 0.4 dB below.
+//! brightest reflector falls by 8 dB, and comes out 0.15 dB above that of the original recording. By minimum entropy it stays 0.4 dB below.
 //!
 //! Cost a step: twice the patches' values. Memory: 8 bytes a pixel of patches and pulse; fewer patches where that is
-//! more than half of what is left.
+//! more than half of the available memory.
 
 use std::fmt;
 use std::str::FromStr;
@@ -39,34 +39,34 @@ use super::lbfgs::least;
 use super::modified_pga::middles;
 use super::patches::{Patch, bytes, patches, pixels_around};
 use super::rigid::without_rigid_motion;
-use super::sharpen::{Look, Method, SharpenError};
+use super::rounds::{Method, RoundInput, SharpenError};
 
-/// What is sought.
+/// Quantity to be estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unknown {
     /// A phase a pulse.
     #[default]
     Phase,
-    /// The track.
+    /// Track of the antennas, by displacements.
     Track,
 }
 
-/// What is made as small, or as large, as can be.
+/// Objective of the patches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Goal {
-    /// Minimum entropy.
+    /// Minimum entropy of the image.
     Entropy,
     /// Maximum sum of squared power.
     #[default]
     Sharpness,
 }
 
-/// Not the name of what autofocus seeks.
+/// Not a valid unknown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{0}': write phase or track")]
 pub struct UnknownName(String);
 
-/// Not the name of what patches are sharpened by.
+/// Not a valid objective.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{0}': write entropy or sharpness")]
 pub struct UnknownGoal(String);
@@ -113,12 +113,12 @@ impl fmt::Display for Unknown {
     }
 }
 
-/// Autofocus by sharpness.
+/// Autofocus by the sharpness of patches, over phases or the track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sharpness {
     /// Phases or the track.
     pub unknown: Unknown,
-    /// What sharp means in patches.
+    /// Objective of the patches.
     pub goal: Goal,
     /// Around which points patches lie.
     pub points: Points,
@@ -154,7 +154,7 @@ const STILL: f64 = 1e-5;
 const FIRST_STEP_RAD: f64 = 0.3;
 
 /// Rms of the path's growth across the mean line of sight, of that along it, from which displacements across are sought.
-pub const LEAST_ACROSS: f64 = 0.05;
+pub const MIN_ACROSS: f64 = 0.05;
 
 impl Method for Sharpness {
     fn name(&self) -> &'static str {
@@ -166,7 +166,7 @@ impl Method for Sharpness {
         halves.ceil() as usize + FREE_ROUNDS
     }
 
-    fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
+    fn propose(&self, look: &RoundInput) -> Result<Option<Correction>, SharpenError> {
         let collection = look.history.collection();
         let grid = look.subject.grid;
         let turns = collection.num_turns();
@@ -183,7 +183,11 @@ impl Method for Sharpness {
         }
         let places: Vec<Vec<DVec3>> = points
             .iter()
-            .map(|&place_m| pixels_around(grid, place_m, self.patch))
+            .map(|&place_m| {
+                let mut pixels = pixels_around(grid, place_m, self.patch);
+                pixels.retain(|&pixel_m| look.uses(pixel_m));
+                pixels
+            })
             .collect();
         let patches = patches(look.history, &look.fast(), &places, look.subject.monitor)?;
         let axes = [grid.x_axis, grid.y_axis];
@@ -247,17 +251,17 @@ fn directions(patches: &[Patch], axes: [DVec3; 2], turns: usize) -> Vec<Vec<DVec
         along.push(ahead);
         across.push(aside);
     }
-    match powers[1] > LEAST_ACROSS * LEAST_ACROSS * powers[0] {
+    match powers[1] > MIN_ACROSS * MIN_ACROSS * powers[0] {
         true => vec![along, across],
         false => vec![along],
     }
 }
 
-/// Patches and what is sought in them.
+/// Objective over the coefficients of the curves.
 struct Problem<'a> {
     patches: &'a [Patch],
     curves: Curves,
-    /// Of displacements; none of phases.
+    /// Directions of displacements; empty for phase corrections.
     directions: Vec<Vec<DVec3>>,
     goal: Goal,
     turns: usize,
@@ -300,7 +304,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What is to be small, with its gradient by the numbers.
+    /// Objective and its gradient by the coefficients.
     fn value(&self, numbers: &[f64]) -> (f64, Vec<f64>) {
         let (common, moved) = match self.directions.is_empty() {
             true => (self.curves.values(numbers), Vec::new()),

@@ -1,4 +1,4 @@
-//! Merits of values that were tried, each once, and the ways of a search over them.
+//! Cache of evaluated merits, and the steps of a search.
 
 use std::collections::BTreeMap;
 
@@ -16,20 +16,20 @@ impl From<f64> for Views {
     }
 }
 
-/// What is to be thought of a parameter that was searched.
+/// Verdict on a parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// The merits tell nothing of their own uncertainty, or it had no interval.
+    /// The merits do not determine their uncertainty, or there is no interval.
     #[default]
     Unknown,
     /// It is the best within its error.
     Determined,
     /// The best is at an end of the interval: a better one may lie beyond.
     AtEnd,
-    /// The error takes half of the interval or reaches its end: the data do not tell it.
+    /// The error takes half of the interval or reaches its end: the data do not determine it.
     Open,
-    /// Other values are as good within what the data tell.
+    /// Other values are as good within the accuracy of the data.
     Ambiguous,
 }
 
@@ -38,14 +38,14 @@ pub enum Verdict {
 pub struct Scan {
     /// Values and merits, values ascending: the grid's, and some close to the best.
     pub points: Vec<(f64, f64)>,
-    /// Width of the peak half way to the median; `None` if it does not fall so far within the interval.
+    /// Width of the peak at half its height above the median; `None` if it does not fall so far within the interval.
     pub width: Option<f64>,
     /// Whether the best is at an end of the interval, so that a better one may lie beyond.
     pub at_end: bool,
     /// Half of the interval of 95 % confidence around the best; `None` if the merits are of all data only. It
     /// means something with [`Verdict::Determined`] only.
     pub error: Option<f64>,
-    /// Other maxima that are as good as the best within what the data tell.
+    /// Other maxima that are as good as the best within the accuracy of the data.
     pub rivals: Vec<f64>,
     /// Whether this is a finding.
     pub verdict: Verdict,

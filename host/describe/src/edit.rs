@@ -1,17 +1,17 @@
-//! A key's value put into a text whose every other letter stays: comments, order, spaces.
+//! Setting a key's value in a TOML text, with comments, order and spaces unchanged.
 
 use super::error::At;
 use super::tree::{self, Node, Raw, Step, Table};
 
-/// `text` with the key at `path` set to `value`: in place of the value that it has, or in a line of its own after
-/// the others of its section, or with its section at the end. `value` is as a setting has it, without quotes.
+/// Return `text` with the key at `path` set to `value`: replacing its value, on a new line after the other keys of its
+/// section, or with its section at the end. `value` is written as in a setting, without quotes.
 ///
 /// # Errors
-/// In words, if the text is no TOML or its form leaves no place for the key.
-pub(super) fn put(text: &str, path: &[Step], value: &str) -> Result<String, String> {
+/// A message, if the text is not TOML or its form leaves no place for the key.
+pub(super) fn set_value(text: &str, path: &[Step], value: &str) -> Result<String, String> {
     let root = tree::parse(text).map_err(|found| found.message)?;
     let edited = edit(text, &root, path, value)?;
-    // A text may be written in ways that this does not know: what comes out is read, never trusted.
+    // The text may use forms that this function does not handle, so that the result is parsed and checked.
     let again = tree::parse(&edited).map_err(|_| no_place(path))?;
     let found = path.split_last().and_then(|((key, _), sections)| {
         Some(&inside(&again, sections).ok()?.table.get(key)?.1.raw)
@@ -27,7 +27,7 @@ pub(super) fn put(text: &str, path: &[Step], value: &str) -> Result<String, Stri
 
 fn no_place(path: &[Step]) -> String {
     format!(
-        "the text has no place for {} that can be told: write the line yourself",
+        "cannot determine where to write {} in the text: add the line yourself",
         dotted(path)
     )
 }
@@ -40,7 +40,7 @@ fn dotted(path: &[Step]) -> String {
     words.collect::<Vec<_>>().join(".")
 }
 
-/// A number bare, anything else in quotes.
+/// TOML literal of a value: a number as it is, anything else in quotes.
 fn literal(value: &str) -> String {
     match value.parse::<f64>() {
         Ok(number) if number.is_finite() => value.to_owned(),
@@ -48,13 +48,13 @@ fn literal(value: &str) -> String {
     }
 }
 
-/// A section and where its header is.
+/// Section, and the position of its header.
 struct Inside<'a> {
     table: &'a Table,
     header: Option<&'a At>,
 }
 
-/// The section at `sections`; how many of them there are if not all.
+/// Find the section at `sections`; the error is the number of path steps that exist.
 fn inside<'a>(root: &'a Table, sections: &[Step]) -> Result<Inside<'a>, usize> {
     let mut found = Inside {
         table: root,
@@ -90,7 +90,7 @@ fn edit(text: &str, root: &Table, path: &[Step], value: &str) -> Result<String, 
     let newline = if text.contains("\r\n") { "\r\n" } else { "\n" };
     let section = match inside(root, sections) {
         Ok(section) => section,
-        // A section that is not there comes last; of those that come several times no one can be made up.
+        // A missing section is appended. One that can occur several times cannot be created.
         Err(_) if sections.iter().all(|(_, index)| index.is_none()) => {
             let end = if text.is_empty() || text.ends_with('\n') {
                 ""
@@ -127,7 +127,7 @@ fn edit(text: &str, root: &Table, path: &[Step], value: &str) -> Result<String, 
         Some(At::Text(range)) => Some(range.start),
         _ => None,
     });
-    // The line goes after the end of the one that `last` is in.
+    // The new line follows the line that contains `last`.
     let at = last.map_or(0, |last| {
         text[last..]
             .find('\n')
@@ -153,11 +153,11 @@ mod tests {
                         \n# how it moved\n[platform]\n\n[[radar.receiver]]\noffset = \"0, 0, 0 m\"\n[[radar.receiver]]\n";
 
     fn put_at(text: &str, path: &str, value: &str) -> Result<String, String> {
-        put(text, &tree::parse_path(path).unwrap(), value)
+        set_value(text, &tree::parse_path(path).unwrap(), value)
     }
 
     #[test]
-    fn one_value_changes_and_no_other_letter() {
+    fn set_value_changes_only_the_value() {
         let edited = put_at(TEXT, "radar.first_pulse", "9.22 s").unwrap();
         assert_eq!(edited, TEXT.replace("\"0 s\"", "\"9.22 s\""));
         let edited = put_at(TEXT, "radar.receiver[0].offset", "1, 0, 0 mm").unwrap();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_key_comes_after_the_others_of_its_section() {
+    fn new_key_is_added_after_others_of_its_section() {
         let edited = put_at(TEXT, "radar.pri", "1 ms").unwrap();
         assert_eq!(
             edited,
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_place_is_refused() {
+    fn keys_without_a_place_are_refused() {
         for (text, path) in [
             ("a = 1\n", "b[0].c"),
             ("a = 1\n", "a.c"),
@@ -213,7 +213,7 @@ mod tests {
         ] {
             assert!(put_at(text, path, "1 m").is_err(), "{text} {path}");
         }
-        // Of an inline table the value is replaced like any other.
+        // A value in an inline table is replaced like any other.
         assert_eq!(
             put_at("a = { b = 1 }\n", "a.b", "2").unwrap(),
             "a = { b = 2 }\n"

@@ -1,28 +1,28 @@
-//! What is wrong in a description, where, and what to do.
+//! Faults of a description: what, where, and what to do.
 
 use std::fmt;
 use std::ops::Range;
 
-/// Where something in a description came from.
+/// Position of a key or value in a description.
 #[derive(Clone, Debug, PartialEq)]
 pub enum At {
-    /// Bytes of the text.
+    /// Byte range of the text.
     Text(Range<usize>),
-    /// The setting of this index, which overrides the text.
+    /// Index of the setting that overrides the text.
     Setting(usize),
 }
 
-/// Something wrong, not yet put into words with its line.
+/// Fault of a description, not yet rendered with its line.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// Where.
+    /// Position in the text, or of the setting.
     pub at: At,
-    /// What is wrong, and what to do.
+    /// Fault, and what to do.
     pub message: String,
 }
 
 impl Found {
-    /// Something wrong at a place.
+    /// Make a fault at a position.
     pub fn new(at: &At, message: impl Into<String>) -> Self {
         Self {
             at: at.clone(),
@@ -31,22 +31,22 @@ impl Found {
     }
 }
 
-/// One thing that is wrong.
+/// Fault of a description, rendered with its position and line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// `FILE:LINE:COLUMN`, or the option, as `--set KEY=VALUE`.
+    /// Position: `FILE:LINE:COLUMN`, or the option, such as `--set KEY=VALUE`.
     pub place: String,
-    /// Line in the text, from 1; `None` of a setting.
+    /// Line in the text, from 1; `None` for a setting.
     pub line: Option<usize>,
-    /// Column in characters, from 1; `None` of a setting.
+    /// Column in characters, from 1; `None` for a setting.
     pub column: Option<usize>,
-    /// The line with a caret under what is wrong; empty of a setting.
+    /// Source line with carets under the fault; empty for a setting.
     pub excerpt: String,
-    /// What is wrong and what to do.
+    /// Fault, and what to do.
     pub message: String,
 }
 
-/// How a message ends where more memory would help.
+/// Advice at the end of a message if more memory would help.
 pub const ALLOW_MORE_MEMORY: &str = "allow more memory";
 
 impl Fault {
@@ -56,10 +56,10 @@ impl Fault {
     }
 }
 
-/// A description that does not make sense, with everything that was found.
+/// Invalid description, with all faults found.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct DescriptionError {
-    /// At least one, in the order of the text.
+    /// Faults in the order of the text; at least one.
     pub faults: Vec<Fault>,
 }
 
@@ -78,14 +78,14 @@ impl fmt::Display for DescriptionError {
     }
 }
 
-/// Faults reported at once; the first ones often explain the others.
-const MOST_FAULTS: usize = 8;
+/// Maximum number of faults reported at once; the first ones often cause the others.
+const MAX_FAULTS: usize = 8;
 
-/// Characters of a line that are shown before and after what is wrong.
+/// Maximum number of characters shown of a line before and after the start of the fault.
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_AFTER: usize = 100;
 
-/// Puts what was found into words. `settings` are the options, as `--set KEY=VALUE`.
+/// Render faults with their lines. `settings` are the options, such as `--set KEY=VALUE`.
 pub fn explain(
     file: &str,
     text: &str,
@@ -96,7 +96,7 @@ pub fn explain(
         At::Text(range) => (0, range.start),
         At::Setting(index) => (1, *index),
     });
-    let faults = found.into_iter().take(MOST_FAULTS);
+    let faults = found.into_iter().take(MAX_FAULTS);
     DescriptionError {
         faults: faults
             .map(|found| match found.at {
@@ -129,7 +129,7 @@ fn in_text(file: &str, text: &str, range: &Range<usize>, message: String) -> Fau
         .chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect();
-    // Of what goes on in the next line only the part in this one is underlined.
+    // If the fault continues in the next line, only the part in this line is underlined.
     let end = range.end.clamp(start, text.len());
     let mut stop = end;
     while !text.is_char_boundary(stop) {
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_caret_stands_under_the_value() {
+    fn carets_underline_the_value() {
         let text = "a = 1\r\nname = \"\u{e4}\"\r\n\tb = [1,\n 2]\n";
         let at = text.find("\"\u{e4}").unwrap();
         let error = explain(

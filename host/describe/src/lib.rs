@@ -1,18 +1,18 @@
-//! Texts that describe something, a scenario, a recording or a job: TOML whose quantities carry their units.
+//! TOML descriptions (scenarios, recordings, jobs) whose quantities carry units.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `describe`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; module `describe` of the crate
+//! `subaperture`.
 //!
-//! Everything is checked against one table of keys (`schema`), which can be printed. Errors point at file,
-//! line and column, show the line, and say what to do; several are told at once.
+//! Every text is checked against one table of keys (`schema`), which can be printed. Errors give file, line and column,
+//! show the line, and say what to do; several faults are reported at once.
 //!
 //! ```text
-//! text ─> tree (values and places; settings laid over) ─> resolve (names, kinds, units, bounds,
-//!         defaults) ─> values, for builders to take
+//! text ─> tree (values and positions; settings applied) ─> resolve (names, types, units, bounds,
+//!         defaults) ─> values, read by builders
 //! ```
 //!
-//! A setting overrides one key of the text, as `radar.pri` or `scene.point[0].position`; its errors name it in place
-//! of a line.
+//! A setting overrides one key of the text, such as `radar.pri` or `scene.point[0].position`. Its errors name the key
+//! instead of a line.
 #![forbid(unsafe_code)]
 
 mod edit;
@@ -29,21 +29,21 @@ pub mod track;
 mod tree;
 pub mod values;
 
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use error::{At, Found, explain};
 use schema::{Schema, Section};
 use subaperture_model::nearest::nearest;
-use tree::{Step, lay_over, parse_path, parse_setting};
+use tree::{Step, apply_setting, parse_path, parse_setting};
 use values::Values;
 
 pub use error::{DescriptionError, Fault};
 
-/// Longest text that is read, bytes: far longer than anyone writes, for its tree takes a hundred times as many.
+/// Maximum size of a text, bytes. Its tree takes a hundred times as much memory.
 const LONGEST_BYTES: u64 = 4 << 20;
 
-/// A text and the settings that override it.
+/// Description text with the settings that override it.
 #[derive(Clone, Debug)]
 pub struct Description {
     file: String,
@@ -56,12 +56,12 @@ pub struct Description {
 struct Setting {
     path: Vec<Step>,
     value: String,
-    /// `--set KEY=VALUE`, for errors.
+    /// Option as written, for errors: `--set KEY=VALUE`.
     words: String,
 }
 
 impl Description {
-    /// `file` names the text in errors; paths in it start at `folder`.
+    /// Make a description of a text. `file` is its name in errors; relative paths start at `folder`.
     pub fn new(
         file: impl Into<String>,
         text: impl Into<String>,
@@ -75,24 +75,28 @@ impl Description {
         }
     }
 
-    /// Reads a text.
+    /// Read a description file.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
+    /// If the file cannot be read, is not UTF-8, or is larger than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
-        if std::fs::metadata(path)?.len() > LONGEST_BYTES {
+        let mut text = String::new();
+        // Limited while reading, since pipes and devices have no length and may be endless.
+        let read = std::fs::File::open(path)
+            .and_then(|file| file.take(LONGEST_BYTES + 1).read_to_string(&mut text));
+        if text.len() as u64 > LONGEST_BYTES {
             return Err(io::Error::other(
-                "more than 4 MiB: is this a scenario or a recording's description?",
+                "larger than 4 MiB: expected a scenario or a recording's description in TOML",
             ));
         }
-        let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
+        read.map_err(|error| match error.kind() {
             io::ErrorKind::InvalidData => io::Error::new(
                 error.kind(),
-                "it is no UTF-8 text, and a scenario or a recording's description in TOML is wanted",
+                "not UTF-8 text: expected a scenario or a recording's description in TOML",
             ),
             io::ErrorKind::IsADirectory => io::Error::new(
                 error.kind(),
-                "it is a folder, and a scenario or a recording's description in TOML is wanted",
+                "this is a folder: expected a scenario or a recording's description in TOML",
             ),
             _ => error,
         })?;
@@ -100,16 +104,16 @@ impl Description {
         Ok(Self::new(path.display().to_string(), text, folder))
     }
 
-    /// Where paths in the text start.
+    /// Folder at which relative paths in the text start.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Overrides the key at a dotted path. Later settings override earlier ones. Errors name it as what `option` of
-    /// the command line asked for.
+    /// Override the key at a dotted path. Later settings override earlier ones. Errors name the key with the
+    /// command-line `option`.
     ///
     /// # Errors
-    /// For a key that there is not; values are checked by [`Self::resolve`].
+    /// For an unknown key. Values are checked by [`Self::resolve`].
     pub fn set(
         &mut self,
         schema: &Schema,
@@ -138,15 +142,15 @@ impl Description {
         }
     }
 
-    /// The values of the text with the settings laid over.
+    /// Check the text with its settings against a schema, and return the values.
     ///
     /// # Errors
-    /// Everything that is wrong, for [`Self::explain`].
+    /// All faults, to be rendered by [`Self::explain`].
     pub fn resolve(&self, schema: &Schema) -> Result<Values, Vec<Found>> {
         let mut tree = tree::parse(&self.text).map_err(|found| vec![found])?;
         for (index, setting) in self.settings.iter().enumerate() {
             let value = parse_setting(&setting.value, index);
-            lay_over(&mut tree, &setting.path, value).map_err(|found| vec![found])?;
+            apply_setting(&mut tree, &setting.path, value).map_err(|found| vec![found])?;
         }
         let mut faults = Vec::new();
         let top = resolve::resolve(
@@ -163,51 +167,56 @@ impl Description {
         }
     }
 
-    /// The text with the keys at these dotted paths set to these values, and nothing else changed; settings are not
-    /// written.
+    /// The text with the keys at the given dotted paths set to the given values, and nothing else changed. Settings are
+    /// not included.
     ///
     /// # Errors
-    /// In words, if the text has no place for one of them.
+    /// A message, if the text has no place for one of the keys.
     pub fn with_values<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, &'a str)>,
     ) -> Result<String, String> {
         let mut text = self.text.clone();
         for (key, value) in values {
-            text = edit::put(&text, &parse_path(key)?, value)?;
+            text = edit::set_value(&text, &parse_path(key)?, value)?;
         }
         Ok(text)
     }
 
-    /// The text as it was read.
+    /// The text without settings.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// Where the section of this name at the top of the text is; `None` too if the text is no TOML.
+    /// Position of the top-level section `name`; `None` if there is none or the text is not TOML.
     pub fn has_section(&self, name: &str) -> Option<At> {
         let tree = tree::parse(&self.text).ok()?;
         let (at, node) = tree.get(name)?;
         matches!(node.raw, tree::Raw::Table(_)).then(|| at.clone())
     }
 
-    /// Puts what is wrong into words, with its lines.
+    /// Render faults with their lines.
     pub fn explain(&self, faults: Vec<Found>) -> DescriptionError {
         let words: Vec<String> = self.settings.iter().map(|s| s.words.clone()).collect();
         explain(&self.file, &self.text, &words, faults)
     }
 }
 
-/// Files that the description at `path` names: every text in it that is the path of one, whatever its key. Errors are for
-/// who reads it.
+/// Files named by the description at `path`: every string in it that is the path of a file, for any key. Empty if the
+/// file cannot be read or parsed.
 pub fn named_files(path: &Path) -> Vec<PathBuf> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let whole = std::fs::metadata(path).is_ok_and(|about| about.len() <= LONGEST_BYTES);
-    let text = if whole {
-        std::fs::read_to_string(path).unwrap_or_default()
-    } else {
-        String::new()
-    };
+    let about = std::fs::metadata(path);
+    // A pipe can be read only once, and a device may be endless.
+    let whole = about.is_ok_and(|about| about.is_file() && about.len() <= LONGEST_BYTES);
+    let mut text = String::new();
+    if whole {
+        let read = std::fs::File::open(path)
+            .and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text));
+        if read.is_err() {
+            text.clear();
+        }
+    }
     let mut values: Vec<toml::Value> = match text.parse::<toml::Table>() {
         Ok(table) => table.into_iter().map(|(_, value)| value).collect(),
         Err(_) => Vec::new(),
@@ -229,10 +238,10 @@ pub fn named_files(path: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Refuses a setting's path that leads to no key.
+/// Check that a setting's path leads to a key.
 fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
     let names: Vec<&str> = path.iter().map(|(name, _)| name.as_str()).collect();
-    let (key, sections) = names.split_last().ok_or("a key is wanted")?;
+    let (key, sections) = names.split_last().ok_or("expected a key")?;
     let wanted = sections.join(".");
     let section = schema.sections.iter().find(|s| s.path == wanted);
     if section.is_some_and(|section| section.key(key).is_some()) {
@@ -240,14 +249,19 @@ fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
     }
     let whole = names.join(".");
     Err(format!(
-        "there is no key '{whole}'; {} (the reference of keys lists all)",
-        meant(schema, section.copied(), &wanted, key)
+        "unknown key '{whole}'; {} (the reference of keys lists all)",
+        suggestion(schema, section.copied(), &wanted, key)
     ))
 }
 
-/// What may have been meant by the last word `key` of a path through the section `wanted`, which is `section` if
-/// there is one. Words are compared one by one: of a whole path, a short key is too small a part to tell.
-fn meant(schema: &Schema, section: Option<&'static Section>, wanted: &str, key: &str) -> String {
+/// Suggestion for an unknown key `key` in the section `wanted`, which is `section` if it exists. Words of the path are
+/// compared one by one, since a short key is too small a part of a whole path.
+fn suggestion(
+    schema: &Schema,
+    section: Option<&'static Section>,
+    wanted: &str,
+    key: &str,
+) -> String {
     let own = |section: &'static Section| section.keys.iter().map(|key| key.name);
     if let Some(section) = section
         && let Some(name) = nearest(key, own(section))
@@ -255,7 +269,7 @@ fn meant(schema: &Schema, section: Option<&'static Section>, wanted: &str, key: 
         return format!("did you mean '{}'?", join(section.path, name));
     }
     let all = || schema.sections.iter().copied();
-    // The right key in the wrong section, or the right section misspelt.
+    // A valid key in the wrong section, or a misspelt section.
     let elsewhere: Vec<String> = all()
         .filter(|section| section.key(key).is_some())
         .map(|section| format!("'{}'", join(section.path, key)))

@@ -1,4 +1,4 @@
-//! A key's value as its kind wants it: texts, words, counts, quantities, rows.
+//! Conversion of a TOML value to the type of its key.
 
 use std::ops::RangeInclusive;
 
@@ -9,7 +9,7 @@ use super::values::Value;
 use subaperture_model::nearest::nearest;
 use subaperture_model::units::{Dimension, example_row, parse_row};
 
-/// A key's value from what the text has.
+/// Convert and check the value of a key.
 pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
     match key.kind {
         Kind::Text | Kind::Path => some_text(key, node),
@@ -37,7 +37,7 @@ pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
                 Err(fail(
                     node,
                     format!(
-                        "'{}' ends before it begins: write the smaller first",
+                        "'{}': expected the lower limit before the upper one",
                         key.name
                     ),
                 ))
@@ -51,12 +51,12 @@ fn fail(node: &Node, message: String) -> Found {
     Found::new(&node.at, message)
 }
 
-/// The value is of another kind than is wanted.
+/// Error for a value of the wrong type.
 fn wrong(key: &Key, node: &Node, wanted: &str) -> Found {
     fail(
         node,
         format!(
-            "'{}' is {} and {wanted} is wanted: write for example {} = {}",
+            "'{}' is {}, expected {wanted}: write for example {} = {}",
             key.name,
             node.raw.name(),
             key.name,
@@ -65,7 +65,7 @@ fn wrong(key: &Key, node: &Node, wanted: &str) -> Found {
     )
 }
 
-/// A text that is not empty.
+/// Non-empty string.
 fn some_text(key: &Key, node: &Node) -> Result<Value, Found> {
     match &node.raw {
         Raw::Text(text) if text.trim().is_empty() => Err(fail(
@@ -81,14 +81,14 @@ fn some_text(key: &Key, node: &Node) -> Result<Value, Found> {
     }
 }
 
-/// One text or several, none of them empty.
+/// One or more non-empty strings.
 fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
     let one = |node: &Node| match &node.raw {
         Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
         _ => Err(fail(
             node,
             format!(
-                "'{}' wants texts that are not empty: write for example {}",
+                "'{}': expected non-empty texts: write for example {}",
                 key.name,
                 key.example()
             ),
@@ -105,7 +105,7 @@ fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
     }
 }
 
-/// One of the words that there are.
+/// One of the permitted words.
 fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
     match &node.raw {
         Raw::Text(text) if words.contains(&text.as_str()) => Ok(text.clone()),
@@ -116,7 +116,7 @@ fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
             Err(fail(
                 node,
                 format!(
-                    "'{}' has no \"{text}\"{meant}: choose {}",
+                    "'{}': unknown value \"{text}\"{meant}: choose {}",
                     key.name,
                     key.kind.words()
                 ),
@@ -126,7 +126,7 @@ fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
     }
 }
 
-/// One of the words that there are, or several.
+/// One or more of the permitted words.
 fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Found> {
     match &node.raw {
         Raw::Array(items) => items.iter().map(|item| choice(key, item, words)).collect(),
@@ -135,29 +135,29 @@ fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Found>
     }
 }
 
-/// A whole number within bounds.
+/// Integer within bounds.
 fn count(key: &Key, node: &Node, bounds: RangeInclusive<u64>) -> Result<Value, Found> {
     match node.raw {
         Raw::Integer(Some(count)) => match u64::try_from(count) {
             Ok(count) if bounds.contains(&count) => Ok(Value::Count(count)),
             _ => Err(fail(
                 node,
-                format!(
-                    "'{}' is {count} and must be a {}",
-                    key.name,
-                    key.kind.words()
-                ),
+                format!("'{}' is {count}, expected a {}", key.name, key.kind.words()),
             )),
         },
         Raw::Integer(None) => Err(fail(
             node,
-            format!("'{}' is too large: write a {}", key.name, key.kind.words()),
+            format!(
+                "'{}' is too large: expected a {}",
+                key.name,
+                key.kind.words()
+            ),
         )),
         _ => Err(wrong(key, node, "a whole number without a unit")),
     }
 }
 
-/// A number in the base unit of its dimension.
+/// Number in the base unit of its dimension.
 fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Found> {
     match (&node.raw, dimension) {
         (Raw::Integer(Some(n)), Dimension::Ratio) => Ok(*n as f64),
@@ -168,7 +168,7 @@ fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Found> 
     }
 }
 
-/// Rows of quantities, at least so many.
+/// At least `least` rows of quantities.
 fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Result<Value, Found> {
     match &node.raw {
         Raw::Array(items) if items.len() >= least => {
@@ -178,7 +178,7 @@ fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Resul
         Raw::Array(items) => Err(fail(
             node,
             format!(
-                "'{}' has {} and needs {least} or more",
+                "'{}' has {} rows, expected {least} or more",
                 key.name,
                 items.len()
             ),
@@ -187,7 +187,7 @@ fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Resul
     }
 }
 
-/// A text with a row of quantities.
+/// String with a row of quantities.
 fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Found> {
     match &node.raw {
         Raw::Text(text) => {
@@ -197,7 +197,7 @@ fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>,
     }
 }
 
-/// For a number or an array without units.
+/// Error for a number or an array without units.
 fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Found {
     Found::new(
         &node.at,

@@ -1,4 +1,4 @@
-//! `[scene]`: from its keys to where it is.
+//! Frame, extent and reference of a scene from `[scene]`.
 
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::radar::Reference;
@@ -6,7 +6,7 @@ use subaperture_model::radar::Reference;
 use crate::error::Found;
 use crate::values::Values;
 
-/// The frame whose origin `[scene.origin]` gives.
+/// Scene frame with the origin given by `[scene.origin]`.
 pub fn frame(origin: &Values) -> SceneFrame {
     let origin = Geodetic {
         latitude_deg: origin.number("latitude").to_degrees(),
@@ -21,17 +21,17 @@ pub fn frame(origin: &Values) -> SceneFrame {
     }
 }
 
-/// The extent in x and y, if it is given.
+/// Extent in x and y; `None` if not given. The error is that of x without y, or y without x.
 pub fn extent(values: &Values) -> Result<Option<Extent>, Found> {
     match (values.optional_interval("x"), values.optional_interval("y")) {
         (Some(x_m), Some(y_m)) => Ok(Some(Extent { x_m, y_m })),
         (None, None) => Ok(None),
-        (Some(_), None) => Err(values.fault("x", "there is x but no y: give both")),
-        (None, Some(_)) => Err(values.fault("y", "there is y but no x: give both")),
+        (Some(_), None) => Err(values.fault("x", "x is given without y: give both")),
+        (None, Some(_)) => Err(values.fault("y", "y is given without x: give both")),
     }
 }
 
-/// What phases are referred to, if it is given.
+/// Motion compensation reference; `None` if not given. The error is that of both a point and a range.
 pub fn reference(values: &Values) -> Result<Option<Reference>, Found> {
     let point = values.optional_vector("reference");
     match (point, values.optional_number("reference_range")) {

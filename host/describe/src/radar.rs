@@ -1,4 +1,4 @@
-//! `[radar]`: from its keys to a [`Radar`].
+//! Radar from `[radar]`.
 
 use std::f64::consts::PI;
 
@@ -10,8 +10,8 @@ use crate::error::Found;
 use crate::receiver;
 use crate::values::Values;
 
-/// The radar. A pulsed one without `window_start` is left with an infinite one, for
-/// its caller to set once the antennas' way is known.
+/// Build a radar. A pulsed radar without `window_start` gets an infinite window start, which the caller sets once the
+/// antennas' track is known. The error contains all faults.
 pub fn build(values: &Values) -> Result<Radar, Vec<Found>> {
     let mut faults = Vec::new();
     let mut keep = |found: Found| faults.push(found);
@@ -46,7 +46,7 @@ pub fn build(values: &Values) -> Result<Radar, Vec<Found>> {
     }
 }
 
-/// Time from pulse to pulse, by `pri` or `prf`.
+/// Pulse repetition interval from `pri` or `prf`, seconds.
 pub fn pri_s(values: &Values) -> Result<f64, Found> {
     match (values.optional_number("pri"), values.optional_number("prf")) {
         (Some(pri_s), None) => Ok(pri_s),
@@ -54,12 +54,12 @@ pub fn pri_s(values: &Values) -> Result<f64, Found> {
         (Some(_), Some(_)) => Err(values.fault("prf", "give either pri or prf, not both")),
         (None, None) => Err(values.fault(
             "pri",
-            "[radar] needs 'pri', time from pulse to pulse, or 'prf': write for example pri = \"1 ms\"",
+            "[radar] needs 'pri', the pulse repetition interval, or 'prf': write for example pri = \"1 ms\"",
         )),
     }
 }
 
-/// Longest record of one pulse, seconds: far beyond any radar's, short enough for float64's phases.
+/// Longest record of one pulse, seconds: far beyond real radars, and short enough for phases in float64.
 const LONGEST_RECORD_S: f64 = 1e3;
 
 fn waveform(values: &Values) -> Result<Waveform, Found> {
@@ -79,7 +79,7 @@ fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fo
     let step_s = values.number("step_time");
     let dwell_s = values.optional_number("dwell").unwrap_or(step_s);
     if dwell_s > step_s * (1.0 + 1e-9) {
-        return Err(values.fault("dwell", "the dwell is longer than step_time: shorten it"));
+        return Err(values.fault("dwell", "dwell is longer than step_time: shorten it"));
     }
     Ok(Waveform::Stepped {
         band: band(values, centre_hz, count)?,
@@ -112,7 +112,7 @@ fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fou
     if sample_rate_hz >= 2.0 * centre_hz {
         return Err(values.fault(
             "sample_rate",
-            "the sampled band reaches below 0 Hz: take less than twice the centre",
+            "the sampled band extends below 0 Hz: choose a rate below twice the centre frequency",
         ));
     }
     Ok(Waveform::Pulsed {
@@ -126,19 +126,19 @@ fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fou
     })
 }
 
-/// The bandwidth, if the band has no frequencies below 0.
+/// Bandwidth, checked to have no frequencies below 0; hertz.
 fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Found> {
     let bandwidth_hz = values.number("bandwidth");
     if bandwidth_hz >= 2.0 * centre_hz {
         return Err(values.fault(
             "bandwidth",
-            "the band reaches below 0 Hz: take less than twice the centre",
+            "the band extends below 0 Hz: choose a bandwidth below twice the centre frequency",
         ));
     }
     Ok(bandwidth_hz)
 }
 
-/// `count` frequencies about the centre.
+/// Band of `count` frequencies about the centre.
 fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Found> {
     let step_hz = bandwidth_hz(values, centre_hz)? / count as f64;
     Ok(Band {
@@ -148,7 +148,7 @@ fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Found> {
     })
 }
 
-/// How long `count` samples last, if that is no longer than a record may be.
+/// Duration of `count` samples, checked against the maximum; seconds.
 fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Found> {
     let duration_s = count as f64 / rate_hz;
     if duration_s > LONGEST_RECORD_S {
@@ -163,7 +163,7 @@ fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Found> 
     Ok(duration_s)
 }
 
-/// Barker's codes: the sign of each chip.
+/// Barker codes: the sign of each chip.
 const BARKER: [(&str, &str); 7] = [
     ("barker-2", "+-"),
     ("barker-3", "++-"),
@@ -174,10 +174,10 @@ const BARKER: [(&str, &str); 7] = [
     ("barker-13", "+++++--++-+-+"),
 ];
 
-/// The pulse of `[radar.pulse]`, sampled at `sample_rate_hz`.
+/// Pulse shape from `[radar.pulse]`, sampled at `sample_rate_hz`.
 ///
 /// # Errors
-/// What makes no sense, at its key.
+/// The first invalid or inconsistent value, at its key.
 pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> {
     if values.text("kind") == "lfm" {
         let bandwidth_hz = values.number("bandwidth");
@@ -187,8 +187,8 @@ pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> 
             return Err(values.fault(
                 "bandwidth",
                 format!(
-                    "the pulse is wider than the {} that sample_rate takes in: lower this or raise \
-                     [radar] sample_rate",
+                    "the pulse's bandwidth exceeds the sample rate of {}: lower it, or raise \
+                                        [radar] sample_rate",
                     hertz(sample_rate_hz)
                 ),
             ));
@@ -196,7 +196,7 @@ pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> 
         if bandwidth_hz * duration_s < 1.0 {
             return Err(values.fault(
                 "duration",
-                "bandwidth times duration is below 1, so there is no sweep: lengthen the pulse",
+                "the time-bandwidth product is below 1, too small for a chirp: lengthen the pulse",
             ));
         }
         return Ok(PulseShape::Lfm {
@@ -232,7 +232,7 @@ pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> 
         return Err(values.fault(
             "chip",
             format!(
-                "a chip is shorter than a sample, {:.6} ns: lengthen it or raise [radar] sample_rate",
+                "the chip is shorter than a sample of {:.6} ns: lengthen it or raise [radar] sample_rate",
                 1e9 / sample_rate_hz
             ),
         ));
@@ -240,7 +240,8 @@ pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> 
     Ok(PulseShape::PhaseCode { phases_rad, chip_s })
 }
 
-/// The antennas of a kind, or one at the body's origin.
+/// Antennas of a section (`transmitter` or `receiver`); a single isotropic antenna at the body's origin if there is no
+/// section. Names default to `letter` and a number.
 pub fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Antenna>, Found> {
     let given = values.sections(section);
     if given.is_empty() {
@@ -262,11 +263,11 @@ fn antenna(values: &Values, name: String) -> Result<Antenna, Found> {
     let boresight = values.direction("boresight")?;
     let up = values.direction("up")?;
     let across = up - boresight * up.dot(boresight);
-    // Of directions a thousandth of a degree apart, nobody can have meant one to be the other's axis.
+    // Directions less than a thousandth of a degree apart do not define an elevation axis.
     if across.length() < 2e-5 {
         return Err(values.fault(
             "up",
-            "up is along boresight, so the beam has no elevation axis: turn one of them",
+            "up is parallel to boresight, so the beam has no elevation axis: change one of them",
         ));
     }
     let name = values.optional_text("name").map_or(name, str::to_owned);
@@ -298,7 +299,7 @@ fn antenna(values: &Values, name: String) -> Result<Antenna, Found> {
     })
 }
 
-/// How long the transmitter is at work for one pulse, seconds; 0 of an ideal one.
+/// Duration of the transmission of one pulse, seconds; 0 for an ideal waveform.
 pub fn transmission_s(waveform: &Waveform) -> f64 {
     match waveform {
         Waveform::Ideal { .. } => 0.0,

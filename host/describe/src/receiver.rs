@@ -1,4 +1,4 @@
-//! `[radar.noise]` and the other sections of what a receiver adds.
+//! Receiver impairments from `[radar.noise]` and related sections.
 
 use subaperture_model::radar::{
     Clock, Converter, Interferer, LinkBudget, PhaseNoise, Receiver, ThermalNoise,
@@ -7,7 +7,7 @@ use subaperture_model::radar::{
 use crate::error::Found;
 use crate::values::Values;
 
-/// The receiver of a `[radar]`.
+/// Build the receiver of `[radar]`.
 pub fn build(radar: &Values) -> Result<Receiver, Found> {
     Ok(Receiver {
         noise: radar.optional_section("noise").map(noise),
@@ -62,7 +62,7 @@ fn phase_noise(values: &Values) -> Result<PhaseNoise, Found> {
     if levels[0].0 <= 0.0 || !rising {
         return Err(values.fault(
             "levels",
-            "offsets must rise and be above 0: sort the lines by frequency",
+            "expected ascending offset frequencies above 0: sort the rows by frequency",
         ));
     }
     Ok(PhaseNoise { levels })

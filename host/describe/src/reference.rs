@@ -1,17 +1,17 @@
-//! The reference of keys as text.
+//! Key reference as text.
 
 use std::fmt::Write;
 
 use super::schema::{Need, Presence, Schema};
 
-/// What all descriptions have in common.
-const CONVENTIONS: &str = "Quantities are texts with a unit, as \"10 GHz\"; several are parted by commas, and a \
-     number without a unit takes the one to its right: \"0, -5, 3 km\". Positions are x, y, z in the scene frame: \
-     east, north and up at the origin, unless it says otherwise. Body axes are x forward, y left, z up. Paths start \
-     at the folder of this file.";
+/// Conventions common to all descriptions.
+const CONVENTIONS: &str = "Quantities are texts with a unit, such as \"10 GHz\". Several quantities are separated by commas, and a \
+    number without a unit takes the unit to its right: \"0, -5, 3 km\". Positions are x, y, z in the scene frame: \
+    east, north and up at the origin unless stated otherwise. Body axes are x forward, y left, z up. Relative paths \
+    start at the folder of this file.";
 
 impl Schema {
-    /// Every key with its kind, default and explanation, as text.
+    /// Reference text of all keys, with type, default and description.
     pub fn reference(&self) -> String {
         let mut text = String::new();
         wrap(
@@ -26,8 +26,8 @@ impl Schema {
             };
             let presence = match section.presence {
                 Presence::Always => "",
-                Presence::Optional => " May be left out.",
-                Presence::Many => " Any number of them.",
+                Presence::Optional => " Optional.",
+                Presence::Many => " May be repeated.",
             };
             let condition = condition(
                 section.when,
@@ -42,9 +42,9 @@ impl Schema {
             }
             for key in section.keys {
                 let need = match key.need {
-                    Need::Required(example) => format!("required, as {example}"),
+                    Need::Required(example) => format!("required, for example {example}"),
                     Need::Default(default) => format!("default {default}"),
-                    Need::Optional(example) => format!("optional, as {example}"),
+                    Need::Optional(example) => format!("optional, for example {example}"),
                 };
                 let _ = writeln!(text, "  {} ({need})", key.name);
                 let condition = self::condition(key.when, Some(section.selector));
@@ -71,7 +71,7 @@ fn condition(when: &[&'static str], selector: Option<&str>) -> String {
     }
 }
 
-/// Adds `words` in lines of at most 96 characters.
+/// Append `words` in lines of at most 96 characters.
 fn wrap(text: &mut String, indent: usize, words: &str) {
     let margin = " ".repeat(indent);
     let mut line = String::new();

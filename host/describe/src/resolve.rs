@@ -1,4 +1,4 @@
-//! Checks the tree against the table of keys: names, kinds, units, bounds, what is missing.
+//! Check of the tree against the schema: names, types, units, bounds, missing keys.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -10,11 +10,11 @@ use super::tree::{Node, Raw, Table, parse_setting};
 use super::values::{Given, Value, Values};
 use subaperture_model::nearest::nearest;
 
-/// Unknown keys that are looked into; far more than are told.
-const MOST_FOUND: usize = 1000;
+/// Maximum number of unknown keys examined; far more than are reported.
+const MAX_FOUND: usize = 1000;
 
-/// The values of the section at `path` and of all within. What is wrong is added to `faults`; the values
-/// are complete only if nothing was.
+/// Values of a section and of all sections within it. Faults are added to `faults`; the values are complete only if
+/// there are none.
 pub(crate) fn resolve(
     schema: &Schema,
     section: &'static Section,
@@ -23,7 +23,7 @@ pub(crate) fn resolve(
     faults: &mut Vec<Found>,
 ) -> Values {
     let selected = selected(section, table);
-    let suits = |when: &[&str]| suits(when, selected.as_deref());
+    let applies = |when: &[&str]| applies(when, selected.as_deref());
     let children: Vec<&'static Section> = schema.within(section.path).collect();
 
     check_names(schema, section, table, selected.as_deref(), faults);
@@ -34,14 +34,14 @@ pub(crate) fn resolve(
         within: BTreeMap::new(),
     };
     for key in section.keys {
-        if suits(key.when) != Some(true) {
+        if applies(key.when) != Some(true) {
             continue;
         }
         let checked = match table.get(key.name) {
             Some((_, node)) => value(key, node).map(|value| (value, node.at.clone())),
             None => match key.need {
                 Need::Optional(_) => continue,
-                need => unwritten(section, key, need, at),
+                need => default_value(section, key, need, at),
             },
         };
         match checked {
@@ -55,9 +55,9 @@ pub(crate) fn resolve(
     for child in children {
         let given = table
             .get(child.name())
-            .filter(|(_, node)| !is_slip(section, child.name(), node))
+            .filter(|(_, node)| !is_misspelt_key(section, child.name(), node))
             .map(|(key_at, node)| (key_at, node));
-        if given.is_none() && suits(child.when) != Some(true) {
+        if given.is_none() && applies(child.when) != Some(true) {
             continue;
         }
         let found = sections(schema, child, given, at, faults);
@@ -66,15 +66,15 @@ pub(crate) fn resolve(
     values
 }
 
-/// Whether what is there for these of the selector's values is there; unknown where the selector is wrong itself.
-fn suits(when: &[&str], selected: Option<&str>) -> Option<bool> {
+/// Whether a key or section restricted to the selector values `when` applies; `None` if the selector itself is invalid.
+fn applies(when: &[&str], selected: Option<&str>) -> Option<bool> {
     if when.is_empty() {
         return Some(true);
     }
     selected.map(|value| when.contains(&value))
 }
 
-/// Adds what is wrong with the names that a section's table has.
+/// Report the faults of the names in a section's table.
 fn check_names(
     schema: &Schema,
     section: &'static Section,
@@ -89,20 +89,20 @@ fn check_names(
             children.iter().find(|child| child.name() == name),
         ) {
             (Some(key), _) => key.when,
-            (None, Some(child)) if !is_slip(section, name, node) => child.when,
+            (None, Some(child)) if !is_misspelt_key(section, name, node) => child.when,
             (None, _) => {
-                // What was meant by each of a million is not worth the time.
-                if faults.len() < MOST_FOUND {
+                // Suggestions for a million unknown keys would take too long.
+                if faults.len() < MAX_FOUND {
                     faults.push(Found::new(key_at, unknown(schema, section, name, node)));
                 }
                 continue;
             }
         };
-        if suits(when, selected) == Some(false) {
+        if applies(when, selected) == Some(false) {
             faults.push(Found::new(
                 key_at,
                 format!(
-                    "'{name}' says nothing with {} = \"{}\": leave it out, or choose {}",
+                    "'{name}' does not apply to {} = \"{}\": remove it, or choose {}",
                     section.selector,
                     selected.unwrap_or_default(),
                     Kind::Choice(when).words()
@@ -112,13 +112,13 @@ fn check_names(
     }
 }
 
-/// What a key that is not written stands for.
-fn unwritten(section: &Section, key: &Key, need: Need, at: &At) -> Result<(Value, At), Found> {
+/// Value of a key that is not given.
+fn default_value(section: &Section, key: &Key, need: Need, at: &At) -> Result<(Value, At), Found> {
     match need {
         Need::Default(text) => {
             let node = parse_setting(text, 0);
             let value = value(key, &node).map_err(|found| found.message);
-            Ok((value.expect("defaults are sound"), at.clone()))
+            Ok((value.expect("defaults are valid"), at.clone()))
         }
         Need::Required(example) | Need::Optional(example) => Err(Found::new(
             at,
@@ -133,7 +133,7 @@ fn unwritten(section: &Section, key: &Key, need: Need, at: &At) -> Result<(Value
     }
 }
 
-/// The selector's value as it is given, or its default; `None` if it is neither.
+/// Value of the selector, given or default; `None` if it has neither or is invalid.
 fn selected(section: &Section, table: &Table) -> Option<String> {
     let key = section.key(section.selector)?;
     let checked = match (table.get(key.name), key.need) {
@@ -147,7 +147,7 @@ fn selected(section: &Section, table: &Table) -> Option<String> {
     }
 }
 
-/// All sections of one name.
+/// All sections with this path.
 fn sections(
     schema: &Schema,
     section: &'static Section,
@@ -193,7 +193,7 @@ fn sections(
                     &node.at
                 },
                 format!(
-                    "'{}' can come several times: write {} with two brackets",
+                    "'{}' can be repeated: write {} with two brackets",
                     section.name(),
                     section.header()
                 ),
@@ -204,9 +204,9 @@ fn sections(
     }
 }
 
-/// Whether a name of a section within is a key of this one misspelt: `pulse = 32`, where both `pulses` and
+/// Whether the name of a subsection is a misspelt key of this section: `pulse = 32`, where both `pulses` and
 /// `[radar.pulse]` are known.
-fn is_slip(section: &Section, name: &str, node: &Node) -> bool {
+fn is_misspelt_key(section: &Section, name: &str, node: &Node) -> bool {
     let keys = section.keys.iter().map(|key| key.name);
     !matches!(node.raw, Raw::Table(_) | Raw::Array(_)) && nearest(name, keys).is_some()
 }
@@ -220,7 +220,7 @@ fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) 
     if let Some(meant) = nearest(name, own.clone().chain(inner)) {
         return format!("unknown key '{name}': did you mean '{meant}'?");
     }
-    // A key may have slipped into the wrong section.
+    // The key may belong to another section.
     let has = |other: &&Section| other.key(name).is_some() && !matches!(node.raw, Raw::Table(_));
     let elsewhere: Vec<String> = schema
         .sections
@@ -231,7 +231,7 @@ fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) 
         .collect();
     if !elsewhere.is_empty() {
         return format!(
-            "unknown key '{name}' in {}; {} knows it",
+            "unknown key '{name}' in {}: it belongs to {}",
             section.header(),
             elsewhere.join(" or ")
         );

@@ -1,67 +1,67 @@
-//! What a description can say: how keys and sections are described.
+//! Schema of a description: sections and keys.
 
 use subaperture_model::units::{Dimension, example_row};
 
-/// All that a description can say, for one purpose.
+/// Schema of one kind of description.
 #[derive(Debug)]
 pub struct Schema {
-    /// Every section, those within others after them; the top is the first.
+    /// All sections; the top level is the first, and subsections follow their parents.
     pub sections: &'static [&'static Section],
-    /// What the reference of keys begins with.
+    /// Introduction of the key reference.
     pub introduction: &'static str,
 }
 
-/// A table of the text, or an array of tables.
+/// Table or array of tables in the text.
 #[derive(Debug)]
 pub struct Section {
-    /// Dotted path; empty for the top.
+    /// Dotted path; empty for the top level.
     pub path: &'static str,
-    /// How often it comes.
+    /// How often the section may occur.
     pub presence: Presence,
-    /// Values of the parent's selector with which it makes sense; with all if empty.
+    /// Values of the parent's selector for which the section applies; empty for all.
     pub when: &'static [&'static str],
-    /// The key whose value decides which others make sense; empty if there is none.
+    /// Name of the key whose value selects the applicable keys; empty if there is none.
     pub selector: &'static str,
-    /// Its explanation.
+    /// Description, shown in the key reference.
     pub doc: &'static str,
-    /// Its keys.
+    /// Keys of the section.
     pub keys: &'static [Key],
 }
 
-/// How often a section comes.
+/// Number of occurrences of a section.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// Once, or left out where none of its keys is required: it is then made of defaults.
+    /// Once. May be omitted if none of its keys is required: all keys then have their defaults.
     Always,
-    /// Once or not at all.
+    /// At most once.
     Optional,
     /// Any number of times.
     Many,
 }
 
-/// A key of a section.
+/// Key of a section.
 #[derive(Debug)]
 pub struct Key {
-    /// How the text names it.
+    /// Name in the text.
     pub name: &'static str,
-    /// What its value is.
+    /// Type of the value.
     pub kind: Kind,
-    /// Whether it has to be given.
+    /// Whether the key is required, with its default or an example.
     pub need: Need,
-    /// Values of the section's selector with which it makes sense; with all if empty.
+    /// Values of the section's selector for which the key applies; empty for all.
     pub when: &'static [&'static str],
-    /// Its explanation.
+    /// Description, shown in the key reference.
     pub doc: &'static str,
 }
 
-/// What a value is.
+/// Type of a value.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {
     /// Any text.
     Text,
-    /// A path, relative to the description's folder.
+    /// Path, relative to the description's folder.
     Path,
-    /// A path or an array of paths, relative to the description's folder; `{01..64}` in one stands for numbers in turn.
+    /// Path or array of paths, relative to the description's folder. `{01..64}` expands to these numbers in sequence.
     Paths,
     /// One of these words.
     Choice(&'static [&'static str]),
@@ -69,19 +69,19 @@ pub enum Kind {
     Choices(&'static [&'static str]),
     /// `true` or `false`.
     Flag,
-    /// A whole number within these bounds.
+    /// Integer within these bounds, both included.
     Count(u64, u64),
-    /// A quantity.
+    /// Quantity with a dimension and bounds.
     Quantity(Dimension, Bounds),
     /// Three quantities: x, y and z.
     Vector(Dimension),
-    /// Two quantities, the second larger.
+    /// Two quantities, the second one larger.
     Interval(Dimension),
-    /// An array of texts, a row of quantities in each; at least so many rows.
+    /// Array of texts, each a row of quantities; with a minimum number of rows.
     Rows(&'static [Dimension], usize),
 }
 
-/// What a quantity may be, in SI units.
+/// Bounds of a quantity, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub enum Bounds {
     /// Any finite number.
@@ -90,27 +90,26 @@ pub enum Bounds {
     Positive,
     /// Zero or more.
     NotNegative,
-    /// From and to, and the same in words.
+    /// From and to, both included, and the same as text.
     Within(f64, f64, &'static str),
 }
 
-/// Whether a key has to be given. The text is TOML: an example, the default, an example.
+/// Whether a key is required. The text is TOML.
 #[derive(Clone, Copy, Debug)]
 pub enum Need {
-    /// It has to be; an example.
+    /// Required; with an example.
     Required(&'static str),
-    /// Where it is not, this is taken.
+    /// Optional, with this default.
     Default(&'static str),
-    /// It may be left out; an example.
+    /// Optional, without a default; with an example.
     Optional(&'static str),
 }
 
-/// Smallest positive value: below all that is measured in seconds, metres or hertz here, and far from
-/// where float64 loses digits.
+/// Smallest positive value: below all times, lengths and frequencies in use, and far from where float64 loses digits.
 const SMALLEST: f64 = 1e-18;
 
 impl Bounds {
-    /// What a value has to be instead, if it is out of bounds.
+    /// The expected value, if `value` is out of bounds; `None` if it is within.
     pub fn refuse(self, value: f64) -> Option<String> {
         match self {
             Self::Any => None,
@@ -133,13 +132,13 @@ impl Bounds {
 }
 
 impl Kind {
-    /// In words, for the reference.
+    /// Description of the type, for the key reference and errors.
     pub fn words(self) -> String {
         match self {
             Self::Text => "text".to_owned(),
-            Self::Path => "path, from the folder of this file".to_owned(),
-            Self::Paths => "path or array of paths, from the folder of this file; {01..64} in one stands for these \
-                            numbers in turn"
+            Self::Path => "path, relative to the folder of this file".to_owned(),
+            Self::Paths => "path or array of paths, relative to the folder of this file; {01..64} expands to these \
+                                       numbers in sequence"
                 .to_owned(),
             Self::Choice(words) => words
                 .iter()
@@ -172,7 +171,7 @@ impl Kind {
             }
             Self::Rows(dimensions, least) => {
                 format!(
-                    "array of {least} or more texts as {}",
+                    "array of {least} or more texts, such as {}",
                     example_row(dimensions)
                 )
             }
@@ -180,14 +179,14 @@ impl Kind {
     }
 }
 
-/// A dimension's name without its article.
+/// Name of a dimension without its article.
 fn bare(dimension: Dimension) -> &'static str {
     let name = dimension.name();
     name.split_once(' ').map_or(name, |(_, bare)| bare)
 }
 
 impl Schema {
-    /// The sections directly within the one at `path`.
+    /// Sections directly within the one at `path`.
     pub fn within(&self, path: &str) -> impl Iterator<Item = &'static Section> {
         let sections = self.sections.iter().copied();
         sections.filter(move |section| section.parent() == Some(path))
@@ -195,12 +194,12 @@ impl Schema {
 }
 
 impl Section {
-    /// The last word of the path.
+    /// Last word of the path.
     pub fn name(&self) -> &'static str {
         self.path.rsplit('.').next().unwrap_or_default()
     }
 
-    /// The path of the section that this one is in; `None` of the top.
+    /// Path of the parent section; `None` for the top level.
     pub fn parent(&self) -> Option<&'static str> {
         match self.path.rsplit_once('.') {
             Some((parent, _)) => Some(parent),
@@ -208,23 +207,23 @@ impl Section {
         }
     }
 
-    /// As the text writes it: `[radar.pulse]`, `[[scene.point]]`.
+    /// Header as written in the text: `[radar.pulse]`, `[[scene.point]]`.
     pub fn header(&self) -> String {
         match (self.path, self.presence) {
-            ("", _) => "the top of the text".to_owned(),
+            ("", _) => "the top level".to_owned(),
             (path, Presence::Many) => format!("[[{path}]]"),
             (path, _) => format!("[{path}]"),
         }
     }
 
-    /// The key of this name.
+    /// Key called `name`; `None` if there is none.
     pub fn key(&self, name: &str) -> Option<&'static Key> {
         self.keys.iter().find(|key| key.name == name)
     }
 }
 
 impl Key {
-    /// A key that makes sense with all values of the selector.
+    /// Make a key that applies to all values of the selector.
     pub const fn new(name: &'static str, kind: Kind, need: Need, doc: &'static str) -> Self {
         Self {
             name,
@@ -235,13 +234,13 @@ impl Key {
         }
     }
 
-    /// Makes sense with these values of the selector only.
+    /// Restrict the key to these values of the selector.
     pub const fn when(mut self, values: &'static [&'static str]) -> Self {
         self.when = values;
         self
     }
 
-    /// The TOML text of an example or the default.
+    /// TOML text of the example or the default.
     pub fn example(&self) -> &'static str {
         match self.need {
             Need::Required(text) | Need::Default(text) | Need::Optional(text) => text,

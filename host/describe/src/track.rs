@@ -1,4 +1,4 @@
-//! A track by its `kind` and keys.
+//! Tracks from a section's `kind` and keys.
 
 use std::sync::Arc;
 
@@ -11,9 +11,10 @@ use subaperture_model::track::{
 use crate::error::Found;
 use crate::values::Values;
 
-/// The track that a section's `kind` and its keys describe.
+/// Build the track of a section. `middle_s` is the middle of the collection, seconds.
+///
 /// # Errors
-/// What does not make a track, at its key.
+/// The first invalid value, at its key.
 pub fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Found> {
     let failed = |key: &str, error: TrackError| values.fault(key, error.to_string());
     Ok(match values.text("kind") {
@@ -45,7 +46,7 @@ pub fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Foun
         "rail" => {
             let (from_m, to_m) = (values.vector("from"), values.vector("to"));
             if from_m.distance(to_m) < 1e-9 {
-                return Err(values.fault("to", "the rail has no length: move one of its ends"));
+                return Err(values.fault("to", "the rail has zero length: move one of its ends"));
             }
             Arc::new(Rail {
                 from_m,

@@ -1,4 +1,4 @@
-//! A description's text as a tree of values that know where they came from, with settings laid over it.
+//! Tree of a description's values with their positions, and application of settings.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use toml::de::{DeTable, DeValue};
 
 use super::error::{At, Found};
 
-/// A value.
+/// TOML value.
 #[derive(Clone, Debug)]
 pub(crate) enum Raw {
     Text(String),
-    /// Too large for 64 bits if `None`.
+    /// `None` if too large for 64 bits.
     Integer(Option<i64>),
     Float(f64),
     Flag(bool),
@@ -19,18 +19,18 @@ pub(crate) enum Raw {
     Table(Table),
 }
 
-/// A value and where it is.
+/// Value with its position.
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     pub raw: Raw,
     pub at: At,
 }
 
-/// Entries of a table with the places of their keys.
+/// Entries of a table with the positions of their keys.
 pub(crate) type Table = BTreeMap<String, (At, Node)>;
 
 impl Raw {
-    /// With its article, for errors.
+    /// Name of the type with its article, for errors.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Text(_) => "a text",
@@ -44,7 +44,7 @@ impl Raw {
     }
 }
 
-/// Parses TOML; the first error of its syntax, if there is one.
+/// Parse TOML; the error is the first syntax error.
 pub(crate) fn parse(text: &str) -> Result<Table, Found> {
     let place = |span: Option<std::ops::Range<usize>>| At::Text(span.unwrap_or(0..0));
     let parsed = DeTable::parse(text).map_err(|error| {
@@ -56,7 +56,7 @@ pub(crate) fn parse(text: &str) -> Result<Table, Found> {
     Ok(table(parsed.get_ref(), None))
 }
 
-/// The value of a setting: TOML where it is some, else a text without its quotes.
+/// Parse the value of a setting: TOML if valid, otherwise a string without quotes.
 pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
     let at = At::Setting(index);
     match DeValue::parse(text) {
@@ -71,7 +71,8 @@ pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
     }
 }
 
-/// Spans count from the text's start; a setting's own are of no use, and `setting` takes their place.
+/// Convert a table. Spans count from the start of the text; those of a setting are meaningless, and `setting` replaces
+/// them.
 fn table(source: &DeTable, setting: Option<&At>) -> Table {
     let place = |span| setting.cloned().unwrap_or(At::Text(span));
     let entries = source.iter().map(|(key, value)| {
@@ -106,10 +107,10 @@ fn raw(source: &DeValue, setting: Option<&At>) -> Raw {
     }
 }
 
-/// One step of a setting's key: a name and, of an array of tables, an index.
+/// Step of a setting's path: a name and, for an array of tables, an index.
 pub(crate) type Step = (String, Option<usize>);
 
-/// `scene.point[1].position`.
+/// Parse a dotted path such as `scene.point[1].position`.
 pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
     path.split('.')
         .map(|word| {
@@ -128,7 +129,7 @@ pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
             let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
             if name.is_empty() || !name.chars().all(plain) {
                 return Err(format!(
-                    "'{path}' is not a key: write names parted by points, as radar.pri or \
+                    "'{path}' is not a key: write names separated by dots, such as radar.pri or \
                      scene.point[0].position"
                 ));
             }
@@ -137,12 +138,12 @@ pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
         .collect()
 }
 
-/// Puts a setting's value at its key, making sections on the way where there are none.
-pub(crate) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
+/// Apply a setting to the tree, creating missing sections.
+pub(crate) fn apply_setting(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
     let at = value.at.clone();
     let fail = |message: String| Err(Found::new(&at, message));
     let Some(((name, None), sections)) = path.split_last() else {
-        return fail("a key has no index: only sections that come several times have".to_owned());
+        return fail("a key has no index: only repeated sections have one".to_owned());
     };
     let mut table = root;
     for (section, index) in sections {
@@ -177,21 +178,19 @@ pub(crate) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(
                     Some(item) => item,
                     None => {
                         return fail(format!(
-                            "there are {count} [[{section}]]: write an index from 0 to {count}"
+                            "[[{section}]] occurs {count} times: write an index from 0 to {count}"
                         ));
                     }
                 }
             }
-            _ => return fail(format!("'{section}' comes once: leave out the index")),
+            _ => return fail(format!("'{section}' occurs once: remove the index")),
         };
         table = match &mut node.raw {
             Raw::Table(table) => table,
             Raw::Array(_) => {
-                return fail(format!(
-                    "'{section}' comes several times: write {section}[0]"
-                ));
+                return fail(format!("'{section}' can be repeated: write {section}[0]"));
             }
-            _ => return fail(format!("'{section}' is no section")),
+            _ => return fail(format!("'{section}' is not a section")),
         };
     }
     table.insert(name.clone(), (at, value));
@@ -203,11 +202,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_find_their_place() {
+    fn settings_are_applied_at_their_path() {
         let mut root = parse("a = 1\n[[s.p]]\nx = 2\n").unwrap();
         let mut set = |path: &str, value: &str| {
             let steps = parse_path(path).map_err(|message| Found::new(&At::Setting(0), message))?;
-            lay_over(&mut root, &steps, parse_setting(value, 0))
+            apply_setting(&mut root, &steps, parse_setting(value, 0))
         };
         set("a", "5 km").unwrap();
         set("s.p[0].x", "3").unwrap();
@@ -216,8 +215,8 @@ mod tests {
         for (path, part) in [
             ("s.p.x", "write p[0]"),
             ("s.p[5].x", "from 0 to 2"),
-            ("s[0].p", "leave out the index"),
-            ("a.b", "no section"),
+            ("s[0].p", "remove the index"),
+            ("a.b", "not a section"),
             ("a[0]", "no index"),
             ("s.p[x].x", "write an index as p[0]"),
             ("", "is not a key"),

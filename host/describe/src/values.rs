@@ -1,4 +1,4 @@
-//! A section's values, checked against the table of keys, for the builders to take.
+//! Values of a section, checked against the schema, for builders.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -8,58 +8,57 @@ use glam::DVec3;
 use super::error::{At, Found};
 use super::schema::Section;
 
-/// A value in SI units.
+/// Value in SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// A text.
+    /// String.
     Text(String),
-    /// Texts.
+    /// Strings.
     Texts(Vec<String>),
-    /// True or false.
+    /// Boolean.
     Flag(bool),
-    /// A whole number.
+    /// Integer.
     Count(u64),
-    /// A quantity.
+    /// Quantity.
     Number(f64),
-    /// Vectors and intervals.
+    /// Vector or interval.
     Numbers(Vec<f64>),
     /// Rows of quantities.
     Rows(Vec<Vec<f64>>),
 }
 
-/// A value, where it is, and whether a builder has asked for it.
+/// Value of a key with its position.
 #[derive(Clone, Debug)]
 pub struct Given {
-    /// It itself.
+    /// Parsed value, SI units.
     pub value: Value,
-    /// Where the text, or a setting, has it.
+    /// Position in the text, or of the setting.
     pub at: At,
-    /// Whether a builder has asked for it.
+    /// Whether a builder has read it.
     pub taken: Cell<bool>,
 }
 
-/// A section of a description with defaults filled in. All keys that are required are there.
+/// Section of a description with defaults filled in. All required keys are present.
 #[derive(Clone, Debug)]
 pub struct Values {
-    /// What it may say.
+    /// Schema of the section.
     pub section: &'static Section,
-    /// Its header.
+    /// Position of the section's header.
     pub at: At,
-    /// Its values, by key.
+    /// Values by key.
     pub keys: BTreeMap<&'static str, Given>,
-    /// Sections within, by name.
+    /// Subsections by name; several under one name for an array of tables.
     pub within: BTreeMap<&'static str, Vec<Values>>,
 }
 
 /// # Panics
-/// All methods that take a key: if the table of keys has none of this name and kind. Those whose name
-/// does not begin with `optional`: if it is neither required nor has a default. Both are faults of the
-/// program that every use shows.
+/// All methods that take a key: if the schema has no key of this name and type. Methods whose name does not begin with
+/// `optional`: if the key is neither required nor has a default. Both are programming errors, which occur on every use.
 impl Values {
     fn given(&self, key: &str) -> Option<&Given> {
         assert!(
             self.section.key(key).is_some(),
-            "no key '{key}' of {} in the table",
+            "no key '{key}' of {} in the schema",
             self.section.header()
         );
         let given = self.keys.get(key)?;
@@ -74,22 +73,22 @@ impl Values {
             .value
     }
 
-    /// Where the key's value is, or else the section.
+    /// Position of a key's value; that of the section if the key is absent.
     pub fn at(&self, key: &str) -> &At {
         self.keys.get(key).map_or(&self.at, |given| &given.at)
     }
 
-    /// Something wrong with a key's value.
+    /// Make a fault at a key's value.
     pub fn fault(&self, key: &str, message: impl Into<String>) -> Found {
         Found::new(self.at(key), message)
     }
 
-    /// Whether the text, or a setting, says the key, which is not left to its default.
+    /// Whether the key is given in the text or by a setting, instead of left to its default.
     pub fn says(&self, key: &str) -> bool {
         self.keys.get(key).is_some_and(|given| given.at != self.at)
     }
 
-    /// The quantity of a key, SI, if it is given.
+    /// Quantity of a key, SI units; `None` if not given.
     pub fn optional_number(&self, key: &str) -> Option<f64> {
         match &self.given(key)?.value {
             Value::Number(number) => Some(*number),
@@ -97,7 +96,7 @@ impl Values {
         }
     }
 
-    /// The quantity of a key, SI.
+    /// Quantity of a key, SI units.
     pub fn number(&self, key: &str) -> f64 {
         match self.value(key) {
             Value::Number(number) => *number,
@@ -105,7 +104,7 @@ impl Values {
         }
     }
 
-    /// The text of a key, if it is given.
+    /// String of a key; `None` if not given.
     pub fn optional_text(&self, key: &str) -> Option<&str> {
         match &self.given(key)?.value {
             Value::Text(text) => Some(text),
@@ -113,7 +112,7 @@ impl Values {
         }
     }
 
-    /// The text of a key.
+    /// String of a key.
     pub fn text(&self, key: &str) -> &str {
         match self.value(key) {
             Value::Text(text) => text,
@@ -121,7 +120,7 @@ impl Values {
         }
     }
 
-    /// All texts of an array, or the one.
+    /// Strings of a key, one or more.
     pub fn texts(&self, key: &str) -> &[String] {
         match self.value(key) {
             Value::Texts(texts) => texts,
@@ -129,17 +128,17 @@ impl Values {
         }
     }
 
-    /// All texts of an array, or the one, if it is given.
+    /// Strings of a key, one or more; `None` if not given.
     pub fn optional_texts(&self, key: &str) -> Option<&[String]> {
         self.given(key).map(|_| self.texts(key))
     }
 
-    /// Whether a key says true.
+    /// Boolean of a key.
     pub fn flag(&self, key: &str) -> bool {
         matches!(self.value(key), Value::Flag(true))
     }
 
-    /// The whole number of a key.
+    /// Integer of a key.
     pub fn count(&self, key: &str) -> u64 {
         match self.value(key) {
             Value::Count(count) => *count,
@@ -147,12 +146,12 @@ impl Values {
         }
     }
 
-    /// The whole number of a key, if it is given.
+    /// Integer of a key; `None` if not given.
     pub fn optional_count(&self, key: &str) -> Option<u64> {
         self.given(key).map(|_| self.count(key))
     }
 
-    /// From and to of a key, SI.
+    /// Lower and upper limits of a key, SI units.
     pub fn interval(&self, key: &str) -> (f64, f64) {
         match self.value(key) {
             Value::Numbers(numbers) => (numbers[0], numbers[1]),
@@ -160,7 +159,7 @@ impl Values {
         }
     }
 
-    /// The vector of a key, SI.
+    /// Vector of a key, SI units.
     pub fn vector(&self, key: &str) -> DVec3 {
         match self.value(key) {
             Value::Numbers(numbers) => DVec3::from_slice(numbers),
@@ -168,27 +167,27 @@ impl Values {
         }
     }
 
-    /// The vector of a key, SI, if it is given.
+    /// Vector of a key, SI units; `None` if not given.
     pub fn optional_vector(&self, key: &str) -> Option<DVec3> {
         self.given(key).map(|_| self.vector(key))
     }
 
-    /// The direction of a vector, which must have one.
+    /// Unit vector along a key's vector. The error is that of a zero vector.
     pub fn direction(&self, key: &str) -> Result<DVec3, Found> {
         self.vector(key).try_normalize().ok_or_else(|| {
             self.fault(
                 key,
-                "a direction of length zero points nowhere: write for example \"0, 1, 0\"",
+                "a direction cannot have length zero: write for example \"0, 1, 0\"",
             )
         })
     }
 
-    /// From and to of a key, SI, if it is given.
+    /// Lower and upper limits of a key, SI units; `None` if not given.
     pub fn optional_interval(&self, key: &str) -> Option<(f64, f64)> {
         self.given(key).map(|_| self.interval(key))
     }
 
-    /// The rows of a key, SI.
+    /// Rows of a key, SI units.
     pub fn rows(&self, key: &str) -> &[Vec<f64>] {
         match self.value(key) {
             Value::Rows(rows) => rows,
@@ -196,28 +195,28 @@ impl Values {
         }
     }
 
-    /// The rows of a key, SI, if it is given.
+    /// Rows of a key, SI units; `None` if not given.
     pub fn optional_rows(&self, key: &str) -> Option<&[Vec<f64>]> {
         self.given(key).map(|_| self.rows(key))
     }
 
-    /// The sections of this name within; none if there are none.
+    /// Subsections called `name`; empty if there are none.
     pub fn sections(&self, name: &str) -> &[Self] {
         self.within.get(name).map_or(&[], Vec::as_slice)
     }
 
-    /// The one section of this name within.
+    /// First subsection called `name`; `None` if there is none.
     pub fn optional_section(&self, name: &str) -> Option<&Self> {
         self.sections(name).first()
     }
 
-    /// The one section of this name within, which is always there.
+    /// Subsection called `name`, which must always be present.
     pub fn section(&self, name: &str) -> &Self {
         let section = self.optional_section(name);
         section.unwrap_or_else(|| panic!("section '{name}' may be absent"))
     }
 
-    /// Keys that no builder has asked for, with their sections' paths: a fault of the program.
+    /// Keys that no builder has read, with their sections: a programming error.
     pub fn not_taken(&self) -> Vec<String> {
         let own = self.keys.iter().filter(|(_, given)| !given.taken.get());
         let own = own.map(|(key, _)| format!("{} {key}", self.section.header()));

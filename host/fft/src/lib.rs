@@ -1,16 +1,16 @@
-//! Plans of discrete Fourier transforms ([`rustfft`]), compiled in this package and nowhere else.
+//! FFT plans of [`rustfft`], compiled in this crate only, with an optional portable algorithm.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation, and of little use without it.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; not intended for separate use.
 //!
-//! rustfft is generic over its numbers: whatever crate makes a plan compiles all kernels for all of the processor's
-//! extensions again, 25 s of processor time for float32 and as much for float64, and so does a crate into which a small
-//! function that makes one is inlined. Here both are made behind functions that are not inlined.
+//! rustfft is generic over the number type. Every crate that makes a plan compiles all kernels for all instruction-set
+//! extensions again, which takes 25 s of processor time each for float32 and float64, and so does a crate into which a
+//! small planning function is inlined. Here both are made by functions that are never inlined.
 //!
-//! Which algorithm rustfft takes is the processor's to say, and so are the last bits of what comes out: [`Transforms::Portable`] has others,
-//! slower, that give the same bits on every machine.
+//! rustfft chooses its algorithm by the processor, so that the last bits of its results differ between machines.
+//! [`Transforms::Portable`] uses slower algorithms whose results are bit-identical on every machine.
 //!
-//! Transforms are as rustfft's: without a factor in either direction, `X[k] = sum_n x[n] exp(-j 2 pi k n / N)` forward,
-//! the conjugate's sum inverse.
+//! Transforms are unnormalised in both directions, as in rustfft: `X[k] = sum_n x[n] exp(-j 2 pi k n / N)` forward, and
+//! the sum with the conjugate exponential inverse.
 #![forbid(unsafe_code)]
 
 mod portable;
@@ -20,9 +20,9 @@ use std::sync::Arc;
 pub use rustfft::{Fft, FftDirection};
 use rustfft::{FftNum, FftPlanner};
 
-/// The real numbers whose complex pairs are transformed.
+/// Real number type of the transformed complex values: `f32` or `f64`.
 pub trait Real: FftNum {
-    /// A plan for `length` values, 0 or more.
+    /// Make a plan for `length` values, 0 or more.
     fn plan(transforms: Transforms, length: usize, direction: FftDirection) -> Arc<dyn Fft<Self>>;
 }
 
@@ -46,37 +46,37 @@ impl Real for f64 {
     }
 }
 
-/// By whose algorithms.
+/// Choice of FFT algorithms.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "lowercase")]
 pub enum Transforms {
-    /// The processor's: AVX, SSE, NEON or none, each with its own last bits.
+    /// Fastest for the processor: AVX, SSE, NEON or scalar code, with differences in the last bits.
     #[default]
     Fastest,
-    /// The same bits on every machine.
+    /// Bit-identical results on every machine; slower.
     Portable,
 }
 
 impl Transforms {
-    /// A plan for `length` values, from time to frequency.
+    /// Make a plan of a forward transform (time to frequency) of `length` values.
     pub fn forward<T: Real>(self, length: usize) -> Arc<dyn Fft<T>> {
         T::plan(self, length, FftDirection::Forward)
     }
 
-    /// A plan for `length` values, from frequency to time.
+    /// Make a plan of an unnormalised inverse transform (frequency to time) of `length` values.
     pub fn inverse<T: Real>(self, length: usize) -> Arc<dyn Fft<T>> {
         T::plan(self, length, FftDirection::Inverse)
     }
 }
 
-/// The fastest plan for `length` values, from time to frequency.
+/// Make the fastest plan of a forward transform (time to frequency) of `length` values.
 pub fn forward<T: Real>(length: usize) -> Arc<dyn Fft<T>> {
     Transforms::Fastest.forward(length)
 }
 
-/// The fastest plan for `length` values, from frequency to time.
+/// Make the fastest plan of an unnormalised inverse transform (frequency to time) of `length` values.
 pub fn inverse<T: Real>(length: usize) -> Arc<dyn Fft<T>> {
     Transforms::Fastest.inverse(length)
 }

@@ -1,18 +1,19 @@
-//! Transforms that give the same bits on every machine.
+//! FFT with bit-identical results on every machine.
 //!
-//! rustfft takes other algorithms by the processor, and roots of unity from the platform's library. Here the algorithm follows from the
-//! length alone, roots are libm's, and each operation is rounded once.
+//! rustfft chooses algorithms by the processor, and computes roots of unity with the platform's library. Here the
+//! algorithm depends only on the length, roots are computed by libm, and each operation is rounded once.
 //!
-//! With `N = r m` and a stride `s`, of which there is one transform each for `q` = 0 .. s-1, a pass of radix `r` makes (Stockham)
+//! With `N = r m` and stride `s` (one transform for each `q` = 0 .. s-1), a pass of radix `r` computes (Stockham)
 //!
 //! ```text
 //! y[q + s (r p + k)] = exp(-j 2 pi p k / N) sum_i x[q + s (p + m i)] exp(-j 2 pi i k / r),   p = 0 .. m-1, k = 0 .. r-1
 //! ```
 //!
-//! which leaves transforms of `m` values at a stride of `r s`; after all passes values are in order. Radices are 4, then 2, 3, 5, 7, 11 and
-//! 13. A length with another factor is a correlation with a chirp (Bluestein), by transforms of twice its length or more, a power of 2.
+//! which leaves transforms of `m` values with stride `r s`; after all passes the values are in order. Radices are 4,
+//! then 2, 3, 5, 7, 11 and 13. A length with another prime factor is computed as a correlation with a chirp
+//! (Bluestein), by transforms of at least twice its length, a power of 2.
 //!
-//! Cost: two to four times the time of rustfft's. Error: `1e-7 sqrt(log2 N)` of the RMS value or so in float32.
+//! Cost: two to four times that of rustfft. Error: about `1e-7 sqrt(log2 N)` of the RMS value in float32.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -20,10 +21,10 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex;
 use rustfft::{Direction, Fft, FftDirection, FftNum, Length};
 
-/// Radices in the order in which they are taken out of a length.
+/// Radices in the order in which a length is factored.
 const RADICES: [usize; 7] = [4, 2, 3, 5, 7, 11, 13];
 
-/// A plan for `length` values.
+/// Make a plan for `length` values.
 pub(crate) fn plan<T: FftNum>(length: usize, direction: FftDirection) -> Arc<dyn Fft<T>> {
     match Passes::new(length, direction) {
         Some(passes) => Arc::new(passes),
@@ -31,9 +32,9 @@ pub(crate) fn plan<T: FftNum>(length: usize, direction: FftDirection) -> Arc<dyn
     }
 }
 
-/// `exp(-j 2 pi i / n)` forward, its conjugate inverse.
+/// Root of unity `exp(-j 2 pi i / n)` for forward transforms, its conjugate for inverse ones.
 fn root<T: FftNum>(i: usize, n: usize, direction: FftDirection) -> Complex<T> {
-    // The nearest quarter of a turn, and what is left, exactly.
+    // Nearest quarter turn and exact remainder.
     let (i, n) = (i as u128, n as u128);
     let quarter = (8 * i + n) / (2 * n);
     let left = (4 * i) as i128 - (quarter * n) as i128;
@@ -52,22 +53,22 @@ fn root<T: FftNum>(i: usize, n: usize, direction: FftDirection) -> Complex<T> {
 }
 
 fn number<T: FftNum>(value: f64) -> T {
-    T::from_f64(value).expect("reals are made of float64")
+    T::from_f64(value).expect("conversion from float64")
 }
 
-/// A pass.
+/// Pass of one radix.
 struct Pass<T> {
     radix: usize,
-    /// Length of the transforms that it leaves.
+    /// Length of the remaining transforms.
     count: usize,
     stride: usize,
-    /// Of each `p`, for `k` = 1 .. radix-1.
+    /// Twiddle factors of each `p`, for `k` = 1 .. radix-1.
     twiddles: Vec<Complex<T>>,
     /// Roots of unity of the radix.
     roots: Vec<Complex<T>>,
 }
 
-/// A transform by passes.
+/// Mixed-radix transform by passes.
 struct Passes<T> {
     length: usize,
     direction: FftDirection,
@@ -75,7 +76,7 @@ struct Passes<T> {
 }
 
 impl<T: FftNum> Passes<T> {
-    /// `None` of a length with other factors than the radices.
+    /// Make the passes; `None` for a length with prime factors other than the radices.
     fn new(length: usize, direction: FftDirection) -> Option<Self> {
         let mut passes = Vec::new();
         let (mut left, mut stride) = (length.max(1), 1);
@@ -102,7 +103,7 @@ impl<T: FftNum> Passes<T> {
         })
     }
 
-    /// One transform, in place; `other` has its length.
+    /// Compute one transform in place; `other` has the same length.
     fn transform(&self, values: &mut [Complex<T>], other: &mut [Complex<T>]) {
         let mut swapped = false;
         for pass in &self.passes {
@@ -123,13 +124,13 @@ impl<T: FftNum> Pass<T> {
         match self.radix {
             2 => self.butterflies(from, to, |[a, b]| [a + b, a - b]),
             4 => {
-                // The root that a quarter of a turn is: -j or j.
+                // Root of unity of a quarter turn: -j or j.
                 let sign = self.roots[1].im;
                 self.butterflies(from, to, |[a, b, c, d]| {
                     let (even, odd) = (a + c, a - c);
                     let (sum, difference) = (b + d, b - d);
-                    let turned = Complex::new(-difference.im * sign, difference.re * sign);
-                    [even + sum, odd + turned, even - sum, odd - turned]
+                    let rotated = Complex::new(-difference.im * sign, difference.re * sign);
+                    [even + sum, odd + rotated, even - sum, odd - rotated]
                 });
             }
             3 => self.odd::<3>(from, to),
@@ -140,7 +141,7 @@ impl<T: FftNum> Pass<T> {
         }
     }
 
-    /// An odd radix: inputs `i` and `R - i` meet conjugate roots.
+    /// Pass of an odd radix: inputs `i` and `R - i` have conjugate roots.
     fn odd<const R: usize>(&self, from: &[Complex<T>], to: &mut [Complex<T>]) {
         let roots: [Complex<T>; R] = std::array::from_fn(|i| self.roots[i]);
         self.butterflies(from, to, |x: [Complex<T>; R]| {
@@ -194,12 +195,12 @@ impl<T: FftNum> Pass<T> {
     }
 }
 
-/// A transform of any length, as a correlation: `i k = (i^2 + k^2 - (k - i)^2) / 2`.
+/// Transform of any length as a correlation (Bluestein): `i k = (i^2 + k^2 - (k - i)^2) / 2`.
 struct Chirp<T> {
     direction: FftDirection,
-    /// `exp(-j pi i^2 / N)`.
+    /// Chirp `exp(-j pi i^2 / N)`.
     chirp: Vec<Complex<T>>,
-    /// Transform of its conjugate, over the inner length.
+    /// Transform of its conjugate, divided by the inner length.
     kernel: Vec<Complex<T>>,
     forward: Passes<T>,
     inverse: Passes<T>,
@@ -232,7 +233,7 @@ impl<T: FftNum> Chirp<T> {
         }
     }
 
-    /// One transform, in place; `scratch` has twice the inner length.
+    /// Compute one transform in place; `scratch` has twice the inner length.
     fn transform(&self, values: &mut [Complex<T>], scratch: &mut [Complex<T>]) {
         let (work, other) = scratch.split_at_mut(self.kernel.len());
         for ((w, z), chirp) in work.iter_mut().zip(&*values).zip(&self.chirp) {
@@ -250,7 +251,7 @@ impl<T: FftNum> Chirp<T> {
     }
 }
 
-/// What rustfft's trait asks of both, from `transform`, and how much scratch that takes.
+/// Implement rustfft's traits by `transform`, with the given length and scratch size.
 macro_rules! fft {
     ($of:ident, $length:expr, $scratch:expr) => {
         impl<T: FftNum> Length for $of<T> {

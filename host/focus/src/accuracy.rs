@@ -1,95 +1,85 @@
-//! The accuracy contract: what every former says of its image's error, and that a bound asked for is
-//! kept or its miss is told.
+//! The accuracy contract: the error that every former predicts for its image, and the bound that it keeps or reports as exceeded.
 //!
-//! **The error** is relative and RMS over all pixels of the grid, `sqrt(sum |I - E|^2 / sum |E|^2)`, in
-//! dB: `I` the image, `E` the sum of [`super`] over the stored samples, evaluated exactly. It is relative to
-//! what the grid shows: of a grid that leaves the bright scatterers out, the image is weak, and the
-//! same errors are relatively larger.
+//! **Error.** Relative and RMS over all pixels of the grid, `sqrt(sum |I - E|^2 / sum |E|^2)`, in dB: `I` is the image, `E` the exact sum of
+//! [`super`] over the stored samples. On a grid without the bright scatterers of the scene the image is weak, and the same errors are
+//! relatively larger.
 //!
-//! **What a former plans.** A former multiplies each of the sum's terms by `1 + d` (`d` complex, of pixel,
-//! pulse and frequency). Before anything heavy it bounds the RMS of `d` for its track, band and
-//! grid: the *planned* error. If that misses the bound asked, it refuses ([`Asked::check`]). Where terms add
-//! in phase, as on a scatterer, the image's error is at most that of the value itself (Cauchy and Schwarz); where they
-//! add at random, as in noise and clutter, powers add and it is that again.
+//! **Planned error.** A former multiplies each of the sum's terms by `1 + d` (`d` complex, a function of pixel, pulse and frequency). Before it
+//! reads samples it bounds the RMS of `d` for its track, band and grid. If that exceeds the bound asked, it refuses ([`ErrorGoal::check`]).
+//! Where terms add in phase, as on a scatterer, the image's error is at most the value's own (Cauchy and Schwarz). Where they
+//! add at random, as in noise and clutter, powers add, with the same result. Where antennas move from sample to sample of a pulse and the former takes all
+//! samples at one place, the error of that ([`super::sweep::residual`]) is added.
 //!
-//! Where antennas move from sample to sample of a pulse and the former takes all samples at one place, what that leaves
-//! ([`super::sweep::residual`]) is added for it.
-//!
-//! **What becomes of the image.** Neither holds where terms cancel: beside a bright scatterer that the grid leaves out, errors
-//! cancel less than its side lobes do. No plan knows the scene, so every image is looked at: as the pulses are
-//! read, the exact sum at 64 of its pixels is kept besides ([`Exact`](super::exact::Exact)'s; a small part of the
-//! work), and with `s^2` the mean square error there and `M` the image's mean square
+//! **Predicted error.** The planned error does not hold where terms cancel: next to a bright scatterer outside the grid errors cancel less than
+//! the scatterer's side lobes do. So every image is compared with the exact sum ([`Exact`](super::exact::Exact)'s) at 64 pixels spread
+//! evenly, as the pulses are read, and at 64 more drawn by the image's own power, in a second pass over the pulses
+//! (`second_look.rs`). With `E` the upper limit of the estimated sum of squared errors, `M` the image's mean square over its `N` pixels,
 //!
 //! ```text
-//! predicted^2 = max(planned^2, C s^2 / M + e^2 T / M)
+//! predicted^2 = max(planned^2, E / (N M) + e^2 T / M + s^2 S / (N M))
 //! ```
 //!
-//! with `T` the terms' powers and `e` the rounding of the sum's own phases.
-//! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
-//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the
-//! plan's, or the grid is dark, `M` less than 0.3 of `T`, which is what noise would show. Where a bound is missed in this
-//! way, the image is formed once more with a plan for that much less ([`ImageFormer::planning_for`]; `planned_for_db` in
-//! the settings), twice the work and more; one that is missed then is an error too, after the work.
-//! A grid that is coarser than the resolution may show a lone scatterer by its side lobes only, which are what the ends of the band and
-//! of the aperture make; errors that are larger there are larger in it, with the range-Doppler algorithm by up to 14 dB.
-//! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
+//! `T` is the power of the terms and `e` the rounding of the sum's own phases. The last term is an upper bound on the echoes of scatterers outside
+//! the grid, which both kinds of pixels can miss: `s` is the part of the planned error that makes such echoes, `S` the most energy
+//! outside the grid that the recorded samples allow (`stray.rs`). The settings record `sampled_error_db` (the first two terms) and
+//! `outside_error_db` (the last one).
+//!
+//! *All pixels.* Of an image of 128 or fewer pixels all are compared, and `E` is the sum itself. So it is where a small image would
+//! exceed the bound by the formula: then the sum decides.
+//!
+//! *Pixels spread evenly alone.* The second pass is left out where the first settles that the bound is kept, and pulses of a
+//! live image cannot be read again. Then `E` is the estimate from the pixels spread evenly times `C`: 1.6 where they err as planned, 2
+//! where they err by more, and 10 where errors may sit in few pixels: where they err by 6 dB more than planned, or the grid is dark, `M`
+//! less than 0.3 of `T`, the power that noise would show.
+//!
+//! *Planned again.* Where the plan keeps the bound and the image exceeds it, the image is formed once more with a stricter plan
+//! ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), at more than twice the work. If that exceeds the bound too, it is an error.
+//! [`passing_bound_db`] is the bound that would be kept.
+//!
+//! A grid coarser than the resolution may show a lone scatterer by its side lobes only. These come from the ends of the band and
+//! of the aperture; errors that are larger there are larger in the image, with the range-Doppler algorithm by up to 14 dB. A prediction of
+//! -3 dB or more means that the image is worthless; it does not measure the error.
 //!
 //! Accuracy: `tests/formers/random.rs` measures every former against the sum over thousands of random
-//! geometries, scenes and grids.
+//! geometries, scenes and grids, dark, tiny and off-centre ones among them.
 
 use num_complex::Complex64;
 
 use super::budget::Budget;
+use super::compared::{self, Compared, Planned};
 use super::sampled::{Probes, Sampled, TileRecord};
+use super::second_look::{Estimate, add_all, look_again, look_at_all};
 use super::{
-    Aim, Decision, FormError, Formed, ImageFormer, Reason, Remedy, Task, Tile, Work, rounding,
-    sweep,
+    Decision, FormError, Formed, ImageFormer, ImageSpec, Reason, Remedy, Task, Tile, Work, dark,
+    rounding, second_look, sweep,
 };
-use subaperture_kernels::horner;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
 
-/// `C` of the module's formula where there are more pixels, where they err by more than planned, and where
-/// errors may sit in few of them.
-const SCATTER: f64 = 1.6;
-const LARGER_SCATTER: f64 = 2.0;
-const UNEVEN_SCATTER: f64 = 10.0;
-
-/// Error over the planned, in power, above which it is uneven.
-const UNEVEN: f64 = 4.0;
-
-/// Mean square over the terms' powers below which a grid is dark.
-const DARK: f64 = 0.3;
-
-/// Error, relative to the image's mean square, above which that tells of the error more than of the scene.
-const SPOILT: f64 = 0.01;
-
-/// Least error that a sample shows: the image's own rounding to float32.
-const LEAST_DB: f64 = -200.0;
-
-/// Whether an image may be worse than asked.
+/// Whether an image may exceed its error bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Misses {
-    /// A missed bound is [`FormError::BoundMissed`].
+pub enum BoundPolicy {
+    /// Exceeding the bound is the error [`FormError::BoundMissed`].
     Refused,
-    /// A missed bound is recorded.
+    /// Exceeding the bound is recorded with the image.
     Allowed,
 }
 
-/// What is asked of an image.
+/// Error requirement for an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
-    /// Bound on the error, dB, if there is one.
+pub struct ErrorGoal {
+    /// Bound on the relative RMS error, dB; `None` for no bound.
     pub bound_db: Option<f64>,
-    /// Whether it may be missed.
-    pub misses: Misses,
+    /// Whether the bound may be exceeded.
+    pub bound_policy: BoundPolicy,
 }
 
-impl Asked {
-    /// Goes on if an image predicted to err by `predicted_db` will do. `limit` says what limits it and what
-    /// would help.
+impl ErrorGoal {
+    /// Accept an image with predicted error `predicted_db`. `limit` names the limiting effect and a
+    /// remedy.
     ///
     /// # Errors
-    /// [`FormError::BoundMissed`] if it will not.
+    /// [`FormError::BoundMissed`] if the prediction exceeds the bound and that is refused.
     pub fn check(
         &self,
         predicted_db: f64,
@@ -97,7 +87,8 @@ impl Asked {
     ) -> Result<(), FormError> {
         match self.bound_db {
             Some(bound_db)
-                if self.misses == Misses::Refused && misses(predicted_db, Some(bound_db)) =>
+                if self.bound_policy == BoundPolicy::Refused
+                    && misses(predicted_db, Some(bound_db)) =>
             {
                 Err(FormError::BoundMissed {
                     predicted_db,
@@ -110,129 +101,208 @@ impl Asked {
     }
 }
 
-/// Whether a prediction misses a bound; one that is no number does.
+/// Whether a prediction exceeds a bound; NaN does.
 pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
     bound_db.is_some_and(|bound_db| predicted_db.is_nan() || predicted_db > bound_db)
 }
 
-/// Forms the image of `task` as `former` decides, by `form`, under the contract.
+/// Form the image of `task` by `form` as `former` decides, under the accuracy contract.
 ///
 /// # Errors
-/// Those of the former and `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
+/// Errors of the former and of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
 pub(super) fn keep<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
-    misses: Misses,
+    bound_policy: BoundPolicy,
     form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Formed, FormError> {
-    let asked = former.asked(misses);
-    attempt(former, task, &asked, form)?.judge(&asked)
+    let goal = former.goal(bound_policy);
+    attempt(former, task, None, &goal, form)?.judge(&goal)
 }
 
-/// The image of `task`; where the plan was kept and the scene makes more of it than was asked, once more with a plan for so much
-/// less ([`ImageFormer::planning_for`]).
+/// Form the image of `task`, and form it again with a stricter plan ([`ImageFormer::planning_for`]) where the plan keeps the bound but the image
+/// exceeds it. The stricter plan may fall short of its target if its error is less than that of the first one.
 ///
 /// # Errors
-/// As [`keep`].
+/// Errors of [`keep`].
 pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
-    misses: Misses,
+    bound_policy: BoundPolicy,
 ) -> Result<Formed, FormError> {
-    let asked = former.asked(misses);
-    let first = attempt(former, task, &asked, opened(former, task))?;
-    let next = first.judgement.next_plan_db(&asked);
+    let goal = former.goal(bound_policy);
+    let first = attempt(former, task, None, &goal, opened(former, task))?;
+    let next = first.judgement.next_plan_db(&goal);
     let Some((next_db, stricter)) = next.and_then(|db| Some((db, former.planning_for(db)?))) else {
-        return first.judge(&asked);
+        return first.judge(&goal);
     };
-    let missed = first.judge(&asked).map(drop);
-    let second = attempt(
-        &*stricter,
-        task,
-        &stricter.asked(misses),
-        opened(&*stricter, task),
-    );
-    match (second, missed) {
-        // No such plan: what the first one's miss says is what can be done.
-        (Err(FormError::BoundMissed { .. }), Err(missed)) => Err(missed),
-        (Err(error), _) => Err(error),
-        (Ok(mut second), _) => {
-            let settings = &mut second.formed.settings;
-            settings.insert("planned_for_db".to_owned(), next_db.into());
-            second.judge(&asked)
-        }
+    let planning = stricter.goal(BoundPolicy::Allowed);
+    let swept = swept(&*stricter, &task.spec(), &planning)?;
+    let decision = stricter.decide(&task.spec(), &planning, task.monitor)?;
+    let plans = [
+        (first.judgement.planned_db, first.operations),
+        (
+            with_sweep(decision.planned_db, swept),
+            decision.cost.operations,
+        ),
+    ];
+    if !is_worth_forming_again(plans) {
+        return first.judge(&goal);
     }
+    drop(first);
+    let form = opened(&*stricter, task);
+    let mut second = attempt(&*stricter, task, Some(decision), &goal, form)?;
+    let settings = &mut second.formed.settings;
+    settings.insert("planned_for_db".to_owned(), next_db.into());
+    second.judge(&goal)
 }
 
-/// What opens a decision and forms by it.
+/// Smallest reduction of the planned error, dB, and largest factor in operations, for which a stricter plan is used.
+const MIN_GAIN_DB: f64 = 0.5;
+const MAX_TIMES: f64 = 32.0;
+
+/// Whether to form an image again, from the (planned error in dB, operations) of the first and the second plan.
+pub(super) fn is_worth_forming_again([first, second]: [(f64, f64); 2]) -> bool {
+    second.0 <= first.0 - MIN_GAIN_DB && second.1 <= MAX_TIMES * first.1
+}
+
+/// Open the decision of a former.
 fn opened<'a, F: ImageFormer + ?Sized>(
     former: &'a F,
     task: &'a Task,
 ) -> impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError> + 'a {
     |decision, work, tiles| {
         former
-            .open(task.aim(), &decision.choices)?
+            .open(task.spec(), &decision.choices)?
             .form(work, tiles)
     }
 }
 
-/// What is known of an image's error, dB.
+/// Increment of a raised bound, dB, and largest number of increments.
+const BOUND_STEP_DB: f64 = 0.1;
+const BOUND_TRIES: usize = 12;
+
+/// Smallest bound, in tenths of a dB, that `former` plans to keep for `spec` where its image is predicted to err by `predicted_db`.
+/// An image with this bound passes. `None` if no bound below 0 dB passes.
+///
+/// A plan for a larger bound is cheaper and errs by more, so the prediction may exceed its own value as a bound. Each candidate is therefore planned.
+///
+/// # Errors
+/// [`FormError::Cancelled`], and errors of the former except an exceeded bound.
+pub fn passing_bound_db(
+    former: &dyn ImageFormer,
+    spec: &ImageSpec,
+    predicted_db: f64,
+    monitor: &dyn Monitor,
+) -> Result<Option<f64>, FormError> {
+    let up = |db: f64| (db * 10.0 - 1e-6).ceil() / 10.0;
+    let mut bound_db = up(predicted_db);
+    for tried in 0..BOUND_TRIES {
+        if bound_db.is_nan() || bound_db >= 0.0 {
+            return Ok(None);
+        }
+        let Some(asking) = former.planning_for(bound_db) else {
+            return Ok(Some(bound_db));
+        };
+        let goal = asking.goal(BoundPolicy::Refused);
+        let swept = match swept(&*asking, spec, &goal) {
+            Err(FormError::BoundMissed { predicted_db, .. }) => {
+                bound_db = up(predicted_db).max(bound_db + BOUND_STEP_DB);
+                continue;
+            }
+            swept => swept?,
+        };
+        let planned_db = match asking.decide(spec, &goal, monitor) {
+            Ok(decision) => with_sweep(decision.planned_db, swept),
+            Err(FormError::BoundMissed { predicted_db, .. }) => predicted_db,
+            Err(error) => return Err(error),
+        };
+        if !misses(planned_db, Some(bound_db)) {
+            return Ok(Some(bound_db));
+        }
+        // A plan may err by more when the bound is larger; growing steps catch up with it.
+        bound_db = up(planned_db).max(bound_db + BOUND_STEP_DB * (1 << tried.min(6)) as f64);
+    }
+    Ok(None)
+}
+
+/// Planned and measured error of an image, dB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
-    /// As it was planned.
+    /// Planned error, dB.
     pub planned_db: f64,
-    /// As it shows at the sampled pixels; infinite of an image for which not all pulses were read.
+    /// Error estimated at the compared pixels, dB; infinite if not all pulses were read.
     pub measured_db: f64,
-    /// These pixels.
+    /// Upper bound on the contribution of scatterers outside the grid, dB; minus infinity for no contribution.
+    pub outside_db: f64,
+    /// Number of compared pixels.
     pub num_sampled: usize,
+    /// Larger spacing of the pixels along rows and columns, resolution cells.
+    pub spacing_cells: f64,
 }
 
 impl Judgement {
-    /// The error to expect: the larger of both.
+    /// Predicted error, dB: the larger of the planned error and the sum of measured error and contribution from outside the grid.
     pub fn predicted_db(&self) -> f64 {
-        self.planned_db.max(self.measured_db)
+        self.planned_db.max(self.shown_db())
     }
 
-    /// What to plan for so that `bound_db` is kept, the scene making as much of that plan as of this one.
+    /// Sum of measured error and contribution from outside the grid, dB.
+    fn shown_db(&self) -> f64 {
+        let power = |db: f64| libm::pow(10.0, db / 10.0);
+        match self.outside_db == f64::NEG_INFINITY {
+            true => self.measured_db,
+            false => 10.0 * libm::log10(power(self.measured_db) + power(self.outside_db)),
+        }
+    }
+
+    /// Planned error, dB, that would keep `bound_db` if the scene enlarges it by the same factor as this one.
     pub fn plan_for_db(&self, bound_db: f64) -> f64 {
-        bound_db + self.planned_db - self.measured_db - 1.0
+        bound_db + self.planned_db - self.shown_db() - 1.0
     }
 
-    /// That, if what was asked is missed, and not by the plan itself.
-    pub fn next_plan_db(&self, asked: &Asked) -> Option<f64> {
-        let bound_db = asked.bound_db?;
-        let is_of_scene = self.planned_db <= bound_db && self.measured_db > bound_db;
+    /// Planned error for another attempt, dB. `None` if the requirement is met or if the plan alone exceeds the bound.
+    pub fn next_plan_db(&self, goal: &ErrorGoal) -> Option<f64> {
+        let bound_db = goal.bound_db?;
+        let is_of_scene = self.planned_db <= bound_db && self.shown_db() > bound_db;
         let next_db = self.plan_for_db(bound_db);
         (is_of_scene && next_db.is_finite()).then_some(next_db)
     }
 
-    /// Goes on if the image is what was asked for, or misses are allowed.
+    /// Accept the image if it keeps the bound, or if the bound may be exceeded.
     ///
     /// # Errors
     /// [`FormError::BoundMissed`].
-    pub fn check(&self, asked: &Asked) -> Result<(), FormError> {
-        asked.check(self.predicted_db(), || {
-            let error_db = self.plan_for_db(asked.bound_db.unwrap_or(0.0));
+    pub fn check(&self, goal: &ErrorGoal) -> Result<(), FormError> {
+        goal.check(self.predicted_db(), || {
+            let error_db = self.plan_for_db(goal.bound_db.unwrap_or(0.0));
+            let scene = dark::reason_at(self.spacing_cells);
             let why = format!(
-                "the former plans {:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
-                 something bright that it leaves out",
+                "the former plans {:.1} dB, and the error at {} pixels is larger: {scene}",
                 self.planned_db, self.num_sampled,
             );
-            Reason::new(why).helped_by(&[Remedy::GridWith, Remedy::PlanFor { error_db }])
+            Reason::new(why)
+                .helped_by(&scene.remedies)
+                .helped_by(&[Remedy::PlanFor { error_db }])
         })
     }
 
-    /// Notes it among the settings of an image, with the bound asked. Whether that is missed.
+    /// Record the error and the bound in the settings of an image. Return whether the bound is exceeded.
     pub fn note(&self, bound_db: Option<f64>, settings: &mut Settings) -> bool {
-        settings.insert("planned_error_db".to_owned(), self.planned_db.into());
+        let mut tell = |key: &str, db: f64| settings.insert(key.to_owned(), db.into());
+        tell("planned_error_db", self.planned_db);
+        tell("sampled_error_db", self.measured_db);
+        if self.outside_db.is_finite() {
+            tell("outside_error_db", self.outside_db);
+        }
         note_error(bound_db, self.predicted_db(), settings)
     }
 }
 
-/// What an image was formed with, as its record has it.
+/// Settings recorded with an image.
 pub type Settings = serde_json::Map<String, serde_json::Value>;
 
-/// Notes the error to expect, and the bound it is to keep, among settings. Whether that is missed.
+/// Record the predicted error and its bound in settings. Return whether the bound is exceeded.
 pub(super) fn note_error(
     bound_db: Option<f64>,
     predicted_db: f64,
@@ -247,69 +317,103 @@ pub(super) fn note_error(
     missed
 }
 
-/// An image, and what is known of its error.
+/// Image with its measured error.
 struct Attempt {
     formed: Formed,
     judgement: Judgement,
+    /// Real operations of its plan.
+    operations: f64,
 }
 
 impl Attempt {
-    /// The image with its prediction, if it is what was asked for or misses are allowed.
-    fn judge(mut self, asked: &Asked) -> Result<Formed, FormError> {
-        let Self { formed, judgement } = &mut self;
+    /// Return the image with its prediction if it keeps the bound, or if the bound may be exceeded.
+    fn judge(mut self, goal: &ErrorGoal) -> Result<Formed, FormError> {
+        let Self {
+            formed, judgement, ..
+        } = &mut self;
         formed.predicted_error_db = judgement.predicted_db();
-        formed.bound_missed = judgement.note(asked.bound_db, &mut formed.settings);
-        judgement.check(asked)?;
+        formed.bound_missed = judgement.note(goal.bound_db, &mut formed.settings);
+        judgement.check(goal)?;
         Ok(self.formed)
     }
 }
 
+/// Form the image by `decided`, or by a new decision of `former`, and compare it with the exact sum.
 fn attempt<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
-    asked: &Asked,
+    decided: Option<Decision>,
+    goal: &ErrorGoal,
     form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Attempt, FormError> {
     task.check()?;
     super::check_surface(former, task.grid)?;
-    let aim = task.aim();
-    let swept = swept(former, &aim, asked)?;
-    let probes = Probes::new(aim, asked.bound_db.unwrap_or(f64::NEG_INFINITY));
+    let spec = task.spec();
+    let allowed = ErrorGoal {
+        bound_policy: BoundPolicy::Allowed,
+        ..*goal
+    };
+    // A given decision has been accepted already.
+    let agreed = decided.as_ref().map_or(goal, |_| &allowed);
+    let swept = swept(former, &spec, agreed)?;
+    // A stricter plan needs exact sums of its own accuracy rather than that of the bound.
+    let planned_db = decided.as_ref().map(|decision| decision.planned_db);
+    let least_db = goal.bound_db.unwrap_or(f64::NEG_INFINITY);
+    let probes = Probes::new(spec, planned_db.map_or(least_db, |db| db.min(least_db)));
     let sampled = Sampled {
         history: task.history,
         probes: &probes,
         monitor: task.monitor,
     };
-    let (tile, decision) = whole(former, task, asked, &sampled, form)?;
+    let (tile, decision) = whole(former, task, decided, goal, &sampled, form)?;
     let planned_db = with_sweep(decision.planned_db, swept);
     let judgement = match probes.record(&tile) {
-        Some(record) => judge(&aim, &[record], planned_db),
-        // A former that left pulses out has no image of them all.
+        Some(record) => {
+            let records = [record];
+            let planned = Planned::of_settings(planned_db, &decision.settings);
+            let judgement =
+                judge_again(&spec, task.history, &records, planned, goal, task.monitor)?;
+            // A small image is refused for actual errors only, not for possible ones.
+            let all = match judgement.next_plan_db(goal) {
+                Some(_) if judgement.num_sampled < tile.pixels.len() => {
+                    look_at_all(&spec, task.history, &tile, task.monitor)?
+                }
+                _ => None,
+            };
+            all.map_or(judgement, |all| judge(&spec, &[all], planned, None))
+        }
+        // The former skipped pulses, so the sum of all pulses is not available.
         None => Judgement {
             planned_db,
             measured_db: f64::INFINITY,
+            outside_db: f64::NEG_INFINITY,
             num_sampled: 0,
+            spacing_cells: dark::spacing_cells(&spec),
         },
     };
     let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
-    task.means.note(&mut formed.settings);
-    Ok(Attempt { formed, judgement })
+    task.numerics.note(&mut formed.settings);
+    Ok(Attempt {
+        formed,
+        judgement,
+        operations: decision.cost.operations,
+    })
 }
 
-/// What taking all samples of a pulse at one place leaves, if `former` does, relative.
+/// Relative error of the stop-and-go approximation within a pulse, if `former` makes it.
 ///
 /// # Errors
-/// [`FormError::BoundMissed`] if that alone is too much.
+/// [`FormError::BoundMissed`] if this error alone exceeds the bound.
 pub(super) fn swept<F: ImageFormer + ?Sized>(
     former: &F,
-    aim: &Aim,
-    asked: &Asked,
+    spec: &ImageSpec,
+    goal: &ErrorGoal,
 ) -> Result<f64, FormError> {
     if former.follows_sweeps() {
         return Ok(0.0);
     }
-    let swept = sweep::residual(aim.collection, aim.grid);
-    asked.check(20.0 * libm::log10(swept), || {
+    let swept = sweep::residual(spec.collection, spec.grid);
+    goal.check(20.0 * libm::log10(swept), || {
         Reason::new(
             "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place",
         )
@@ -318,7 +422,7 @@ pub(super) fn swept<F: ImageFormer + ?Sized>(
     Ok(swept)
 }
 
-/// A planned error with what taking all samples of a pulse at one place leaves.
+/// Planned error including the stop-and-go approximation within a pulse, dB.
 pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
     match swept > 0.0 {
         true => rounding::total_db(&[libm::pow(10.0, planned_db / 20.0), swept]),
@@ -326,17 +430,21 @@ pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
     }
 }
 
-/// The whole image of `task` in memory, its pulses read from `history`.
+/// Form the whole image of `task` in memory with the pulses of `history`.
 fn whole<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
-    asked: &Asked,
+    decided: Option<Decision>,
+    goal: &ErrorGoal,
     history: &dyn PhaseHistory,
     form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<(Tile, Decision), FormError> {
-    // Before pixels are looked at: there may be far too many.
+    // Check the memory before listing pixels; the grid may be far too large.
     let budget = Budget::for_task(task, 8)?;
-    let decision = former.decide(&task.aim(), asked, task.monitor)?;
+    let decision = match decided {
+        Some(decision) => decision,
+        None => former.decide(&task.spec(), goal, task.monitor)?,
+    };
     let work = Work {
         history,
         memory_bytes: budget.left_bytes(),
@@ -348,69 +456,126 @@ fn whole<F: ImageFormer + ?Sized>(
     Ok((tile, decision))
 }
 
-/// [`keep`] of an image whose pixels are no places at rest, so that there is no sum to compare them with: by the plan alone.
+/// Apply [`keep`] to an image whose pixels are moving points, for which there is no exact sum: only the plan is checked.
 pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
-    misses: Misses,
+    bound_policy: BoundPolicy,
 ) -> Result<Formed, FormError> {
     task.check()?;
     super::check_surface(former, task.grid)?;
-    let asked = former.asked(misses);
-    let (tile, decision) = whole(former, task, &asked, task.history, opened(former, task))?;
+    let goal = former.goal(bound_policy);
+    let (tile, decision) = whole(
+        former,
+        task,
+        None,
+        &goal,
+        task.history,
+        opened(former, task),
+    )?;
     let planned_db = decision.planned_db;
     let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
-    formed.expect(asked.bound_db, planned_db);
-    task.means.note(&mut formed.settings);
+    formed.expect(goal.bound_db, planned_db);
+    task.numerics.note(&mut formed.settings);
     Ok(formed)
 }
 
-/// What the records of all tiles tell of an image that was planned to err by `planned_db`: `C s^2 / M` of the module's
-/// formula.
-pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judgement {
-    let total = aim.grid.num_pixels() as usize;
-    let (mut error, mut exact, mut count) = (0.0, 0.0, 0usize);
-    for seen in records.iter().flat_map(|record| &record.seen) {
-        let formed = Complex64::new(seen.formed[0].into(), seen.formed[1].into());
-        let expected = Complex64::new(seen.exact[0], seen.exact[1]);
-        error += (formed - expected).norm_sqr();
-        exact += expected.norm_sqr();
-        count += 1;
+/// Real operations of comparing an image of `spec` with the exact sum, in both passes over its pulses. No plan's cost contains them.
+pub fn comparison_operations(spec: &ImageSpec) -> f64 {
+    second_look::operations(spec)
+}
+
+/// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is
+/// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than planned, and the planned error plus
+/// the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
+/// besides echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
+/// overlaps. A second pass reads all pulses of `history` again.
+///
+/// # Errors
+/// [`FormError::Read`]; [`FormError::Cancelled`].
+pub(super) fn judge_again(
+    spec: &ImageSpec,
+    history: &dyn PhaseHistory,
+    records: &[TileRecord],
+    planned: Planned,
+    goal: &ErrorGoal,
+    monitor: &dyn Monitor,
+) -> Result<Judgement, FormError> {
+    let judgement = judge(spec, records, planned, None);
+    let compared = Compared::of(spec, records);
+    let power = |db: f64| libm::pow(10.0, db / 10.0);
+    // The same bound with the whole planned error in place of the part that makes echoes.
+    let outside_db = judgement.outside_db + (planned.planned_db - planned.stray_db);
+    let keeps = |bound_db: f64| {
+        let all = power(planned.planned_db) + power(outside_db);
+        all <= power(bound_db) && judgement.predicted_db() <= bound_db
+    };
+    let is_predicted = outside_db <= planned.planned_db.max(judgement.outside_db);
+    let settled = goal.bound_db.is_some_and(keeps)
+        && is_predicted
+        && !compared.is_dark()
+        && compared.shown() <= power(planned.planned_db);
+    if settled || compared.count == compared.total {
+        return Ok(judgement);
     }
-    let mean = records.iter().map(|record| record.power).sum::<f64>() / total as f64;
-    let terms = records.iter().fold(0.0f64, |most, r| most.max(r.terms));
-    let shown = error / count as f64 / mean;
-    let relative = if count == total {
-        error / exact
-    } else if shown > SPOILT {
-        UNEVEN_SCATTER * error / exact
-    } else {
-        let dark = mean < DARK * terms;
-        let above = shown / libm::pow(10.0, planned_db / 10.0);
-        shown
-            * match () {
-                () if dark || above > UNEVEN => UNEVEN_SCATTER,
-                () if above > 1.0 => LARGER_SCATTER,
-                () => SCATTER,
-            }
-    };
-    // The sum's phases are rounded too. Terms do not share that, so that it is small relative to their powers, not to
-    // what is left of them.
-    let narrow = match records.iter().any(|record| record.narrow) {
-        true => horner::NARROW_RMS,
-        false => 0.0,
-    };
-    let own = libm::hypot(rounding::path_phase_rad(aim.collection, aim.grid), narrow).powi(2)
-        * terms
-        / mean;
-    // Of an image of zeros where there should be zeros, nothing is wrong.
-    let measured_db = match error == 0.0 && !own.is_finite() {
-        true => LEAST_DB,
-        false => 10.0 * libm::log10(relative + own),
-    };
+    let again = look_again(spec, history, records, monitor)?;
+    Ok(judge(spec, records, planned, again))
+}
+
+/// Error of an image with planned error `planned`, from the records of all tiles and an optional second pass, by
+/// the formula of this module.
+pub(super) fn judge(
+    spec: &ImageSpec,
+    records: &[TileRecord],
+    planned: Planned,
+    again: Option<Estimate>,
+) -> Judgement {
+    let measured = compared::measure(spec, records, planned, again);
     Judgement {
-        planned_db,
-        measured_db,
-        num_sampled: count,
+        planned_db: planned.planned_db,
+        measured_db: measured.measured_db,
+        outside_db: measured.outside_db,
+        num_sampled: measured.count,
+        spacing_cells: dark::spacing_cells(spec),
     }
+}
+
+/// Share of the energy of strong scatterers at the ranges of a grid from which the grid is taken to hold the scene.
+const MOSTLY_ON_GRID: f64 = 0.9;
+
+/// Planned error, dB, that leaves room for echoes of scatterers outside the grid within the bound, from the energy of
+/// `history` and the exact sum at the compared pixels. `None` where the plan leaves enough room already.
+///
+/// Where most of the energy of strong scatterers lies at the ranges of the grid, they are taken to lie on it. The image energy is estimated from the
+/// compared pixels; it is known exactly once the image is formed ([`judge`]).
+///
+/// # Errors
+/// [`FormError::Read`]; [`FormError::Cancelled`].
+pub(super) fn room_for_outside(
+    spec: &ImageSpec,
+    history: &dyn PhaseHistory,
+    planned: Planned,
+    goal: &ErrorGoal,
+    monitor: &dyn Monitor,
+) -> Result<Option<f64>, FormError> {
+    let probes = Probes::new(*spec, goal.bound_db.unwrap_or(f64::NEG_INFINITY));
+    add_all(&probes, spec, history, monitor)?;
+    let (Some(values), Some(recorded)) = (probes.values(), probes.recorded()) else {
+        return Ok(None);
+    };
+    let total = spec.grid.num_pixels() as usize;
+    let [all, swath] = recorded;
+    if values.len() == total || swath.strong >= MOSTLY_ON_GRID * all.strong {
+        return Ok(None);
+    }
+    let mean = values.iter().map(Complex64::norm_sqr).sum::<f64>() / values.len() as f64;
+    let outside = planned.outside(spec, recorded, total as f64 * mean);
+    let judgement = Judgement {
+        planned_db: planned.planned_db,
+        measured_db: planned.planned_db,
+        outside_db: 10.0 * libm::log10(outside),
+        num_sampled: values.len(),
+        spacing_cells: dark::spacing_cells(spec),
+    };
+    Ok(judgement.next_plan_db(goal))
 }

@@ -1,8 +1,8 @@
-//! The memory budget: what is taken of it, and what is left for samples.
+//! Memory budget: allocations taken from a limit, and the remainder for samples.
 
 use super::{FormError, Remedy, Task};
 
-/// What is left of a budget of bytes.
+/// Remaining bytes of a memory limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     total_bytes: u64,
@@ -10,7 +10,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// A budget of `total_bytes`.
+    /// Make a budget of `total_bytes`.
     pub fn new(total_bytes: u64) -> Self {
         Self {
             total_bytes,
@@ -18,11 +18,11 @@ impl Budget {
         }
     }
 
-    /// The budget of a task, less what its recording holds and what its image takes at
+    /// Make the budget of a task, less the memory of its recording and of its image at
     /// `bytes_a_pixel`.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if that is too much already, [`FormError::Unsuited`] of a task without
+    /// [`FormError::Memory`] if these exceed the limit, [`FormError::Unsuited`] for a task without
     /// pulses, samples or pixels.
     pub fn for_task(task: &Task, bytes_a_pixel: u64) -> Result<Self, FormError> {
         super::check_not_empty(task.history.collection(), task.grid)?;
@@ -41,15 +41,15 @@ impl Budget {
         Ok(budget)
     }
 
-    /// Bytes not taken yet.
+    /// Remaining bytes.
     pub fn left_bytes(&self) -> u64 {
         self.left_bytes
     }
 
-    /// Takes `bytes` for `what`; `remedies` are what would help where so much is not left.
+    /// Take `bytes` for `what`; `remedies` are reported where the remainder is too small.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if so much is not left.
+    /// [`FormError::Memory`] if the remainder is too small.
     pub fn take(
         &mut self,
         what: &'static str,
@@ -69,8 +69,8 @@ impl Budget {
         Ok(())
     }
 
-    /// How many of `wanted` items of `bytes_each` may be held at once: at least one, at most all, and
-    /// no more than half of what is left. Takes them.
+    /// Take as many of `wanted` items of `bytes_each` as fit: at least one, at most all, and
+    /// no more than half of the remainder. Return their number.
     ///
     /// # Errors
     /// [`FormError::Memory`] if not even one fits.
@@ -88,10 +88,10 @@ impl Budget {
     }
 }
 
-/// Runs `work` on at most `workers` threads.
+/// Run `work` on at most `workers` threads.
 ///
 /// # Errors
-/// Those of `work`; [`FormError::Unsuited`] if threads cannot be started.
+/// Errors of `work`; [`FormError::Unsuited`] if threads cannot be started.
 pub(crate) fn on_threads(
     workers: usize,
     work: impl FnOnce() -> Result<(), FormError> + Send,

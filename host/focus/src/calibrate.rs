@@ -1,8 +1,8 @@
-//! A time model of this machine, measured in about a second: kernels by themselves, on one thread, each on what caches hold.
+//! Calibration of the timing model for this machine in about one second: single-threaded kernels on cached data.
 //!
-//! Each kernel is run over and over for [`TURN`], and its shortest time counts: other work on the machine only makes it longer. Where several
-//! numbers of the model are of one kernel, all are as many times those of the default model as what that foretells takes here; so are
-//! those of decisions and of paths, with a phasor's.
+//! Each kernel is run repeatedly for [`TURN`], and its shortest time is used: other load only increases times. Where several
+//! values of the model belong to one kernel, all are scaled by the ratio of the measured time to that of the default model; times of
+//! planning and paths are scaled with that of a phasor.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -12,8 +12,10 @@ use subaperture_fft::Transforms;
 
 use crate::time_model::{TIMES_NS, TimeModel};
 use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
+use subaperture_kernels::decimation::{
+    Decimation, DecimationScratch, Layout, PhaseRamp, Rows, halved,
+};
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
-use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::{GROUP, Instructions};
 use subaperture_kernels::paths::{Antennas, Points};
@@ -23,21 +25,21 @@ use subaperture_signal::phase::phasor;
 use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
-/// How long a kernel is run.
+/// Measurement duration of a kernel.
 const TURN: Duration = Duration::from_millis(60);
 
-/// Taps of a halving, and of a kernel that reads rasters.
+/// Taps of a decimation filter, and of a raster interpolation kernel.
 const HALVING_TAPS: usize = 8;
 const RASTER_TAPS: usize = 6;
 
-/// Degree, bins and pulses of what is backprojected, and pixels a side of the tile.
+/// Degree, bins and pulses of the backprojection test, and pixels per tile side.
 const DEGREE: usize = 3;
 const BINS: usize = 2048;
 const PULSES: usize = 32;
 const SIDE: usize = 32;
 
 impl TimeModel {
-    /// The times of this machine as it is now, under a name: about a second's work of one thread.
+    /// Measure the times of this machine under a given name; takes about one second on one thread.
     pub fn measured(name: String) -> Self {
         let known = Self::DEFAULT;
         let phasor_ns = phasor_ns();
@@ -81,7 +83,7 @@ impl TimeModel {
     }
 }
 
-/// Nanoseconds each of `count` that `work` does, in the shortest of its runs: a time, whatever the clock says.
+/// Shortest time per item of `work` on `count` items, ns; always valid and positive.
 fn shortest_ns(count: usize, mut work: impl FnMut()) -> f64 {
     let begun = Instant::now();
     let mut shortest = Duration::MAX;
@@ -101,7 +103,7 @@ fn noise(count: usize) -> Vec<Complex32> {
         .collect()
 }
 
-/// A sum of phasors, so that none can be left out.
+/// Time of a phasor, ns; the phasors are summed so that the compiler keeps them.
 fn phasor_ns() -> f64 {
     const COUNT: usize = 4096;
     shortest_ns(COUNT, || {
@@ -111,7 +113,7 @@ fn phasor_ns() -> f64 {
     })
 }
 
-/// By a range profile.
+/// Time of a transform, measured on a range profile, ns.
 fn transform_ns() -> f64 {
     let window = vec![1.0; 256];
     let profiler = RangeProfiler::new(DEGREE, &window, 4.0, Transforms::Fastest);
@@ -123,7 +125,7 @@ fn transform_ns() -> f64 {
     shortest_ns(1, || profiler.profile(&pulse, &mut profile, &mut scratch)) / steps
 }
 
-/// By two transforms of a patch's slow time, their results put in place.
+/// Time of a chirp-z transform, measured on two slow-time transforms of a patch including copies, ns.
 fn map_transform_ns() -> f64 {
     let (inputs, outputs) = (64, 40);
     let shape = Shape {
@@ -149,7 +151,7 @@ fn map_transform_ns() -> f64 {
     once_ns / steps
 }
 
-/// How many times the default model's time a tile takes; of a point, and of a piece, nanoseconds.
+/// Ratio of the tile time to that of the default model; times of a point and of a profile interval, ns.
 fn backprojection() -> (f64, f64, f64) {
     let instructions = Instructions::best();
     let raster = Raster {
@@ -201,33 +203,33 @@ fn backprojection() -> (f64, f64, f64) {
     (took_ns / foretold_ns, point_ns, piece_ns)
 }
 
-/// Of a sample turned, of a tap over pulses and of one over samples.
+/// Times of a phase rotation, of a tap over pulses and of a tap over samples, ns.
 fn halving() -> [f64; 3] {
     let (num_pulses, num_samples) = (64, 256);
     let layout = Layout::new(num_samples);
     let values = vec![0.5; num_pulses * layout.values()];
-    let turnings = vec![
-        Turning {
+    let phase_ramps = vec![
+        PhaseRamp {
             start: 0.3,
             step: 0.01,
         };
         num_pulses
     ];
     let took_ns = |pulses: bool, samples: bool| {
-        let halving = Halving {
+        let halving = Decimation {
             pulses,
             samples,
             layout,
             rows: Rows::Planes(&values),
             first: 0,
-            turnings: &turnings,
+            phase_ramps: &phase_ramps,
         };
         let count = match pulses {
             true => halved(num_pulses, HALVING_TAPS),
             false => num_pulses,
         };
         let mut out = vec![0.0; count * halving.after(HALVING_TAPS).values()];
-        let mut scratch = HalvingScratch::default();
+        let mut scratch = DecimationScratch::default();
         let took_ns = shortest_ns(1, || {
             let taps = [0.1f32; HALVING_TAPS];
             halving.make(Instructions::best(), &taps, 0, &mut out, &mut scratch);
@@ -237,7 +239,7 @@ fn halving() -> [f64; 3] {
     let samples = (num_pulses * num_samples) as f64;
     let (turn_ns, _) = took_ns(false, false);
     let taps = (HALVING_TAPS + 1) as f64;
-    // Turning is part of either; of what is so small little is left at the least.
+    // Phase rotation is part of both; a small remainder is limited from below.
     let tap_ns = |(halved_ns, after): (f64, f64)| {
         (halved_ns - turn_ns).max(0.1 * halved_ns) / (taps * after)
     };
@@ -270,7 +272,7 @@ fn compensation_ns() -> f64 {
     })
 }
 
-/// By a patch's slow time, a block of frequencies at once.
+/// Time of a Doppler tap, measured on a patch's slow time with a block of frequencies, ns.
 fn doppler_tap_ns() -> f64 {
     let (inputs, reach) = (64, 12);
     let shape = Shape {
@@ -325,9 +327,9 @@ fn sum_ns() -> f64 {
 mod tests {
     use super::*;
 
-    /// Two measurements of one machine, which may be at other work: within a factor of 100 of each other and of the default.
+    /// Two measurements of a possibly loaded machine agree within a factor of 100 with each other and with the default.
     #[test]
-    fn a_measured_model_is_of_times() {
+    fn measured_model_is_plausible() {
         let begun = Instant::now();
         let model = TimeModel::measured("here".to_owned());
         assert!(begun.elapsed() < Duration::from_secs(20));

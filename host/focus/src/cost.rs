@@ -1,59 +1,59 @@
-//! What forming an image takes, as a former counts it from what it has decided.
+//! Operations, time and memory of forming an image, computed by a former from its plan.
 //!
-//! **Operations** are real additions, multiplications and roots, one each; a phasor is 20, a transform of `n` is
-//! `5 n log2 n`. Each former's documentation has its own formula. Neglected: reading files, tables made once, and that
-//! transforms are rounded up to fast lengths (a few per cent). Counts are not times: transforms run at several times the
+//! **Operations** are real additions, multiplications and roots, counted as one each. A phasor counts 20, a transform of length `n`
+//! `5 n log2 n`. The documentation of each former contains its formula. Neglected: reading files, tables made once, and the
+//! rounding of transform lengths to fast ones (a few per cent). Operations are not proportional to time: transforms run at several times the
 //! speed of scattered reads.
 //!
-//! **Tiles.** What is done once for all pixels, however few are formed (profiles, maps, a spectrum), a tile that is formed
-//! alone takes whole; of the rest it takes its share.
+//! **Tiles.** Work shared by all pixels (profiles, maps, a spectrum) counts in full for a tile formed
+//! alone; other work counts in proportion to its pixels.
 //!
-//! **Buffers** are those beside the pixels themselves (8 bytes each) and the recording; of each is said how often it is
-//! there. Formers take smaller ones where memory is short, but for the tables.
+//! **Buffers** exclude the pixels (8 bytes each) and the recording. Each buffer states how many copies
+//! exist. Formers use smaller buffers where memory is short, except for tables.
 
 use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-/// What forming an image takes.
+/// Cost of forming an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Real operations for all of the image, formed in one pass over the pulses.
+    /// Real operations for the whole image, formed in one pass over the pulses.
     pub operations: f64,
-    /// Of these, those that any tile takes, however small, if it is formed alone.
+    /// Part of `operations` that every tile takes in full if it is formed alone.
     pub shared_operations: f64,
-    /// What that is made of, one after another.
+    /// Costs of the stages, in order of execution.
     pub stages: Vec<StageCost>,
-    /// What is held beside pixels and recording.
+    /// Buffers in addition to pixels and recording.
     pub buffers: Vec<Buffer>,
 }
 
-/// What a stage of forming takes. While an image is formed its monitor is told of the stage by the same name.
+/// Cost of a stage of image formation. The monitor receives the same stage name while the image is formed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageCost {
-    /// Its name.
+    /// Name of the stage.
     pub name: Cow<'static, str>,
-    /// Real operations for all of the image.
+    /// Real operations for the whole image.
     pub operations: f64,
-    /// Time of one core, seconds, by the time model.
+    /// Time on one core, seconds, by the timing model.
     pub core_s: f64,
-    /// Whether any tile takes it whole.
+    /// Whether every tile takes the stage in full.
     pub shared: bool,
 }
 
 impl StageCost {
-    /// A stage of so many operations and nanoseconds of one core, of which tiles take their share.
+    /// Cost of a stage divided among tiles, from its operations and nanoseconds on one core.
     pub fn new(name: &'static str, operations: f64, core_ns: f64) -> Self {
         Self {
             name: name.into(),
-            // Parts of operations say nothing.
+            // Fractions of an operation carry no information.
             operations: operations.round(),
             core_s: 1e-9 * core_ns,
             shared: false,
         }
     }
 
-    /// One that any tile takes whole.
+    /// Cost of a stage that every tile takes in full.
     pub fn shared(name: &'static str, operations: f64, core_ns: f64) -> Self {
         Self {
             shared: true,
@@ -62,34 +62,34 @@ impl StageCost {
     }
 }
 
-/// A buffer.
+/// Buffer held while an image is formed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Buffer {
-    /// What it holds.
+    /// Content of the buffer.
     pub name: Cow<'static, str>,
-    /// How often it is there.
-    pub each: Each,
-    /// Bytes of one.
+    /// Number of copies.
+    pub each: Copies,
+    /// Size of one copy, bytes.
     pub bytes: u64,
 }
 
-/// How often a buffer is there.
+/// Number of copies of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
-pub enum Each {
-    /// Once, for all tiles and threads.
+pub enum Copies {
+    /// One for all tiles and threads.
     Image,
-    /// Once for a pass over the pulses.
+    /// One per pass over the pulses.
     Pass,
-    /// Once a thread.
+    /// One per thread.
     Thread,
-    /// By the pixels in hand: the bytes are those of all the image's.
+    /// Proportional to the pixels being formed; the size is that for the whole image.
     Pixels,
 }
 
 impl Cost {
-    /// Of these stages.
+    /// Cost of the given stages without buffers.
     pub fn of(stages: impl IntoIterator<Item = StageCost>) -> Self {
         let stages: Vec<StageCost> = stages.into_iter().collect();
         let shared = stages.iter().filter(|stage| stage.shared);
@@ -101,14 +101,14 @@ impl Cost {
         }
     }
 
-    /// Seconds of one core for all of the image, by the time model.
+    /// Time on one core for the whole image, seconds, by the timing model.
     pub fn core_s(&self) -> f64 {
         self.stages.iter().map(|stage| stage.core_s).sum()
     }
 
-    /// With a buffer of so many bytes more.
+    /// Add a buffer of the given size.
     #[must_use]
-    pub fn holding(mut self, name: &'static str, each: Each, bytes: f64) -> Self {
+    pub fn holding(mut self, name: &'static str, each: Copies, bytes: f64) -> Self {
         self.buffers.push(Buffer {
             name: name.into(),
             each,
@@ -117,15 +117,15 @@ impl Cost {
         self
     }
 
-    /// Operations for a tile alone, of `share` of the image's pixels (0 to 1).
+    /// Operations for a tile formed alone with `share` of the image's pixels (0 to 1).
     pub fn tile_operations(&self, share: f64) -> f64 {
         self.shared_operations + share * (self.operations - self.shared_operations)
     }
 
-    /// Bytes of all buffers, one thread at work on `share` of the image's pixels (0 to 1).
+    /// Memory of all buffers, bytes, for one thread forming `share` of the image's pixels (0 to 1).
     pub fn bytes(&self, share: f64) -> u64 {
         let bytes = self.buffers.iter().map(|buffer| match buffer.each {
-            Each::Pixels => (share * buffer.bytes as f64) as u64,
+            Copies::Pixels => (share * buffer.bytes as f64) as u64,
             _ => buffer.bytes,
         });
         bytes.fold(0, u64::saturating_add)
@@ -142,11 +142,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tile_alone_takes_what_is_shared_whole() {
+    fn single_tile_costs_all_shared_operations() {
         let all = StageCost::shared("tables", 400.2, 1e9);
         let cost = Cost::of([all, StageCost::new("sums", 599.8, 2e9)])
-            .holding("tables", Each::Image, 100.0)
-            .holding("sums", Each::Pixels, 40.0);
+            .holding("tables", Copies::Image, 100.0)
+            .holding("sums", Copies::Pixels, 40.0);
         assert_eq!(cost.operations, 1000.0);
         assert_eq!(cost.core_s(), 3.0);
         assert_eq!(cost.tile_operations(0.0), 400.0);

@@ -1,38 +1,41 @@
-//! One decision for all who ask: planning that is told before the work, and then carried out.
+//! Cached decision of a former: planning that is reported before the work and then used for it.
 
 use std::sync::{Mutex, PoisonError};
 
 use crate::accuracy::misses;
-use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Misses};
+use crate::{BoundPolicy, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{Beam, Collection, Weights};
+use subaperture_signal::window::Window;
 
-/// A former that decides once how the image of one aim is formed, however often it is asked, and is else the former that it was
-/// made of.
+/// Adapter that decides once how to form the image of one aim, and forwards everything else to its
+/// former.
 pub struct DecidedOnce<'a> {
     former: &'a dyn ImageFormer,
-    aim: Aim<'a>,
-    /// The decision, and the bound that it was made for.
+    spec: ImageSpec<'a>,
+    /// Decision, and the bound that it was made for.
     made: Mutex<Option<(Decision, Option<f64>)>>,
 }
 
 impl<'a> DecidedOnce<'a> {
-    /// `former`, to form the image of `aim`.
-    pub fn new(former: &'a dyn ImageFormer, aim: Aim<'a>) -> Self {
+    /// Wrap `former` for the image of `spec`.
+    pub fn new(former: &'a dyn ImageFormer, spec: ImageSpec<'a>) -> Self {
         Self {
             former,
-            aim,
+            spec,
             made: Mutex::default(),
         }
     }
 
-    /// Whether that is the very aim, and no other that looks like it.
-    fn is_of(&self, aim: &Aim) -> bool {
-        let own = &self.aim;
-        std::ptr::eq(own.collection, aim.collection)
-            && std::ptr::eq(own.grid, aim.grid)
-            && std::ptr::eq(own.weights, aim.weights)
-            && own.scratch_bytes == aim.scratch_bytes
-            && own.means == aim.means
+    /// Whether `spec` is the identical aim, by address.
+    fn is_of(&self, spec: &ImageSpec) -> bool {
+        let own = &self.spec;
+        std::ptr::eq(own.collection, spec.collection)
+            && std::ptr::eq(own.grid, spec.grid)
+            && std::ptr::eq(own.weights, spec.weights)
+            && own.scratch_bytes == spec.scratch_bytes
+            && own.numerics == spec.numerics
     }
 }
 
@@ -57,34 +60,48 @@ impl ImageFormer for DecidedOnce<'_> {
         self.former.follows_relief()
     }
 
+    fn beam(&self) -> Option<Beam> {
+        self.former.beam()
+    }
+
+    fn weights(
+        &self,
+        collection: &Collection,
+        grid: &ImageGrid,
+        fast: Window,
+        slow: Window,
+    ) -> Result<Weights, FormError> {
+        self.former.weights(collection, grid, fast, slow)
+    }
+
     fn decide(
         &self,
-        aim: &Aim,
-        asked: &Asked,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision, FormError> {
-        if !self.is_of(aim) {
-            return self.former.decide(aim, asked, monitor);
+        if !self.is_of(spec) {
+            return self.former.decide(spec, goal, monitor);
         }
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((decision, bound_db)) = &*made
-            && *bound_db == asked.bound_db
-            // Whoever refuses a miss is to be told why, by the former.
-            && (asked.misses == Misses::Allowed || !misses(decision.planned_db, asked.bound_db))
+            && *bound_db == goal.bound_db
+            // A caller that refuses an excessive error needs the former's own reason.
+            && (goal.bound_policy == BoundPolicy::Allowed || !misses(decision.planned_db, goal.bound_db))
         {
             return Ok(decision.clone());
         }
-        let decision = self.former.decide(aim, asked, monitor)?;
-        *made = Some((decision.clone(), asked.bound_db));
+        let decision = self.former.decide(spec, goal, monitor)?;
+        *made = Some((decision.clone(), goal.bound_db));
         Ok(decision)
     }
 
     fn open<'f>(
         &self,
-        aim: Aim<'f>,
+        spec: ImageSpec<'f>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'f>, FormError> {
-        self.former.open(aim, choices)
+        self.former.open(spec, choices)
     }
 
     fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
@@ -97,15 +114,14 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use glam::DVec3;
-    use subaperture_model::geometry::{ImageGrid, SceneFrame};
+    use subaperture_model::geometry::SceneFrame;
     use subaperture_model::monitor::Silent;
-    use subaperture_model::phase_history::{Collection, Pulse, Sweep, Weights};
-    use subaperture_signal::window::Window;
+    use subaperture_model::phase_history::{Pulse, Sweep};
 
     use super::*;
-    use crate::{Means, SCRATCH_BYTES, bp::Backprojection};
+    use crate::{Numerics, SCRATCH_BYTES, bp::Backprojection};
 
-    /// Backprojection that counts how often it decides.
+    /// Backprojection that counts its decisions.
     struct Counted(Backprojection, AtomicUsize);
 
     impl ImageFormer for Counted {
@@ -118,21 +134,26 @@ mod tests {
         fn bound_db(&self) -> Option<f64> {
             self.0.bound_db()
         }
-        fn decide(&self, aim: &Aim, asked: &Asked, m: &dyn Monitor) -> Result<Decision, FormError> {
+        fn decide(
+            &self,
+            spec: &ImageSpec,
+            goal: &ErrorGoal,
+            m: &dyn Monitor,
+        ) -> Result<Decision, FormError> {
             self.1.fetch_add(1, Ordering::Relaxed);
-            self.0.decide(aim, asked, m)
+            self.0.decide(spec, goal, m)
         }
         fn open<'a>(
             &self,
-            aim: Aim<'a>,
+            spec: ImageSpec<'a>,
             choices: &serde_json::Value,
         ) -> Result<Box<dyn Forming + 'a>, FormError> {
-            self.0.open(aim, choices)
+            self.0.open(spec, choices)
         }
     }
 
     #[test]
-    fn an_aim_is_decided_once_and_a_refusal_is_the_formers_own() {
+    fn aim_is_decided_once_and_refusal_comes_from_former() {
         let pulses = (0..32).map(|n| {
             let antenna_m = DVec3::new(f64::from(n) - 16.0, -300.0, 100.0);
             Pulse {
@@ -156,40 +177,40 @@ mod tests {
         };
         let grid: ImageGrid = "x=0:7:1,y=0:5:1".parse().unwrap();
         let weights = Weights::new(&collection, Window::None, Window::None);
-        let aim = Aim {
+        let spec = ImageSpec {
             collection: &collection,
             grid: &grid,
             weights: &weights,
             scratch_bytes: SCRATCH_BYTES,
-            means: Means::default(),
+            numerics: Numerics::default(),
         };
         for (error_db, kept) in [(-60.0, true), (-160.0, false)] {
             let counted = Counted(
                 Backprojection::default().error_db(error_db),
                 AtomicUsize::new(0),
             );
-            let once = DecidedOnce::new(&counted, aim);
-            let decide = |misses| once.decide(&aim, &once.asked(misses), &Silent);
+            let once = DecidedOnce::new(&counted, spec);
+            let decide = |bound_policy| once.decide(&spec, &once.goal(bound_policy), &Silent);
             let made = || counted.1.load(Ordering::Relaxed);
-            let first = decide(Misses::Allowed).unwrap();
-            assert_eq!(decide(Misses::Allowed).unwrap(), first);
+            let first = decide(BoundPolicy::Allowed).unwrap();
+            assert_eq!(decide(BoundPolicy::Allowed).unwrap(), first);
             assert_eq!(made(), 1);
             let own = counted
                 .0
-                .decide(&aim, &once.asked(Misses::Refused), &Silent);
-            match (decide(Misses::Refused), own) {
+                .decide(&spec, &once.goal(BoundPolicy::Refused), &Silent);
+            match (decide(BoundPolicy::Refused), own) {
                 (Ok(second), Ok(own)) => assert!(kept && second == first && own == first),
                 (Err(error), Err(own)) => assert!(!kept && error.to_string() == own.to_string()),
                 _ => panic!("not what the former says"),
             }
             assert_eq!(made(), if kept { 1 } else { 2 });
-            // Another aim is another decision, even of a grid that is the same.
+            // A different aim needs a new decision, even for an equal grid.
             let other = grid.clone();
-            let aim = Aim {
+            let spec = ImageSpec {
                 grid: &other,
-                ..aim
+                ..spec
             };
-            once.decide(&aim, &once.asked(Misses::Allowed), &Silent)
+            once.decide(&spec, &once.goal(BoundPolicy::Allowed), &Silent)
                 .unwrap();
             assert_eq!(made(), if kept { 2 } else { 3 });
         }

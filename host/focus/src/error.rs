@@ -1,4 +1,4 @@
-//! Why no image was formed, and what would help: told apart from how anybody asks for it.
+//! Errors of image formation with possible remedies, independent of any user interface.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -6,57 +6,59 @@ use std::fmt;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::quantity::bytes;
 
-/// What would help. Who knows how it is asked for makes advice of it.
+/// Remedy for an error. The user interface turns it into advice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Remedy {
-    /// More memory.
+    /// Raise the memory limit.
     MoreMemory,
-    /// Another former, one of these names.
+    /// Use another former, one of these names.
     OtherFormer(&'static [&'static str]),
-    /// A word of an option of the former.
+    /// Choose a word for an option of the former.
     Word {
-        /// The option's name.
+        /// Name of the option.
         option: &'static str,
-        /// Its word.
+        /// Word to choose for the option.
         word: &'static str,
     },
-    /// Less of one of these options of the former.
+    /// Reduce one of these options of the former.
     Smaller(&'static [&'static str]),
-    /// More of an option of the former.
+    /// Increase an option of the former.
     Larger(&'static str),
-    /// Leaving these options of the former to its plan.
+    /// Omit these options, so that the former plans them.
     LeftOut(&'static [&'static str]),
-    /// A grid, where none was given.
+    /// Give a grid.
     SomeGrid,
-    /// A smaller grid.
+    /// Reduce the grid extent.
     SmallerGrid,
-    /// A smaller or coarser grid.
+    /// Reduce the grid extent or the pixel density.
     FewerPixels,
-    /// A grid farther away or narrower.
+    /// Move the grid farther away or make it narrower.
     FartherGrid,
-    /// A grid without what was named.
+    /// Exclude the named points from the grid.
     GridWithout,
-    /// A grid with what was named.
+    /// Include the named points in the grid.
     GridWith,
-    /// A plan for this error, dB.
+    /// Reduce the spacing of the pixels.
+    FinerGrid,
+    /// Plan for a given error.
     PlanFor {
-        /// What to plan for.
+        /// Error to plan for, dB.
         error_db: f64,
     },
 }
 
-/// Why something cannot be, in words that name what is wrong, with its numbers; and what would help.
+/// Reason of an error, with its values, and possible remedies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reason {
-    /// What is wrong.
+    /// Description of the problem.
     pub why: Cow<'static, str>,
-    /// Any one of these would help, the likeliest first; none are known if it is empty.
+    /// Alternative remedies, the most likely first; empty if no remedy is known.
     pub remedies: Vec<Remedy>,
 }
 
 impl Reason {
-    /// Without a remedy.
+    /// Make a reason without a remedy.
     pub fn new(why: impl Into<Cow<'static, str>>) -> Self {
         Self {
             why: why.into(),
@@ -64,7 +66,7 @@ impl Reason {
         }
     }
 
-    /// With what would help.
+    /// Add remedies to the reason.
     #[must_use]
     pub fn helped_by(mut self, remedies: &[Remedy]) -> Self {
         self.remedies.extend_from_slice(remedies);
@@ -78,44 +80,44 @@ impl fmt::Display for Reason {
     }
 }
 
-/// Why no image was formed.
+/// Error of image formation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FormError {
-    /// Pulses could not be read.
+    /// Reading the pulses failed.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The work does not fit the budget.
+    /// The memory limit is too small.
     #[error("{what} needs {} of the {} allowed", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
     Memory {
-        /// What asked for it.
+        /// Purpose of the memory.
         what: &'static str,
-        /// Bytes needed at the least.
+        /// Minimum memory needed, bytes.
         needed_bytes: u128,
-        /// Bytes allowed.
+        /// Memory limit, bytes.
         budget_bytes: u64,
-        /// What would help.
+        /// Possible remedies.
         remedies: &'static [Remedy],
     },
-    /// Choices of a plan that are not this former's, or do not fit what is to be formed.
+    /// The choices of a plan belong to a different former, or do not fit the recording and grid.
     #[error("the plan is none of {former}'s for this recording and grid: {what}")]
     Choices {
-        /// The former's name.
+        /// Name of the former.
         former: &'static str,
-        /// What does not fit.
+        /// Description of the mismatch.
         what: String,
     },
-    /// The collection or the settings do not suit this former.
+    /// The collection or the settings are unsuitable for this former.
     #[error("{0}")]
     Unsuited(Reason),
-    /// The image would err, or errs, by more than was asked.
+    /// The predicted or measured error exceeds the error bound.
     #[error("the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked: {limit}")]
     BoundMissed {
         /// Predicted relative RMS error, dB.
         predicted_db: f64,
-        /// Bound asked, dB.
+        /// Requested error bound, dB.
         bound_db: f64,
-        /// What limits it.
+        /// Effect that limits the error.
         limit: Reason,
     },
     /// A pixel of the image is NaN or infinite.
@@ -124,31 +126,31 @@ pub enum FormError {
          or a sample of the recording is beyond what can be computed with; repair it"
     )]
     NotFinite {
-        /// Row, from 0.
+        /// Row of the pixel, from 0.
         row: usize,
-        /// Column, from 0.
+        /// Column of the pixel, from 0.
         column: usize,
-        /// Its place in the scene frame.
+        /// Position of the pixel in the scene frame, metres.
         position_m: [f64; 3],
     },
-    /// A former left pulses out: a fault of it.
+    /// The former did not read all pulses, which is a defect of the former.
     #[error("not all pulses were read: this is a fault of the former")]
     PulsesLeftOut,
-    /// A formed tile was not taken.
+    /// The receiver of tiles failed.
     #[error(transparent)]
     Sink(Box<dyn std::error::Error + Send + Sync>),
-    /// The monitor asked to stop.
+    /// The monitor cancelled the work.
     #[error("interrupted")]
     Cancelled,
 }
 
 impl FormError {
-    /// A collection or settings that do not suit, and nothing but another of them helps.
+    /// Make an error for an unsuitable collection or setting without a remedy.
     pub fn unsuited(why: impl Into<Cow<'static, str>>) -> Self {
         Self::Unsuited(Reason::new(why))
     }
 
-    /// What would help, beside a larger bound where one is missed.
+    /// Remedies of the error, apart from a larger error bound where the bound is exceeded.
     pub fn remedies(&self) -> &[Remedy] {
         match self {
             Self::Memory { remedies, .. } => remedies,

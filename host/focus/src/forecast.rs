@@ -1,13 +1,13 @@
-//! How long work will take: larger and larger parts of it, measured on this machine.
+//! Forecast of processing time from measurements of increasing parts of the work on this machine.
 //!
-//! Parts are done until one takes 0.3 s or 1.5 s have passed. With the operations of the parts and of the whole by the
-//! work's own account, and `slope` the time of an operation more from the last part but one to the last, the estimate is
+//! Parts are processed until one takes 0.3 s or 1.5 s have passed. With the operations of the parts and of the whole by the
+//! cost model, and `slope` the time per additional operation between the last two parts, the estimate is
 //!
 //! ```text
 //! time = time(part) + slope * (operations(whole) - operations(part))
 //! ```
 //!
-//! Counts are not times: what a part of a large image keeps in caches the whole may not. Checked on recordings of every former
+//! Time is not proportional to operations: a part of a large image may fit caches that the whole exceeds. Checked on recordings of every former
 //! (`tests/forecast.rs`): within a factor of 2.
 
 use std::iter::Sum;
@@ -20,14 +20,14 @@ use num_complex::Complex32;
 use crate::FormError;
 use subaperture_model::monitor::Monitor;
 
-/// A part that takes so long is large enough.
+/// Minimum time of a sufficiently large part, s.
 const LONG_ENOUGH_S: f64 = 0.3;
 
-/// No part takes longer: one that does is stopped, and its time is that of what it did.
-const MOST_S: f64 = 1.5;
+/// Time limit of a part, s; a part that exceeds it is stopped and extrapolated.
+const MAX_S: f64 = 1.5;
 
-/// Time of an operation more over that of a part's in the mean, at the least: differences of short times say little.
-const LEAST_SLOPE: f64 = 0.25;
+/// Smallest ratio of the time per additional operation to the mean time per operation; differences of short times are inexact.
+const MIN_SLOPE: f64 = 0.25;
 
 /// Operations of the first part.
 const FIRST_OPERATIONS: f64 = 1e7;
@@ -35,17 +35,17 @@ const FIRST_OPERATIONS: f64 = 1e7;
 /// Samples read at a time.
 const BLOCK_SAMPLES: usize = 1 << 17;
 
-/// An estimate.
+/// Estimated and measured time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forecast {
-    /// Of the whole work, seconds.
+    /// Estimated time of the whole work, seconds.
     pub seconds: f64,
-    /// That the part measured took, seconds.
+    /// Time taken by the measured part, seconds.
     pub measured_s: f64,
 }
 
 impl Sum for Forecast {
-    /// Of work done one after another.
+    /// Sum of estimates of consecutive work.
     fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
         parts.fold(
             Self {
@@ -60,32 +60,32 @@ impl Sum for Forecast {
     }
 }
 
-/// How much of a work.
+/// Size of a part of the work.
 #[derive(Clone, Copy)]
 pub struct Size {
-    /// Of each of the grid's sides.
+    /// Fraction of each side of the grid.
     pub side: f64,
-    /// Pulses.
+    /// Number of pulses in the part.
     pub pulses: usize,
 }
 
-/// All of a work.
-pub struct Whole {
-    /// Operations of it.
+/// Size of the whole work.
+pub struct WorkSize {
+    /// Operations of the whole work.
     pub operations: f64,
-    /// Its pulses.
+    /// Pulses of the whole work.
     pub pulses: usize,
-    /// Pulses of its first parts: more are taken once a part has all pixels.
+    /// Pulses of the first parts; more are used once a part has all pixels.
     pub few_pulses: usize,
 }
 
-/// Measures larger and larger parts of a work. `part` says how many operations a part has, and what does it. `None` where a
-/// part has no account of its operations, or could not be done.
+/// Measure increasing parts of the work. `part` returns the operations of a part and a function that performs it. `None` where the
+/// operations of a part are unknown, or it failed.
 ///
 /// # Errors
 /// [`FormError::Cancelled`].
 pub fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
-    whole: &Whole,
+    whole: &WorkSize,
     monitor: &dyn Monitor,
     part: impl Fn(Size) -> Option<(f64, F)>,
 ) -> Result<Option<Forecast>, FormError> {
@@ -101,24 +101,22 @@ pub fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
         };
         let until = Until {
             monitor,
-            deadline: Instant::now() + Duration::from_secs_f64(MOST_S),
-            fraction: Mutex::new(0.0),
+            deadline: Instant::now() + Duration::from_secs_f64(MAX_S),
+            seen: Mutex::new(None),
         };
         let start = Instant::now();
         let formed = form(&until);
         let measured_s = start.elapsed().as_secs_f64();
-        let done = match formed {
-            Ok(()) => 1.0,
+        let (done, seconds) = match formed {
+            Ok(()) => (1.0, measured_s),
             Err(FormError::Cancelled) if monitor.cancelled() => return Err(FormError::Cancelled),
-            Err(FormError::Cancelled) => until.done(),
+            Err(FormError::Cancelled) => until.all_s(start, measured_s),
             Err(_) => return Ok(None),
         };
         let is_whole = size.side >= 1.0 && size.pulses == whole.pulses;
         let is_enough = measured_s >= LONG_ENOUGH_S && smaller.is_some();
-        if is_enough || is_whole || done < 1.0 || begun.elapsed().as_secs_f64() > MOST_S {
-            // What was stopped before it told of any progress says only that it is long.
-            let seconds = measured_s / done.max(1e-3);
-            // What a part takes beside its operations, to plan and to begin, it took before too.
+        if is_enough || is_whole || done < 1.0 || begun.elapsed().as_secs_f64() > MAX_S {
+            // Overhead of a part for planning and startup is contained in the previous part as well.
             let mean = seconds / operations;
             let slope = match smaller {
                 Some((before, took_s)) if before < operations => {
@@ -126,7 +124,7 @@ pub fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
                 }
                 _ => mean,
             };
-            let more_s = (whole.operations - operations) * slope.clamp(LEAST_SLOPE * mean, mean);
+            let more_s = (whole.operations - operations) * slope.clamp(MIN_SLOPE * mean, mean);
             return Ok(Some(Forecast {
                 seconds: seconds + more_s,
                 measured_s,
@@ -142,10 +140,10 @@ pub fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
     }
 }
 
-/// How long it takes to read all of so many pulses of `width` samples, by reading some of them here and there.
+/// Estimate the time for reading all pulses of `width` samples by reading scattered blocks.
 ///
 /// # Errors
-/// Those of `read`.
+/// Errors of `read`.
 pub fn reading<E>(
     num_pulses: usize,
     width: usize,
@@ -155,7 +153,7 @@ pub fn reading<E>(
     let mut samples = vec![Complex32::ZERO; block * width];
     let (begun, mut done) = (Instant::now(), 0);
     let blocks = num_pulses.div_ceil(block);
-    // A prime stride, so that neighbours are not read one after the other.
+    // A prime stride avoids reading neighbours in sequence.
     for index in (0..blocks).map(|i| i * 7919 % blocks) {
         let first = index * block;
         let pulses = first..num_pulses.min(first + block);
@@ -173,34 +171,45 @@ pub fn reading<E>(
     })
 }
 
-/// `side` of the elements of an axis; two where it has as many.
+/// Fraction `side` of the elements of an axis; at least two if it has as many.
 pub fn fewer(count: usize, side: f64) -> usize {
     ((count as f64 * side).ceil() as usize).clamp(count.min(2), count)
 }
 
-/// Stops work at a time, and keeps how far it was.
+/// Monitor that stops work at a given time and stores its progress.
 struct Until<'a> {
     monitor: &'a dyn Monitor,
     deadline: Instant,
-    fraction: Mutex<f64>,
+    /// Time and value of the first progress report, and the largest progress so far.
+    seen: Mutex<Option<(Instant, f64, f64)>>,
 }
 
 impl Until<'_> {
-    fn done(&self) -> f64 {
-        *self
-            .fraction
-            .lock()
-            .unwrap_or_else(|held| held.into_inner())
+    /// Extrapolated time of work stopped after `measured_s`, seconds. Planning before the first progress report is counted
+    /// once; for work stopped before any progress the result is only known to be long.
+    fn all_s(&self, start: Instant, measured_s: f64) -> (f64, f64) {
+        let seen = *self.seen.lock().unwrap_or_else(|held| held.into_inner());
+        let Some((first, from, most)) = seen else {
+            return (0.0, measured_s / 1e-3);
+        };
+        let before_s = (first - start).as_secs_f64();
+        match most > from {
+            true => (
+                most,
+                before_s + (measured_s - before_s) * (1.0 - from) / (most - from),
+            ),
+            false => (most, measured_s / most.max(1e-3)),
+        }
     }
 }
 
 impl Monitor for Until<'_> {
     fn progress(&self, fraction: f64) {
-        let mut most = self
-            .fraction
-            .lock()
-            .unwrap_or_else(|held| held.into_inner());
-        *most = most.max(fraction);
+        let mut seen = self.seen.lock().unwrap_or_else(|held| held.into_inner());
+        match &mut *seen {
+            Some((.., most)) => *most = most.max(fraction),
+            None => *seen = Some((Instant::now(), fraction, fraction)),
+        }
     }
 
     fn cancelled(&self) -> bool {

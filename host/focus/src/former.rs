@@ -1,75 +1,76 @@
-//! What an image former is: it decides how an image will be formed, and then forms any part of it.
+//! Interface of image formers: decide on a plan for an image, then form any part of it.
 //!
 //! ```text
 //! Aim (geometry, grid, weights, scratch) ── decide ──> Decision (choices, planned error)
 //! Aim, choices ── open ──> Forming ── form (pulses, tiles, memory) ──> pixels of these tiles
 //! ```
 //!
-//! **The bits of a pixel** follow from the aim, the choices and the samples, and from nothing else: not from threads, not
-//! from memory, not from which tiles are formed, where, in what order or how many at a time; and, where the aim's transforms are
-//! portable, not from the machine ([`super::Transforms`]). So
-//! - whatever bears on a sum's order or on a table's size is a choice, made for the whole grid, and recorded;
-//! - memory decides only how many pulses are read at a time, how many threads work and how many tiles share a pass over
+//! **Reproducibility.** The value of a pixel depends only on the aim, the choices and the samples. It is bit-identical for any number of threads, any
+//! memory, and any tiles formed, in any place, order or number at a time. With portable transforms
+//! ([`super::Transforms`]) it is also bit-identical on every machine. Therefore
+//! - a parameter that affects summation order or table size is a choice, made once for the whole grid and recorded;
+//! - memory determines only how many pulses are read at a time, how many threads work and how many tiles share a pass over
 //!   the pulses.
 //!
-//! Choices are JSON, so that another process, on another machine, opens the same plan again.
+//! Choices are JSON, so that another process on another machine can open the same plan.
 
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::accuracy::{self, Asked, Misses};
+use super::accuracy::{self, BoundPolicy, ErrorGoal};
 use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
-use super::{FormError, Formed, Means, Task};
+use super::{FormError, Formed, Numerics, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
+use subaperture_model::phase_history::{Beam, Collection, PhaseHistory, Weights};
+use subaperture_signal::window::Window;
 
-/// Bytes that a worker's scratch may take unless told otherwise: what a plan may count on everywhere.
+/// Default limit on the scratch memory of one worker, bytes; available on every supported machine.
 pub const SCRATCH_BYTES: u64 = 48 << 20;
 
-/// What is to be formed: all on which an image depends, samples and the former itself apart.
+/// Specification of an image: everything the image depends on except the samples and the former.
 #[derive(Clone, Copy)]
-pub struct Aim<'a> {
-    /// Geometry and frequencies.
+pub struct ImageSpec<'a> {
+    /// Geometry and frequencies of the recording.
     pub collection: &'a Collection,
-    /// The pixels.
+    /// Pixel grid of the image.
     pub grid: &'a ImageGrid,
     /// Windows over fast and slow time.
     pub weights: &'a Weights,
-    /// Bytes that tables and one worker's buffers may take: a plan that wants more takes another way. The smallest
-    /// machine that is to carry it out sets it.
+    /// Limit on tables and buffers of one worker, bytes. A plan that would need more uses a different method. The smallest
+    /// machine that has to carry out the plan determines it.
     pub scratch_bytes: u64,
-    /// By what means.
-    pub means: Means<'a>,
+    /// Transforms and timing model.
+    pub numerics: Numerics<'a>,
 }
 
-/// How an image will be formed.
+/// Plan of a former for an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// Everything that was chosen: JSON, for [`ImageFormer::open`].
+    /// Parameters chosen by the former: JSON, for [`ImageFormer::open`].
     pub choices: serde_json::Value,
-    /// The same in short, for people and records: a JSON object.
+    /// Summary of the choices for people and records: a JSON object.
     pub settings: serde_json::Value,
     /// Planned relative RMS error, dB ([`super::accuracy`]).
     pub planned_db: f64,
-    /// Tiles whose edges lie at multiples of this cost least.
+    /// Tile grain, pixels: tiles with edges at its multiples cost least.
     pub grain: PatchSize,
-    /// What the image takes.
+    /// Operations and memory for the whole image.
     pub cost: Cost,
 }
 
-/// A part of an image.
+/// Rectangular part of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
-    /// Its place in the grid.
+    /// Position in the grid.
     pub place: Rectangle,
-    /// Its pixels, row-major: zeros before it is formed.
+    /// Pixels, row-major; zeros before the tile is formed.
     pub pixels: Vec<Complex32>,
 }
 
 impl Tile {
-    /// A tile of zeros.
+    /// Make a tile of zeros.
     pub fn new(place: Rectangle) -> Self {
         let count = place.size.rows * place.size.columns;
         Self {
@@ -78,7 +79,7 @@ impl Tile {
         }
     }
 
-    /// Where its pixels lie in the scene, row-major.
+    /// Positions of the pixels in the scene, metres, row-major.
     pub fn points(&self, grid: &ImageGrid) -> impl Iterator<Item = DVec3> {
         let Rectangle { row, column, size } = self.place;
         let rows = row..row + size.rows;
@@ -87,12 +88,12 @@ impl Tile {
         })
     }
 
-    /// All of a grid.
+    /// Make a tile of the whole grid.
     pub fn whole(grid: &ImageGrid) -> Self {
         Self::new(Self::place_of(grid))
     }
 
-    /// The place of all of a grid.
+    /// Rectangle of the whole grid.
     pub fn place_of(grid: &ImageGrid) -> Rectangle {
         Rectangle {
             row: 0,
@@ -104,7 +105,7 @@ impl Tile {
         }
     }
 
-    /// The pixel at a row and column of the grid, if it is in the tile.
+    /// Pixel at a row and column of the grid; `None` outside the tile.
     pub fn at(&self, row: usize, column: usize) -> Option<Complex32> {
         let place = self.place;
         if !place.contains(row, column) {
@@ -114,7 +115,7 @@ impl Tile {
         Some(self.pixels[index])
     }
 
-    /// Refuses a tile with a pixel that is NaN or infinite.
+    /// Refuse a tile with a NaN or infinite pixel.
     ///
     /// # Errors
     /// [`FormError::NotFinite`].
@@ -138,124 +139,146 @@ impl Tile {
     }
 }
 
-/// What tiles are formed from, and within.
+/// Source of the pulses and limits for forming tiles.
 #[derive(Clone, Copy)]
 pub struct Work<'a> {
-    /// Where the pulses come from.
+    /// Phase history of the recording.
     pub history: &'a dyn PhaseHistory,
-    /// Bytes for everything beside the tiles and what the recording holds.
+    /// Memory limit, bytes, for everything except the tiles and the recording's own buffers.
     pub memory_bytes: u64,
-    /// Told of progress, asked whether to go on.
+    /// Receiver of progress and source of cancellation.
     pub monitor: &'a dyn Monitor,
 }
 
-/// A former that is ready to form tiles of one image.
+/// Former that has opened a plan and can form tiles of one image.
 pub trait Forming: Sync {
-    /// Bytes a pixel that forming takes beside the 8 of the tile.
+    /// Scratch memory per pixel, bytes, in addition to the 8 bytes of the tile.
     fn pixel_bytes(&self) -> u64 {
         0
     }
 
-    /// Adds the image to tiles of zeros, in one pass over the pulses.
+    /// Add the image to tiles of zeros in one pass over the pulses.
     ///
     /// # Errors
-    /// [`FormError`]; the tiles are then worth nothing.
+    /// [`FormError`]; the content of the tiles is then undefined.
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError>;
 }
 
-/// An algorithm that forms images.
+/// Image formation algorithm.
 pub trait ImageFormer: Send + Sync {
-    /// The name used in records and on the command line.
+    /// Name used in records and on the command line.
     fn name(&self) -> &'static str;
 
-    /// What it was told: JSON from which [`super::formers::former`] makes it again.
+    /// Settings as JSON, from which [`super::formers::former`] makes an equal former.
     fn settings(&self) -> serde_json::Value;
 
-    /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
+    /// Error bound for its images ([`accuracy`]), dB; `None` for no bound.
     fn bound_db(&self) -> Option<f64>;
 
-    /// Whether it takes each sample at its own moment, where antennas move while a pulse lasts. If not, what
-    /// that leaves ([`super::sweep::residual`]) is part of the planned error.
+    /// Whether intra-pulse motion is followed sample by sample. If not, the error of the stop-and-go approximation
+    /// ([`super::sweep::residual`]) is part of the planned error.
     fn follows_sweeps(&self) -> bool {
         false
     }
 
-    /// Whether it forms pixels that lie on a surface over the grid's plane ([`ImageGrid::relief`]) within its bound. A task whose grid has
-    /// one is refused if not.
+    /// Whether pixels on a surface above the grid plane ([`ImageGrid::relief`]) are formed within the bound. If not, a task whose grid has
+    /// a surface is refused.
     fn follows_relief(&self) -> bool {
         false
     }
 
-    /// The bound, and what to do where it is missed.
-    fn asked(&self, misses: Misses) -> Asked {
-        Asked {
+    /// Beam that selects the pulses of each point ([`super::beam::InBeam`]); `None` for a former that uses all pulses for every
+    /// pixel.
+    fn beam(&self) -> Option<Beam> {
+        None
+    }
+
+    /// Weights of the image: windows over fast and slow time and, in a beam, the pulses that illuminate each pixel.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if the beam does not suit the collection or the grid.
+    fn weights(
+        &self,
+        collection: &Collection,
+        _grid: &ImageGrid,
+        fast: Window,
+        slow: Window,
+    ) -> Result<Weights, FormError> {
+        Ok(Weights::new(collection, fast, slow))
+    }
+
+    /// Error requirement with the bound of this former.
+    fn goal(&self, bound_policy: BoundPolicy) -> ErrorGoal {
+        ErrorGoal {
             bound_db: self.bound_db(),
-            misses,
+            bound_policy,
         }
     }
 
-    /// Decides how the image of `aim` will be formed, once `asked` has agreed to the error that this means.
+    /// Decide how to form the image of `spec`, provided that `goal` accepts the planned error.
     ///
     /// # Errors
     /// [`FormError`].
     fn decide(
         &self,
-        aim: &Aim,
-        asked: &Asked,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision, FormError>;
 
-    /// Makes ready to form the image of `aim` as [`Self::decide`] decided, here or elsewhere.
+    /// Prepare to form the image of `spec` by choices of [`Self::decide`], possibly made on another machine.
     ///
     /// # Errors
-    /// [`FormError::Choices`] if `choices` are not of this former and this aim.
+    /// [`FormError::Choices`] if `choices` do not belong to this former and this aim.
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError>;
 
-    /// Forms the image of `task` within the bound.
+    /// Form the image of `task` within the error bound.
     ///
     /// # Errors
     /// [`FormError`].
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_asked(task, Misses::Refused)
+        self.form_asked(task, BoundPolicy::Refused)
     }
 
-    /// Forms the image of `task` as well as can be: a bound that is missed is noted in
-    /// [`Formed::bound_missed`].
+    /// Form the image of `task` and record in [`Formed::bound_missed`] whether it exceeds the
+    /// error bound.
     ///
     /// # Errors
-    /// [`FormError`], [`FormError::BoundMissed`] never.
+    /// [`FormError`] except [`FormError::BoundMissed`].
     fn form_best(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_asked(task, Misses::Allowed)
+        self.form_asked(task, BoundPolicy::Allowed)
     }
 
-    /// Forms the image of `task` as planned, and does not compare it with the exact sum: for the many images of a search, of
-    /// which the one that is found is formed again.
+    /// Form the image of `task` as planned, without a comparison with the exact sum. Intended for the many images of a search, whose
+    /// best image is formed again.
     ///
     /// # Errors
-    /// [`FormError`], [`FormError::BoundMissed`] never.
+    /// [`FormError`] except [`FormError::BoundMissed`].
     fn form_planned(&self, task: &Task) -> Result<Formed, FormError> {
-        accuracy::keep_planned(self, task, Misses::Allowed)
+        super::beam::check(self, task.weights)?;
+        accuracy::keep_planned(self, task, BoundPolicy::Allowed)
     }
 
-    /// [`Self::form`] or [`Self::form_best`].
+    /// Form the image by [`Self::form`] or [`Self::form_best`], as `misses` says.
     ///
     /// # Errors
     /// [`FormError`].
-    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        accuracy::keep_replanning(self, task, misses)
+    fn form_asked(&self, task: &Task, bound_policy: BoundPolicy) -> Result<Formed, FormError> {
+        super::beam::check(self, task.weights)?;
+        accuracy::keep_replanning(self, task, bound_policy)
     }
 
-    /// The same former, planning for an error of `error_db`; `None` if it has no way to make its errors smaller.
+    /// Make the same former with a planned error of `error_db`; `None` if its error cannot be reduced.
     fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
         None
     }
 }
 
-/// `choices` as what a former chooses.
+/// Parse the choices of a former.
 ///
 /// # Errors
 /// [`FormError::Choices`].
@@ -266,7 +289,7 @@ pub(crate) fn chosen<T: serde::de::DeserializeOwned>(
     T::deserialize(choices).map_err(|error| misfit(former, &error.to_string()))
 }
 
-/// The refusal of choices that this former never made for this aim.
+/// Error for choices that do not belong to this former and aim.
 pub(crate) fn misfit(former: &'static str, what: &str) -> FormError {
     FormError::Choices {
         former,

@@ -1,7 +1,7 @@
 //! Image formers: phase history in, complex image out.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `focus`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; the crate `subaperture`
+//! re-exports it as the module `focus`.
 //!
 //! Every former computes, or approximates, the matched filter of Schone 2020 (section 1.2): for a
 //! pixel at `p`
@@ -11,27 +11,33 @@
 //!        / (sum_n w_slow[n]  sum_k w_fast[k])
 //! ```
 //!
-//! so that a unit scatterer on a pixel, seen alike by all pulses, reads 1 whatever the window, and the formers
-//! differ only in speed and error. One that an antenna's beam, spreading or a shadow lets pulse `n` see with amplitude
-//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: insert its samples, whose phases the sum takes away. So in
-//! strip maps a point reads less the less of the track lights it; a recording does not tell `g_n`, so the
-//! sum cannot divide by it. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
-//! means, and sees that it is predicted and that a bound asked for is kept.
+//! so that a unit scatterer on a pixel, seen equally by all pulses, reads 1 for any window. The formers
+//! differ only in speed and error. A scatterer that the antenna pattern, spreading loss or a shadow lets pulse `n` see with amplitude
+//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: the sum compensates phases only. In
+//! strip maps a point therefore reads less, the smaller the illuminated part of the track; a recording does not contain `g_n`, so the
+//! sum cannot divide by it. [`exact`] is the sum, the reference for all images; [`accuracy`] defines the
+//! error, its prediction and the check of a requested bound.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod beam;
 pub mod budget;
 mod calibrate;
+mod compared;
 pub mod cost;
+pub mod dark;
 mod decided;
+mod drawn;
 mod error;
+mod fingerprint;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod frequency_domain;
 pub mod live;
 pub mod machine;
-mod means;
 pub mod moving;
+mod numerics;
 pub mod patch;
 pub mod path_model;
 mod path_tile;
@@ -41,9 +47,11 @@ mod probes;
 mod read_ahead;
 mod rounding;
 mod sampled;
+mod second_look;
+mod sink;
 pub mod stages;
 pub mod straight_track;
-pub mod strip;
+mod stray;
 pub mod sub_cpi;
 pub mod sweep;
 pub mod time_model;
@@ -55,74 +63,99 @@ use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights};
 
-pub use accuracy::{Asked, Judgement, Misses, Settings};
+pub use accuracy::{BoundPolicy, ErrorGoal, Judgement, Settings};
 pub use cost::{Cost, StageCost};
 pub use decided::DecidedOnce;
+pub use drawn::SampledPixels;
 pub use error::{FormError, Reason, Remedy};
-pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
+pub use former::{Decision, Forming, ImageFormer, ImageSpec, SCRATCH_BYTES, Tile, Work};
 pub use formers::{auto, bp, exact, ffbp, omega_k, pfa, rda, rdbp};
-pub use means::{Means, Transforms};
+pub use numerics::{Numerics, Transforms};
 pub use plan::Plan;
 pub use sampled::TileRecord;
+pub use stray::RecordedEnergy;
 pub use time_model::TimeModel;
 
-/// The bound on the relative RMS error that formers plan for unless told otherwise, dB.
+/// Default bound on the planned relative RMS error, dB.
 pub const DEFAULT_ERROR_DB: f64 = -60.0;
 
-/// What a former plans below the error bound it is given, dB.
+/// Margin of the planned error below the error bound, dB.
 ///
-/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]). Measured on a sample of pixels
-/// it scatters besides, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
-/// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all of it within the bound.
+/// The effect of a plan's error depends on the scene ([`accuracy`]). The error measured on a sample of pixels
+/// also varies, since a few bright reflectors can hold most of the image power: by +-3 dB on
+/// random thousands of pixels of the GOTCHA scene. The margin keeps nearly all of this variation within the bound.
 pub const MARGIN_DB: f64 = 4.0;
 
-/// The instructions that images are formed in on this machine: `avx512`, `avx2`, `neon` or `portable`.
+/// Instruction set used on this machine: `avx512`, `avx2`, `neon` or `portable`.
 ///
-/// Kernels give the same bits in all of them; the fastest Fourier transforms do not, and follow the processor too
+/// Kernels are bit-identical in all instruction sets. The fastest Fourier transforms are not; they also depend on the processor
 /// ([`Transforms`]).
 pub fn instructions() -> &'static str {
     subaperture_kernels::lanes::Instructions::best().name()
 }
 
-/// One image to form.
+/// Image formation task.
 #[derive(Clone, Copy)]
 pub struct Task<'a> {
-    /// Where the pulses come from.
+    /// Phase history of the recording.
     pub history: &'a dyn PhaseHistory,
-    /// The pixels wanted.
+    /// Pixel grid of the image.
     pub grid: &'a ImageGrid,
     /// Windows over fast and slow time.
     pub weights: &'a Weights,
-    /// By what means.
-    pub means: Means<'a>,
-    /// Bytes that the image, the samples in hand and all scratch may take together.
+    /// Transforms and timing model.
+    pub numerics: Numerics<'a>,
+    /// Memory limit for image, pulses being read and all scratch, bytes.
     pub memory_bytes: u64,
-    /// Told of progress, asked whether to go on.
+    /// Receiver of progress and source of cancellation.
     pub monitor: &'a dyn Monitor,
 }
 
 impl<'a> Task<'a> {
-    /// What is to be formed.
-    pub fn aim(&self) -> Aim<'a> {
-        Aim {
+    /// Specification of the image.
+    pub fn spec(&self) -> ImageSpec<'a> {
+        ImageSpec {
             collection: self.history.collection(),
             grid: self.grid,
             weights: self.weights,
             scratch_bytes: SCRATCH_BYTES,
-            means: self.means,
+            numerics: self.numerics,
         }
     }
 
-    /// As [`check`].
     fn check(&self) -> Result<(), FormError> {
         check(self.history.collection(), self.grid)
     }
 }
 
-/// Refuses what has no pulses, samples or pixels, of which no former could say anything, and geometry that is not of
-/// numbers.
+/// Maximum pixels along one side, and in total (35 TB). Planning iterates over the sides of a grid.
+const MAX_SIDE: usize = 1 << 26;
+const MAX_PIXELS: u64 = 1 << 42;
+
+/// Refuse a grid larger than any storable image before planning.
+///
+/// # Errors
+/// [`FormError::Unsuited`].
+fn check_size(grid: &ImageGrid) -> Result<(), FormError> {
+    let (rows, columns) = (grid.rows.count, grid.columns.count);
+    let pixels = rows as u128 * columns as u128;
+    if rows.max(columns) <= MAX_SIDE && pixels <= u128::from(MAX_PIXELS) {
+        return Ok(());
+    }
+    let why = format!(
+        "the grid has {rows} x {columns} pixels, an image of {}: at most {MAX_SIDE} a side and {MAX_PIXELS} in all are formed",
+        subaperture_model::quantity::bytes(pixels.saturating_mul(8)),
+    );
+    Err(FormError::Unsuited(
+        Reason::new(why).helped_by(&[Remedy::FewerPixels]),
+    ))
+}
+
+/// Refuse a collection without pulses or samples, a grid without pixels, and geometry with non-finite
+/// values.
 fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
     check_not_empty(collection, grid)?;
+    check_size(grid)?;
     let is_number = |p: &Pulse| {
         let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
         let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
@@ -137,7 +170,7 @@ fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
     }
 }
 
-/// Refuses pixels on a surface for a former that takes planes.
+/// Refuse pixels on a surface for a former that requires a plane.
 ///
 /// # Errors
 /// [`FormError::Unsuited`].
@@ -169,23 +202,23 @@ fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), Form
     Err(FormError::unsuited(format!("{what}: there is no image")))
 }
 
-/// A formed image and what it was formed with.
+/// Formed image with its predicted error and settings.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Formed {
-    /// The image, rows and columns as the grid's.
+    /// Image with the rows and columns of the grid.
     pub image: Image,
     /// Predicted relative RMS error, dB, as [`accuracy`] defines it.
     pub predicted_error_db: f64,
-    /// Whether that is above the bound asked.
+    /// Whether the predicted error exceeds the requested bound.
     pub bound_missed: bool,
-    /// Every setting that was chosen, given or planned, for the record; the prediction and its bound
-    /// among them.
+    /// Chosen, given and planned settings for the record, including the prediction and its
+    /// bound.
     pub settings: Settings,
 }
 
 impl Formed {
-    /// An image on `grid` from its pixels, row-major, planned to err by `planned_db`; `settings` is a JSON object.
+    /// Make an image on `grid` from row-major pixels with planned error `planned_db`; `settings` is a JSON object.
     pub fn on(
         grid: &ImageGrid,
         pixels: Vec<Complex32>,
@@ -210,7 +243,7 @@ impl Formed {
         formed
     }
 
-    /// Notes the error to expect, and the bound it is to keep.
+    /// Record the predicted error and the error bound.
     pub fn expect(&mut self, bound_db: Option<f64>, predicted_db: f64) {
         self.predicted_error_db = predicted_db;
         self.bound_missed = accuracy::note_error(bound_db, predicted_db, &mut self.settings);

@@ -1,31 +1,31 @@
-//! Moving targets: every former on a grid that moves, and one place at many velocities.
+//! Focusing of moving targets: any former in a moving frame, and one position at many velocities.
 //!
-//! A target that is at `p` at the epoch `t_0` and moves at `v` has in pulse `n` the path
+//! A target at `p` at the epoch `t_0` with velocity `v` has in pulse `n` the path
 //!
 //! ```text
 //! path_n(p + v (t_n - t_0)) = |p - (a_t - v (t_n - t_0))| + |p - (a_r - v (t_n - t_0))|
 //! ```
 //!
-//! with `a_t`, `a_r` the antennas at `t_n` (Schone 2020, 4.3; 2.3 notes that only relative motion
-//! counts). So a target at rest before antennas that move by `-v (t - t_0)` more has the same echo:
-//! [`Moving`] presents a phase history in that frame, and every former focuses the target as it
-//! focuses anything else. The path to which phases are compensated is a number of the recording and
-//! stays; the point that it belongs to moves along. What does not move at `v` is smeared.
+//! where `a_t`, `a_r` are the antennas at `t_n` (Schone 2020, 4.3; 2.3 notes that only relative motion
+//! counts). A stationary target seen by antennas with an additional motion of `-v (t - t_0)` therefore has the same echo.
+//! [`Moving`] presents a phase history in that frame, and every former focuses the target like
+//! a stationary one. The path to which phases are compensated is a number of the recording and
+//! unchanged; the point that it belongs to moves along. Scatterers with a different velocity are smeared.
 //!
-//! [`VelocityPlane`] is the other cut through `I(x, y, v_x, v_y)` (Figure 4.13b): one position at the
+//! [`VelocityPlane`] is the other section through `I(x, y, v_x, v_y)` (Figure 4.13b): one position at the
 //! epoch, a grid of velocities, by backprojection with the path above.
 //!
 //! **Resolution in velocity.** The phase at frequency `f` grows with velocity as
 //! `2 pi f (t - t_0) (u_t + u_r) . v / c`, `u` the unit vectors from the antennas to the target. So
-//! `K = f (t - t_0) (u_t + u_r) / c`, cycles for each m/s, is to velocity what spatial frequency is to
+//! `K = f (t - t_0) (u_t + u_r) / c`, cycles per m/s, corresponds for velocity to spatial frequency for
 //! position, and the resolution along a direction follows from the distribution of `K` along it as in
 //! [`subaperture_resolution::support`] ([`velocity_resolution_m_s`]). For a monostatic radar, a CPI of `T` seconds and the epoch at its
 //! start that is `lambda / (2 T)` along the line of sight, 14 mm/s on Table 4.1; across it, where
-//! `u_t + u_r` is only what the aperture's angle gives, 1 m/s.
+//! only the angle of the aperture changes `u_t + u_r`, 1 m/s.
 //!
-//! Neglected: the target's motion while a pulse travels, as everywhere here, and acceleration.
+//! Neglected: target motion during pulse propagation, and acceleration.
 //!
-//! Cost: [`Moving`] copies the geometry, 240 bytes a pulse; [`VelocityPlane`] is
+//! Cost: [`Moving`] copies the geometry, 240 bytes per pulse; [`VelocityPlane`] is
 //! [`super::bp`] with as many pixels as velocities.
 //!
 //! Accuracy: `tests/formers/movers.rs` compares both with the plain sum over a target in motion.
@@ -38,25 +38,30 @@ use num_complex::Complex32;
 use super::bp;
 use super::former::chosen;
 use super::{
-    Aim, Asked, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task, accuracy,
+    BoundPolicy, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer, ImageSpec, Task,
+    accuracy,
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::Axis;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+};
 use subaperture_resolution::support::{self, Projection, path_gradient};
 
-/// A phase history as a target at constant velocity sees it: in a frame that moves with the target.
+/// Phase history in a frame that moves with a target of constant velocity.
 pub struct Moving<'a> {
     history: &'a dyn PhaseHistory,
     collection: Collection,
+    velocity_m_s: DVec3,
 }
 
 impl<'a> Moving<'a> {
-    /// The frame that moves at `velocity_m_s` and is the scene frame at `epoch_s`, a time of the
-    /// collection: positions in an image are those at the epoch.
+    /// Make the frame that moves at `velocity_m_s` and coincides with the scene frame at `epoch_s`, a time of the
+    /// collection. Image positions are those at the epoch.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] if the recording tells no times, a number is not finite or light is slower.
+    /// [`FormError::Unsuited`] if the recording has no times, a number is not finite, or the speed exceeds that of light.
     pub fn new(
         history: &'a dyn PhaseHistory,
         velocity_m_s: DVec3,
@@ -75,7 +80,7 @@ impl<'a> Moving<'a> {
             pulse.transmitter_m -= moved_m;
             pulse.receiver_m -= moved_m;
             pulse.reference_m -= moved_m;
-            // The same from sample to sample. Where all are taken at once, nothing moves meanwhile.
+            // Intra-pulse motion changes likewise. Without intra-pulse motion the target is stationary during a pulse.
             pulse.sweep.transmitter_m_s -= velocity_m_s;
             pulse.sweep.receiver_m_s -= velocity_m_s;
             if let Some(reference_m_s) = &mut pulse.sweep.reference_m_s {
@@ -85,7 +90,17 @@ impl<'a> Moving<'a> {
         Ok(Self {
             history,
             collection,
+            velocity_m_s,
         })
+    }
+
+    /// Transform a beam of the recording to this frame; its angles remain relative to the antennas' own track.
+    #[must_use]
+    pub fn seen_from(&self, beam: Beam) -> Beam {
+        Beam {
+            target_m_s: Some(self.velocity_m_s.to_array()),
+            ..beam
+        }
     }
 }
 
@@ -106,6 +121,14 @@ impl PhaseHistory for Moving<'_> {
         self.history.channels()
     }
 
+    fn beam(&self) -> Option<Beam> {
+        Some(self.seen_from(self.history.beam()?))
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.history.phase_conventions()
+    }
+
     fn held_bytes(&self) -> u64 {
         self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
     }
@@ -115,13 +138,13 @@ impl PhaseHistory for Moving<'_> {
     }
 }
 
-/// One position at many velocities. The task's grid is one of velocities: where an image has metres,
-/// it has metres a second, and its origin is the velocity at `x = y = 0`.
+/// Former for one position at many velocities. The task's grid is one of velocities: metres per second replace
+/// metres, and its origin is the velocity at `x = y = 0`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VelocityPlane {
-    /// Where the target is at the epoch, metres in the scene frame.
+    /// Position of the target at the epoch, metres in the scene frame.
     pub position_m: DVec3,
-    /// When it is there, seconds from the collection's start.
+    /// Epoch, seconds from the collection's start.
     pub epoch_s: f64,
     /// Bound on the relative RMS error, dB (negative).
     pub error_db: f64,
@@ -148,21 +171,26 @@ impl ImageFormer for VelocityPlane {
         true
     }
 
-    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        accuracy::keep_planned(self, task, misses)
+    fn form_asked(&self, task: &Task, bound_policy: BoundPolicy) -> Result<Formed, FormError> {
+        accuracy::keep_planned(self, task, bound_policy)
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        require_times(aim.collection)?;
-        bp::decide(aim, self.error_db, asked, self.meaning())
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        require_times(spec.collection)?;
+        bp::decide(spec, self.error_db, goal, self.meaning())
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        bp::open(aim, chosen(self.name(), choices)?, self.meaning())
+        bp::open(spec, chosen(self.name(), choices)?, self.meaning())
     }
 }
 
@@ -175,8 +203,8 @@ impl VelocityPlane {
     }
 }
 
-/// Resolution in velocity along a `direction` (a unit vector) of a target at `position_m` at
-/// `epoch_s`, m/s, Rayleigh's as [`Projection::resolution_m`] has it; infinite where no pulse tells anything of it.
+/// Rayleigh resolution in velocity along a `direction` (a unit vector) of a target at `position_m` at
+/// `epoch_s`, m/s, as in [`Projection::resolution_m`]; infinite where no pulse resolves velocity.
 pub fn velocity_resolution_m_s(
     collection: &Collection,
     position_m: DVec3,
@@ -186,14 +214,69 @@ pub fn velocity_resolution_m_s(
     let segments = collection.pulses.iter().map(|pulse| {
         let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, position_m);
         let across = (pulse.time_s - epoch_s) * gradient.dot(direction) / SPEED_OF_LIGHT_M_S;
-        // Half a sample beyond either end: the band is as wide as it has samples.
+        // The band extends half a sample beyond either end.
         let edge = |k: f64| (pulse.start_hz + k * pulse.step_hz) * across;
         ([edge(-0.5), edge(collection.num_samples as f64 - 0.5)], 1.0)
     });
-    let cells = vec![1.0; collection.num_samples.min(support::MOST_CELLS)];
+    let cells = vec![1.0; collection.num_samples.min(support::MAX_CELLS)];
     Projection::new(segments, &cells)
         .and_then(|projection| projection.resolution_m())
         .unwrap_or(f64::INFINITY)
+}
+
+/// Largest number of steps on either side of zero in [`default_velocities`].
+const MAX_VELOCITIES: usize = 128;
+
+/// Default velocities along a `direction` (a unit vector) for a target at `position_m` at the first pulse: from zero in both directions in steps of half the resolution
+/// ([`velocity_resolution_m_s`]), within the unambiguous interval, at most 128 steps. A velocity is ambiguous where the two-way path grows by half a
+/// wavelength or more from pulse to pulse:
+///
+/// ```text
+/// v < lambda / (2 T |g|),    g = (u_t + u_r) . direction
+/// ```
+///
+/// where `T` is the mean time between pulses and `|g|` the largest of all pulses.
+///
+/// # Errors
+/// [`FormError::Unsuited`] if the recording has no times, or does not resolve velocities along the direction.
+pub fn default_velocities(
+    collection: &Collection,
+    position_m: DVec3,
+    direction: DVec3,
+) -> Result<Axis, FormError> {
+    require_times(collection)?;
+    let (Some(first), Some(last)) = (collection.pulses.first(), collection.pulses.last()) else {
+        return Err(FormError::unsuited(
+            "the recording holds no pulses".to_owned(),
+        ));
+    };
+    let resolution_m_s = velocity_resolution_m_s(collection, position_m, first.time_s, direction);
+    if !(resolution_m_s.is_finite() && resolution_m_s > 0.0) {
+        return Err(FormError::unsuited(format!(
+            "{}: velocities along ({}, {}, {}) are not resolved at this place",
+            collection.name, direction.x, direction.y, direction.z
+        )));
+    }
+    let step = 0.5 * resolution_m_s;
+    let middle = collection.num_samples as f64 / 2.0;
+    let fastest = collection.pulses.iter().map(|pulse| {
+        let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, position_m);
+        let frequency_hz = pulse.start_hz + middle * pulse.step_hz;
+        gradient.dot(direction).abs() * frequency_hz / SPEED_OF_LIGHT_M_S
+    });
+    let turns_a_metre = fastest.fold(0.0, f64::max);
+    let pri_s = (last.time_s - first.time_s) / (collection.pulses.len() as f64 - 1.0).max(1.0);
+    let unambiguous = 0.5 / (pri_s * turns_a_metre) / step;
+    // Infinite where there is no limit.
+    let steps = match unambiguous < MAX_VELOCITIES as f64 {
+        true => (unambiguous.floor() as usize).max(1),
+        false => MAX_VELOCITIES,
+    };
+    Ok(Axis {
+        start: -(steps as f64) * step,
+        step,
+        count: 2 * steps + 1,
+    })
 }
 
 fn require_times(collection: &Collection) -> Result<(), FormError> {
@@ -212,10 +295,10 @@ mod tests {
     use super::*;
     use subaperture_simulate::{Preset, Variation};
 
-    /// Pulse 400 of Table 4.1, by hand: the radar at ((400 - 519.5) 0.125, -5000), 0.4 s after the
+    /// Pulse 400 of Table 4.1, computed by hand: the radar at ((400 - 519.5) 0.125, -5000), 0.4 s after the
     /// start, a target that left (3, 4) at 0.1 s with (20, -10, 5) m/s.
     #[test]
-    fn the_moving_frame_keeps_the_paths() {
+    fn moving_frame_preserves_paths() {
         let history = Preset::Table41.simulate(&Variation::default());
         let velocity = DVec3::new(20.0, -10.0, 5.0);
         let moving = Moving::new(&history, velocity, 0.1).unwrap();
@@ -229,20 +312,20 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_without_times_is_refused() {
+    fn recording_without_times_is_refused() {
         let history = Preset::Table41.simulate(&Variation::default());
         let mut collection = history.collection().clone();
         collection.timed = false;
-        let untimed = subaperture_simulate::Simulated::new(collection, Vec::new(), None);
+        let untimed = subaperture_simulate::PointTargetHistory::new(collection, Vec::new(), None);
         let error = Moving::new(&untimed, DVec3::X, 0.0).err().unwrap();
         assert!(error.to_string().contains("tells no times"), "{error}");
         let error = Moving::new(&history, DVec3::NAN, 0.0).err().unwrap();
         assert!(error.to_string().contains("finite"), "{error}");
     }
 
-    /// The plain sum over pulses and frequencies, with true paths, stepped from zero velocity to half its power. Radially
-    /// every pulse tells as much as its time; across, more of them tell little than much, and the box around them would
-    /// say 0.98 m/s where 1.04 is true.
+    /// The direct sum over pulses and frequencies with true paths, from zero velocity to half its power. Radially
+    /// every pulse contributes in proportion to its time; across, most pulses contribute little, and a bounding box would
+    /// give 0.98 m/s where 1.04 is correct.
     #[test]
     fn velocity_resolution_of_table_4_1() {
         let history = Preset::Table41.simulate(&Variation::default());

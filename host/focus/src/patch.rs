@@ -1,4 +1,4 @@
-//! A grid cut into rectangular patches, each with its own pixels of the image to write to.
+//! Division of a grid into rectangular patches with separate pixels.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -8,25 +8,25 @@ use num_complex::Complex32;
 
 use super::Tile;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::{Place, Tiling};
+use subaperture_model::image::{PixelBlock, Tiling};
 
-/// How many rows and columns of pixels a patch has at most.
+/// Largest number of rows and columns of a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct PatchSize {
-    /// Rows.
+    /// Number of pixel rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of pixel columns.
     pub columns: usize,
 }
 
 impl PatchSize {
-    /// A single pixel.
+    /// Patch of one pixel.
     pub const PIXEL: Self = Self {
         rows: 1,
         columns: 1,
     };
 
-    /// As many rows as columns.
+    /// Patch with as many rows as columns.
     pub(crate) const fn square(side: usize) -> Self {
         Self {
             rows: side,
@@ -34,8 +34,8 @@ impl PatchSize {
         }
     }
 
-    /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
-    /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
+    /// Patch size nearest to a square of side `side_m`, at least 4 pixels per side (smaller ones cost more than they
+    /// save) and at most the grid. The angle of a polar grid counts as the arc at its
     /// middle range.
     pub fn from_metres(grid: &ImageGrid, side_m: f64) -> Self {
         let [row_m, column_m] = pixel_spacing_m(grid);
@@ -65,20 +65,20 @@ fn pixel_spacing_m(grid: &ImageGrid) -> [f64; 2] {
     [grid.rows.step, column_m]
 }
 
-/// A patch's place in the grid: first row and column, and how many of each.
+/// Position and size of a patch in the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// First row.
+    /// First row of pixels.
     pub row: usize,
-    /// First column.
+    /// First column of pixels.
     pub column: usize,
-    /// Pixels in it.
+    /// Number of rows and columns.
     pub size: PatchSize,
 }
 
 impl Rectangle {
-    /// The rectangle of these rows and columns.
-    pub fn of([rows, columns]: &Place) -> Self {
+    /// Make the rectangle of the given rows and columns.
+    pub fn of([rows, columns]: &PixelBlock) -> Self {
         Self {
             row: rows.start,
             column: columns.start,
@@ -89,15 +89,15 @@ impl Rectangle {
         }
     }
 
-    /// Its rows and columns.
-    pub fn place(&self) -> Place {
+    /// Ranges of rows and columns.
+    pub fn place(&self) -> PixelBlock {
         [
             self.row..self.row + self.size.rows,
             self.column..self.column + self.size.columns,
         ]
     }
 
-    /// The scene point at fractions of the patch, 0 at its first pixel and 1 at its last.
+    /// Scene point at fractions of the patch, 0 at its first pixel and 1 at its last.
     pub fn point_m(&self, grid: &ImageGrid, row_fraction: f64, column_fraction: f64) -> DVec3 {
         let along = |first: usize, count: usize, fraction: f64| {
             first as f64 + fraction * (count as f64 - 1.0)
@@ -110,39 +110,39 @@ impl Rectangle {
         )
     }
 
-    /// Whether a row and column of the grid are in it.
+    /// Whether the rectangle contains a row and column of the grid.
     pub fn contains(&self, row: usize, column: usize) -> bool {
         let [rows, columns] = self.place();
         rows.contains(&row) && columns.contains(&column)
     }
 
-    /// The scene point in its middle.
+    /// Scene point at the centre of the patch.
     pub fn centre_m(&self, grid: &ImageGrid) -> DVec3 {
         self.point_m(grid, 0.5, 0.5)
     }
 }
 
-/// The rectangles that cover the grid, row by row of patches: as many as `at_most` needs, of one size, those at the ends
-/// what is left.
+/// Divide the grid into rectangles of one size, at most `at_most`, in row-major order; those at the ends may
+/// be smaller.
 pub fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle> {
     Patches::new(grid, at_most).all().collect()
 }
 
-/// A grid cut into patches of one size, those at the ends smaller.
+/// Division of a grid into patches of one size, smaller at the ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Patches(Tiling);
 
-/// Some pixels of a row.
+/// Contiguous pixels of one row.
 pub(crate) struct Segment<'a> {
     pub(crate) row: usize,
-    /// Of its first pixel.
+    /// Column of the first pixel.
     pub(crate) column: usize,
     pub(crate) pixels: &'a mut [Complex32],
 }
 
 impl Patches {
     pub(crate) fn new(grid: &ImageGrid, at_most: PatchSize) -> Self {
-        // As even as patches of one size can be.
+        // Patch sizes are as even as possible.
         let even = |count: usize, at_most: usize| {
             count.div_ceil(count.div_ceil(at_most.max(1)).max(1)).max(1)
         };
@@ -156,7 +156,7 @@ impl Patches {
         })
     }
 
-    /// Of exactly this size.
+    /// Divide the grid into patches of exactly this size.
     pub(crate) fn of_size(grid: &ImageGrid, size: PatchSize) -> Self {
         Self(Tiling {
             image: [grid.rows.count, grid.columns.count],
@@ -164,18 +164,18 @@ impl Patches {
         })
     }
 
-    /// Of all patches but those at the ends.
+    /// Size of all patches except those at the ends.
     pub(crate) fn size(&self) -> PatchSize {
         let [rows, columns] = self.0.tile;
         PatchSize { rows, columns }
     }
 
-    /// How many there are.
+    /// Number of patches.
     pub(crate) fn count(&self) -> usize {
         self.0.count()
     }
 
-    /// Some of them, at most so many a side, from corner to corner.
+    /// Patches sampled evenly from corner to corner, at most `most` per side.
     pub(crate) fn spread(&self, most: usize) -> impl Iterator<Item = Rectangle> {
         let [down, across] = self.0.tiles();
         let (rows, columns) = (spread(down, most), move || spread(across, most));
@@ -191,8 +191,8 @@ impl Patches {
         Rectangle::of(&self.0.place(index))
     }
 
-    /// The tiles' pixels by the patches that they lie in, row by row of patches. Of a patch that reaches beyond the tiles
-    /// there are only the pixels in them.
+    /// Pixels of the tiles by patch, in row-major order of patches. Patches partly outside the tiles
+    /// contain only the pixels inside.
     pub(crate) fn split<'a>(&self, tiles: &'a mut [Tile]) -> Vec<(Rectangle, Vec<Segment<'a>>)> {
         let mut patches: BTreeMap<usize, Vec<Segment>> = BTreeMap::new();
         let ([height, width], across) = (self.0.tile, self.0.tiles()[1]);
@@ -219,7 +219,7 @@ impl Patches {
         patches.into_iter().map(place).collect()
     }
 
-    /// The same by row and column of patches, for whoever comes first.
+    /// Pixels of the tiles by row and column of patches, for random access.
     pub(crate) fn split_by_place<'a>(
         &self,
         tiles: &'a mut [Tile],
@@ -233,7 +233,7 @@ impl Patches {
             .collect()
     }
 
-    /// Bytes that [`Self::split`] makes of them, at most.
+    /// Upper bound on the memory of [`Self::split`], bytes.
     pub(crate) fn account_bytes(&self, tiles: &[Tile]) -> u64 {
         let [height, width] = self.0.tile;
         let bytes = tiles.iter().map(|tile| {
@@ -248,7 +248,7 @@ impl Patches {
     }
 }
 
-/// At most `most` of `count` places, evenly from the first to the last.
+/// At most `most` of `count` indices, evenly spaced from first to last.
 pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
     let seen = count.min(most);
     (0..seen).map(move |i| match seen {

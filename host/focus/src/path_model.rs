@@ -1,8 +1,8 @@
-//! How well a straight line of paths ([`super::sub_cpi`]) holds over a patch of pixels, measured on the recorded track.
+//! Error of the linear path model ([`super::sub_cpi`]) over a patch of pixels, evaluated on the recorded track.
 //!
-//! What the line leaves, `e_m(p)` metres, turns pulse `m`'s term by `2 pi f e / c`: the RMS of that phase over pulses is the
-//! image's relative RMS error. It is evaluated at a patch's corners, sides' middles and centre, where it is largest; near
-//! antennas, on more places; and where samples are taken one after another, at three of them a pulse, at their own moments.
+//! The residual path `e_m(p)`, metres, rotates the term of pulse `m` by `2 pi f e / c`. The RMS of that phase over pulses is the
+//! image's relative RMS error. It is evaluated at the corners, midpoints of the sides and centre of a patch, where it is largest; near
+//! antennas, at more points; and with intra-pulse motion, at three samples per pulse, at their own times.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -18,9 +18,9 @@ use subaperture_model::phase_history::{Band, Collection};
 /// Smallest patch side considered, pixels, unless the grid is smaller.
 const SMALLEST_PATCH: usize = 8;
 
-/// Sub-CPI lengths to try: a quarter longer each time, evened out so that all sub-CPIs are full. One
-/// pulse has no path to model, so any bound that the kernel keeps can be met, unless its samples are taken at different
-/// places.
+/// Candidate sub-CPI lengths, in steps of a quarter, adjusted so that all sub-CPIs are full. A single
+/// pulse has no path error, so any bound that the kernel keeps can be met, unless its samples are taken at different
+/// positions.
 pub fn lengths(num_pulses: usize) -> Vec<usize> {
     let mut lengths = Vec::new();
     let mut length = 1;
@@ -34,7 +34,7 @@ pub fn lengths(num_pulses: usize) -> Vec<usize> {
     lengths
 }
 
-/// Patch sizes to try, from a quarter of the grid's longer side down. A quarter leaves patches enough
+/// Candidate patch sizes, from a quarter of the grid's longer side down. A quarter leaves enough patches
 /// to share among threads, whose number must not change the image.
 pub fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
     let whole = PatchSize {
@@ -56,57 +56,57 @@ pub fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
     sizes
 }
 
-/// What counts of a patch.
+/// Error measure of a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measure {
-    /// The mean over it, as for scatterers all over the scene.
+    /// Mean over the patch, as for scatterers throughout the scene.
     Mean,
-    /// The worst pixel.
+    /// Maximum over the patch.
     Worst,
 }
 
-/// Measures the path model on samples of the grid and the aperture.
+/// Evaluation of the path model error on samples of the grid and the aperture.
 pub struct Probe<'a> {
-    /// The track.
+    /// Recording with the track.
     pub collection: &'a Collection,
-    /// The pixels.
+    /// Pixel grid of the image.
     pub grid: &'a ImageGrid,
-    /// Frequencies of all pulses.
+    /// Frequency band of all pulses.
     pub band: &'a Band,
-    /// First pulses after a gap, across which no sub-CPI reaches.
+    /// First pulses after a gap; no sub-CPI extends across them.
     pub breaks: &'a [usize],
-    /// From sample to sample, in pulses, if samples are taken at their own moments; else all of a pulse at one.
+    /// Sample interval in units of the pulse interval for intra-pulse motion; `None` for antennas at rest during a pulse.
     pub pulses_a_sample: Option<f64>,
-    /// What counts.
+    /// Error measure of a patch.
     pub measure: Measure,
 }
 
-/// What a sub-CPI length and a patch size leave.
+/// Error and Doppler extent for a sub-CPI length and a patch size.
 pub struct Probed {
     /// RMS phase error, radians, of the worst patch and sub-CPI.
     pub model_error: f64,
-    /// Doppler band of a patch, cycles a pulse.
+    /// Doppler extent of a patch, cycles per pulse.
     pub doppler_span: f64,
 }
 
-/// Nodes and weights of Gauss's rule on [0, 1]: exact for the square of a quadratic.
+/// Nodes and weights of Gauss's rule on [0, 1]; exact for the square of a quadratic.
 const GAUSS: [(f64, f64); 3] = [
     (0.112_701_665_379_258_3, 5.0 / 18.0),
     (0.5, 8.0 / 18.0),
     (0.887_298_334_620_741_7, 5.0 / 18.0),
 ];
 
-/// Fractions of a patch's sides at which it is looked at, and at which one near the antennas is.
+/// Fractions of a patch's sides at which it is sampled.
 const PLACES: [f64; 3] = [0.0, 0.5, 1.0];
 const CLOSE_PLACES: [f64; 9] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
-/// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
+/// Ratio of patch radius to antenna distance above which a patch counts as near.
 const NEAR: f64 = 0.2;
 
-/// Most sub-CPIs that are looked at.
+/// Largest number of sub-CPIs sampled.
 const PROBED_SUB_CPIS: usize = 8;
 
 impl Probe<'_> {
-    /// On a few sub-CPIs of `length` pulses, first and last among them.
+    /// Evaluate a few sub-CPIs of `length` pulses, including first and last.
     pub fn run(&self, length: usize, patch: PatchSize) -> Probed {
         let sub_cpis = sub_cpi::cut(self.collection.pulses.len(), self.breaks, length);
         let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
@@ -123,8 +123,8 @@ impl Probe<'_> {
         probed
     }
 
-    /// Appends the sub-CPI, or its halves if its phase error is above `allowed` radians, and so on. The
-    /// worst error of what was appended.
+    /// Append the sub-CPI, or its halves if its phase error exceeds `allowed` radians, recursively. Return the
+    /// largest error of the appended sub-CPIs.
     pub fn halve_until(
         &self,
         allowed: f64,
@@ -148,7 +148,7 @@ impl Probe<'_> {
         early.max(late)
     }
 
-    /// The worst of patches in the grid's middle and corners, for one sub-CPI.
+    /// Largest error of patches at the grid's centre and corners, for one sub-CPI.
     pub fn measure(&self, sub_cpi: &SubCpi, patch: PatchSize) -> Probed {
         let last_row = self.grid.rows.count - patch.rows;
         let last_column = self.grid.columns.count - patch.columns;
@@ -178,7 +178,7 @@ impl Probe<'_> {
         }
     }
 
-    /// RMS phase, radians, of a mean square path, square metres, in the mean over the band.
+    /// RMS phase, radians, averaged over the band, of a mean square path error, square metres.
     fn phase_rad(&self, mean_square_m2: f64) -> f64 {
         let square = match self.measure {
             Measure::Worst => {
@@ -190,8 +190,8 @@ impl Probe<'_> {
         TAU * (square * mean_square_m2).sqrt() / SPEED_OF_LIGHT_M_S
     }
 
-    /// Mean square over pulses of the path model's error, square metres, at the worst of some pixels of a patch or in its mean,
-    /// and the largest path rate there, metres a pulse.
+    /// Mean square over pulses of the path model error, square metres, at the worst sampled pixel of a patch or averaged over them,
+    /// and the largest path rate there, metres per pulse.
     fn residual(&self, sub_cpi: &SubCpi, rectangle: &Rectangle) -> (f64, f64) {
         let centre = rectangle.centre_m(self.grid);
         let datum = sub_cpi.datum(centre);
@@ -213,7 +213,7 @@ impl Probe<'_> {
             false => &PLACES,
         };
         let count = self.band.count as f64;
-        // Samples after the middle one, and their weights.
+        // Sample offsets from the middle sample, and their weights.
         let moments = match self.pulses_a_sample {
             Some(_) => GAUSS.map(|(part, weight)| ((part - 0.5) * count, weight)),
             None => [(0.0, 1.0), (0.0, 0.0), (0.0, 0.0)],
@@ -265,7 +265,7 @@ impl Probe<'_> {
                 let mean = nodes
                     .map(|(row, column)| row.1 * column.1 * mean_square(row.0, column.0))
                     .sum();
-                // The nodes stop short of the corners, where the rate is 1 / 0.775 of theirs.
+                // The nodes lie inside the corners, where the rate is 1 / 0.775 of theirs.
                 (mean, widest / 0.775)
             }
         }

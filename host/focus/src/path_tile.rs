@@ -1,4 +1,4 @@
-//! Small rectangles of a Cartesian grid as kernels form them, paths by polynomials, and what that costs of accuracy
+//! Tiles of a Cartesian grid with polynomial paths, and their accuracy
 //! ([`subaperture_kernels::tile`]).
 
 use std::f64::consts::TAU;
@@ -10,7 +10,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Pulse;
 
-/// The pixels of a rectangle; of a Cartesian grid.
+/// Pixel raster of a rectangle of a Cartesian grid.
 pub(crate) fn raster(grid: &ImageGrid, rectangle: &Rectangle) -> Raster {
     Raster {
         centre_m: rectangle.centre_m(grid).to_array(),
@@ -21,7 +21,7 @@ pub(crate) fn raster(grid: &ImageGrid, rectangle: &Rectangle) -> Raster {
     }
 }
 
-/// What a pulse's paths are measured from.
+/// Antenna positions and reference path of a pulse.
 pub(crate) fn pulse_antennas(pulse: &Pulse) -> Antennas {
     Antennas {
         transmitter_m: pulse.transmitter_m.to_array(),
@@ -30,8 +30,8 @@ pub(crate) fn pulse_antennas(pulse: &Pulse) -> Antennas {
     }
 }
 
-/// Looks at pulses from a tile, for profiles of `length` bins: whether the polynomials of its paths turn terms by no more than this
-/// RMS phase.
+/// Check pulses against a tile, for profiles of `length` bins: whether the RMS phase error of its path polynomials is at most
+/// the given value.
 pub(crate) fn fits(
     tile: &mut TileScratch,
     length: usize,
@@ -44,7 +44,7 @@ pub(crate) fn fits(
     TAU * highest_hz / SPEED_OF_LIGHT_M_S * off_m <= phase_rad
 }
 
-/// Relative RMS error of phasors and of places in float32, with profiles of at least so many bins a metre of path.
+/// Relative RMS error of float32 phasors and positions, with profiles of at least `bins_m` bins per metre of path.
 pub(crate) fn arithmetic(highest_hz: f64, bins_m: f64) -> f64 {
     let turns = highest_hz / SPEED_OF_LIGHT_M_S * PLACE_RMS / bins_m;
     libm::hypot(PHASOR_RMS, TAU * turns)

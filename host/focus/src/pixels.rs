@@ -1,4 +1,4 @@
-//! The loop over pixels that formers share.
+//! Common parallel loop over pixels.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -9,11 +9,11 @@ use subaperture_kernels::paths::Points;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
 
-/// Pixels that a thread takes at a time.
+/// Pixels processed by a thread at a time.
 pub(super) const PIXELS_A_TASK: usize = 256;
 
-/// Has `add` change every pixel of the tiles, knowing its scene point, on all threads. Returns
-/// early, leaving pixels out, when the monitor asks to stop; it is told of them as `stage`.
+/// Call `add` for every pixel of the tiles with its scene point, on all threads. Return
+/// early, omitting pixels, when the monitor cancels. Progress is reported as `stage`.
 pub(super) fn for_each(
     grid: &ImageGrid,
     tiles: &mut [Tile],
@@ -37,7 +37,7 @@ pub(super) fn for_each(
     });
 }
 
-/// The same for runs of pixels, at most [`PIXELS_A_TASK`], with their scene points and what `scratch` makes for a thread.
+/// Call `add` for blocks of at most [`PIXELS_A_TASK`] pixels of a row, with their scene points and the scratch of the thread.
 pub(super) fn for_each_run<S>(
     grid: &ImageGrid,
     tiles: &mut [Tile],

@@ -1,201 +1,175 @@
-//! A plan: how an image will be formed, written down so that anyone can carry it out, in any parts, anywhere.
+//! Image formation plan: a complete description that can be carried out in parts, on any machine.
 //!
-//! A [`Plan`] is made of a collection's geometry, a grid and limits, before any sample is read. It holds all that the bits
-//! of a pixel depend on beside the samples, and it is text (JSON). [`Opened::form`] forms any tiles of it within any memory;
-//! tiles that were formed apart are the same to the bit as those that were formed together ([`super::former`]).
+//! A [`Plan`] is made from a collection's geometry, a grid and limits, before any sample is read. It contains everything that a
+//! pixel depends on except the samples, as text (JSON). [`Opened::form`] forms any tiles of it within any memory limit;
+//! tiles formed separately are bit-identical to tiles formed together ([`super::former`]).
 //!
-//! **Tiles** are rectangles of one size, row by row; those at the last row and column are smaller. Their size is the
-//! former's grain, as often as makes about [`TILE_PIXELS`] of them.
+//! **Tiles** are rectangles of one size in row-major order; those at the last row and column are smaller. Their size is a multiple of the
+//! former's grain that gives about [`TILE_PIXELS`] pixels.
 //!
-//! **What is kept of each tile** beside its pixels ([`TileRecord`]) tells, once all are there, the error that the image
-//! turned out to have ([`Opened::judge`]), as [`super::accuracy`] has it. A plan is not changed by what is found: for an image
-//! that misses its bound there is another plan of the same request, for less ([`Plan::for_less`]).
+//! **Tile records** ([`TileRecord`]) are kept with the pixels of each tile. The records of all tiles determine the actual error of the image
+//! ([`Opened::judge`]) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
+//! that exceeds its bound, [`Plan::for_less`] makes another plan of the same request with a smaller planned error.
 
-use std::collections::BTreeMap;
-
-use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, Asked, Judgement, Misses};
+use super::accuracy::{self, BoundPolicy, ErrorGoal, Judgement};
+use super::compared::Planned;
 use super::cost::Cost;
+pub use super::fingerprint::Fingerprint;
 use super::patch::{PatchSize, Rectangle};
 use super::sampled::{Probes, Sampled, TileRecord};
+pub use super::sink::{InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
-use super::{Aim, FormError, Forming, ImageFormer, Means, Tile, Transforms, Work, formers};
+use super::{
+    FormError, Forming, ImageFormer, ImageSpec, Numerics, Tile, Transforms, Work, formers,
+};
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::{Image, Tiling, copy_common};
+use subaperture_model::image::Tiling;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, Weights};
+use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_signal::window::Window;
 
-/// What the text of a plan begins with.
+/// Schema name at the start of a plan's text.
 pub const SCHEMA: &str = "subaperture-plan-1";
 
-/// Pixels of a tile, about: 8 MiB.
+/// Approximate pixels of a tile: 8 MiB.
 pub const TILE_PIXELS: usize = 1 << 20;
 
-/// Tiles of an image, about, if it has pixels for tiles of [`LEAST_TILE_PIXELS`].
+/// Approximate number of tiles of an image, provided that each has at least [`MIN_TILE_PIXELS`].
 const TILES: usize = 64;
 
-/// Fewer pixels are no tile: its files would take longer than forming it.
-const LEAST_TILE_PIXELS: usize = 1 << 12;
+/// Minimum pixels of a tile; the files of a smaller one would take longer than its formation.
+const MIN_TILE_PIXELS: usize = 1 << 12;
 
-/// What a plan is asked for beside the former.
+/// Request for a plan, apart from the former.
 #[derive(Clone, Copy)]
 pub struct Request<'a> {
-    /// Geometry and frequencies.
+    /// Geometry and frequencies of the recording.
     pub collection: &'a Collection,
-    /// The pixels.
+    /// Pixel grid of the image.
     pub grid: &'a ImageGrid,
     /// Window over fast time.
     pub fast: Window,
     /// Window over slow time.
     pub slow: Window,
-    /// Bytes that tables and one worker's buffers may take ([`Aim::scratch_bytes`]).
+    /// Limit on tables and buffers of one worker, bytes ([`ImageSpec::scratch_bytes`]).
     pub scratch_bytes: u64,
-    /// Whether a bound may be missed.
-    pub misses: Misses,
-    /// By what means.
-    pub means: Means<'a>,
+    /// Whether the error bound may be exceeded.
+    pub bound_policy: BoundPolicy,
+    /// Transforms and timing model.
+    pub numerics: Numerics<'a>,
 }
 
-/// How an image will be formed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
-    schema: String,
-    /// The former's name.
-    pub former: String,
-    /// Its settings, as [`ImageFormer::settings`] has them.
-    pub settings: serde_json::Value,
-    /// What it chose.
-    choices: serde_json::Value,
-    /// The same in short: a JSON object.
-    pub summary: serde_json::Value,
-    /// The pixels.
-    pub grid: ImageGrid,
-    /// Window over fast time, by name.
-    pub window: String,
-    /// Window over slow time, by name.
-    pub slow_window: String,
-    /// The limit on scratch that it was made for, bytes.
-    pub scratch_bytes: u64,
-    /// By whose transforms: whoever carries it out uses these.
-    pub transforms: Transforms,
-    /// By what times it was chosen, and its stages foretold.
-    pub time_model: TimeModel,
-    /// Bound on the error, dB, if there is one.
-    pub bound_db: Option<f64>,
-    /// Whether that may be missed.
-    pub misses_allowed: bool,
-    /// Planned relative RMS error, dB.
-    pub planned_db: f64,
-    /// What was planned for in place of the bound, dB, if the scene makes more of errors than a plan knows.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub planned_for_db: Option<f64>,
-    /// Of every tile but those at the ends.
-    pub tile: PatchSize,
-    /// What the image takes, formed in one pass.
-    pub cost: Cost,
-    /// Real operations for a tile alone.
-    pub tile_operations: f64,
-    /// What is held meanwhile by a thread, pixels and all, the recording apart, bytes.
-    pub tile_bytes: u64,
-    /// Of which recording.
-    pub recording: Fingerprint,
-}
-
-/// By what a recording is known again.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Fingerprint {
-    /// Pulses.
-    pub pulses: usize,
-    /// Frequencies a pulse.
-    pub samples: usize,
-    /// FNV-1a of all positions, reference paths, frequencies and motions within pulses, in hexadecimal.
-    pub geometry: String,
-}
-
-impl Fingerprint {
-    /// That of a collection.
-    pub fn of(collection: &Collection) -> Self {
-        let mut hash = 0xcbf2_9ce4_8422_2325u64;
-        let mut add = |value: f64| {
-            for byte in value.to_bits().to_le_bytes() {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-            }
-        };
-        for pulse in &collection.pulses {
-            let places = [pulse.transmitter_m, pulse.receiver_m, pulse.reference_m];
-            places.iter().flat_map(|p| p.to_array()).for_each(&mut add);
-            let numbers = [pulse.reference_path_m, pulse.start_hz, pulse.step_hz];
-            numbers.into_iter().for_each(&mut add);
-            let sweep = &pulse.sweep;
-            let motions = [
-                sweep.transmitter_m_s,
-                sweep.transmitter_m_s2,
-                sweep.receiver_m_s,
-                sweep.receiver_m_s2,
-                sweep.reference_m_s.unwrap_or_default(),
-            ];
-            add(sweep.sample_s);
-            motions.iter().flat_map(|v| v.to_array()).for_each(&mut add);
-        }
-        Self {
-            pulses: collection.pulses.len(),
-            samples: collection.num_samples,
-            geometry: format!("{hash:016x}"),
+impl<'a> Request<'a> {
+    /// Specification of the image with the given weights, which must be those of the request's windows.
+    pub fn spec<'w>(&self, weights: &'w Weights) -> ImageSpec<'w>
+    where
+        'a: 'w,
+    {
+        ImageSpec {
+            collection: self.collection,
+            grid: self.grid,
+            weights,
+            scratch_bytes: self.scratch_bytes,
+            numerics: self.numerics,
         }
     }
 }
 
-/// Why a plan cannot be carried out.
+/// Plan for forming an image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    schema: String,
+    /// Name of the former.
+    pub former: String,
+    /// Settings of the former ([`ImageFormer::settings`]).
+    pub settings: serde_json::Value,
+    /// Parameters chosen by the former.
+    choices: serde_json::Value,
+    /// Summary of the choices: a JSON object.
+    pub summary: serde_json::Value,
+    /// Pixel grid of the image.
+    pub grid: ImageGrid,
+    /// Name of the fast-time window.
+    pub window: String,
+    /// Name of the slow-time window.
+    pub slow_window: String,
+    /// Limit on scratch memory of one worker, bytes.
+    pub scratch_bytes: u64,
+    /// Transforms that the plan was made for and must be carried out with.
+    pub transforms: Transforms,
+    /// Timing model that the choices and the stage forecasts are based on.
+    pub time_model: TimeModel,
+    /// Bound on the relative RMS error, dB; `None` for no bound.
+    pub bound_db: Option<f64>,
+    /// Whether the error bound may be exceeded.
+    pub misses_allowed: bool,
+    /// Planned relative RMS error, dB.
+    pub planned_db: f64,
+    /// Planning target in place of the bound, dB, for a scene that enlarges errors beyond the plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planned_for_db: Option<f64>,
+    /// Tile size, pixels; tiles at the last row and column may be smaller.
+    pub tile: PatchSize,
+    /// Operations and memory for the image formed in one pass.
+    pub cost: Cost,
+    /// Real operations for one tile formed alone.
+    pub tile_operations: f64,
+    /// Memory per thread, bytes, including pixels and excluding the recording.
+    pub tile_bytes: u64,
+    /// Fingerprint of the recording's geometry.
+    pub recording: Fingerprint,
+}
+
+/// Reason that a plan cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// The text is none of a plan.
+    /// The text does not contain a valid plan.
     #[error("this is no plan: {0}")]
     Text(String),
-    /// It is of another version of the program.
+    /// The plan has the schema of a different program version.
     #[error("the plan is of the form '{found}', and {SCHEMA} is read: plan again")]
     Schema {
-        /// What it says of itself.
+        /// Schema name in the text.
         found: String,
     },
-    /// There is no such former, or not with such settings.
+    /// Unknown former, or invalid settings for it.
     #[error(transparent)]
     Former(#[from] formers::UnknownFormer),
-    /// A window that there is not.
+    /// Unknown window name.
     #[error("of the plan: {0}")]
     Window(#[from] subaperture_signal::window::WindowError),
-    /// A time model that is none.
+    /// Invalid timing model.
     #[error(transparent)]
     Model(#[from] TimeModelError),
-    /// A grid that is none.
+    /// Invalid pixel grid.
     #[error(transparent)]
     Grid(#[from] subaperture_model::geometry::GridError),
-    /// It was made for another recording.
+    /// The plan was made for a different recording.
     #[error(
         "the plan was made for a recording of {} pulses of {} samples, geometry {}, and this one has {} of {}, \
          geometry {}",
         planned.pulses, planned.samples, planned.geometry, found.pulses, found.samples, found.geometry
     )]
     Recording {
-        /// What it was made for.
+        /// Fingerprint stored in the plan.
         planned: Fingerprint,
-        /// What is there.
+        /// Fingerprint of the recording.
         found: Fingerprint,
     },
-    /// The former refuses.
+    /// The former refused to open the plan.
     #[error(transparent)]
     Form(#[from] FormError),
 }
 
 impl Plan {
-    /// Plans an image.
+    /// Make a plan for an image.
     ///
     /// # Errors
-    /// [`FormError`] as the former's; [`FormError::BoundMissed`] if the planned error misses a bound that is not to be
-    /// missed.
+    /// [`FormError`] of the former; [`FormError::BoundMissed`] if the planned error exceeds a bound that must
+    /// be kept.
     pub fn new(
         former: &dyn ImageFormer,
         request: &Request,
@@ -204,12 +178,12 @@ impl Plan {
         Self::made(former, former.bound_db(), request, monitor)
     }
 
-    /// Plans the image of the same request for an error of `error_db`, less than the former's bound
-    /// ([`Judgement::next_plan_db`]); the bound stays what is asked of the image. `None` if the former has no way to make its
-    /// errors smaller.
+    /// Make a plan of the same request for a planned error of `error_db`, less than the former's bound
+    /// ([`Judgement::next_plan_db`]). The bound of the image is unchanged. The plan may fall short of
+    /// `error_db`. `None` if the former cannot reduce its error, or still exceeds a bound that must be kept.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// Errors of [`Self::new`].
     pub fn for_less(
         former: &dyn ImageFormer,
         error_db: f64,
@@ -219,10 +193,59 @@ impl Plan {
         let Some(stricter) = former.planning_for(error_db) else {
             return Ok(None);
         };
-        Ok(Some(Self {
+        // The plan may fall short of `error_db`.
+        let allowed = Request {
+            bound_policy: BoundPolicy::Allowed,
+            ..*request
+        };
+        let plan = Self {
             planned_for_db: Some(error_db),
-            ..Self::made(&*stricter, former.bound_db(), request, monitor)?
-        }))
+            misses_allowed: request.bound_policy == BoundPolicy::Allowed,
+            ..Self::made(&*stricter, former.bound_db(), &allowed, monitor)?
+        };
+        let keeps = plan.misses_allowed || !accuracy::misses(plan.planned_db, plan.bound_db);
+        Ok(keeps.then_some(plan))
+    }
+
+    /// Whether `stricter` should replace this plan: its error is smaller and its time not many times longer.
+    pub fn is_worth_replacing(&self, stricter: &Self) -> bool {
+        let plans = [self, stricter].map(|plan| (plan.planned_db, plan.cost.operations));
+        accuracy::is_worth_forming_again(plans)
+    }
+
+    /// Make a plan for a recording with samples available. As [`Self::new`], but with a stricter target where scatterers outside the grid are bright enough
+    /// to need room within the bound. A plan carried out elsewhere without replanning then keeps the bound. All
+    /// pulses are read once.
+    ///
+    /// Without a bound, or where the former cannot plan for a smaller error, the result equals that of [`Self::new`].
+    ///
+    /// # Errors
+    /// Errors of [`Self::new`]; [`FormError::Read`].
+    pub fn for_recording(
+        former: &dyn ImageFormer,
+        request: &Request,
+        history: &dyn PhaseHistory,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, FormError> {
+        let plan = Self::new(former, request, monitor)?;
+        let goal = plan.goal();
+        if goal.bound_db.is_none() || former.planning_for(plan.planned_db).is_none() {
+            return Ok(plan);
+        }
+        let weights =
+            former.weights(request.collection, request.grid, request.fast, request.slow)?;
+        let spec = request.spec(&weights);
+        let planned = Planned::of_settings(plan.planned_db, &plan.summary);
+        let room = accuracy::room_for_outside(&spec, history, planned, &goal, monitor)?;
+        let Some(error_db) = room else {
+            return Ok(plan);
+        };
+        match Self::for_less(former, error_db, request, monitor) {
+            Ok(Some(less)) if plan.is_worth_replacing(&less) => Ok(less),
+            // A stricter plan is not available; the first plan may suffice.
+            Ok(_) | Err(FormError::Unsuited(_)) => Ok(plan),
+            Err(error) => Err(error),
+        }
     }
 
     fn made(
@@ -236,22 +259,16 @@ impl Plan {
         } = request;
         super::check(collection, grid)?;
         super::check_surface(former, grid)?;
-        let weights = Weights::new(collection, request.fast, request.slow);
-        let aim = Aim {
-            collection,
-            grid,
-            weights: &weights,
-            scratch_bytes: request.scratch_bytes,
-            means: request.means,
-        };
-        let asked = former.asked(request.misses);
-        let swept = accuracy::swept(former, &aim, &asked)?;
-        let decision = former.decide(&aim, &asked, monitor)?;
+        let weights = former.weights(collection, grid, request.fast, request.slow)?;
+        let spec = request.spec(&weights);
+        let goal = former.goal(request.bound_policy);
+        let swept = accuracy::swept(former, &spec, &goal)?;
+        let decision = former.decide(&spec, &goal, monitor)?;
         let tile = tile_size(grid, decision.grain);
         let share = (tile.rows * tile.columns) as f64 / grid.num_pixels() as f64;
         let mut summary = decision.settings;
         if let Some(summary) = summary.as_object_mut() {
-            request.means.note(summary);
+            request.numerics.note(summary);
         }
         Ok(Self {
             schema: SCHEMA.to_owned(),
@@ -263,10 +280,10 @@ impl Plan {
             window: request.fast.to_string(),
             slow_window: request.slow.to_string(),
             scratch_bytes: request.scratch_bytes,
-            transforms: request.means.transforms,
-            time_model: request.means.model.clone(),
+            transforms: request.numerics.transforms,
+            time_model: request.numerics.model.clone(),
             bound_db,
-            misses_allowed: request.misses == Misses::Allowed,
+            misses_allowed: request.bound_policy == BoundPolicy::Allowed,
             planned_db: accuracy::with_sweep(decision.planned_db, swept),
             planned_for_db: None,
             tile_operations: decision.cost.tile_operations(share).round(),
@@ -278,20 +295,28 @@ impl Plan {
         })
     }
 
-    /// As text.
+    /// Write the plan as JSON text.
     pub fn to_text(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).expect("a plan is of numbers and text");
         text.push('\n');
         text
     }
 
-    /// From text.
+    /// Read a plan from JSON text.
     ///
     /// # Errors
     /// [`PlanError::Text`]; [`PlanError::Schema`]; [`PlanError::Grid`].
     pub fn from_text(text: &str) -> Result<Self, PlanError> {
+        let value = serde_json::from_str(text);
+        Self::from_value(value.map_err(|error| PlanError::Text(error.to_string()))?)
+    }
+
+    /// Read a plan from a JSON value, for callers that bound the memory of parsing.
+    ///
+    /// # Errors
+    /// Errors of [`Self::from_text`].
+    pub fn from_value(value: serde_json::Value) -> Result<Self, PlanError> {
         let wrong = |error: serde_json::Error| PlanError::Text(error.to_string());
-        let value: serde_json::Value = serde_json::from_str(text).map_err(wrong)?;
         let schema = value["schema"].as_str().unwrap_or_default();
         if schema != SCHEMA {
             return Err(PlanError::Schema {
@@ -300,8 +325,10 @@ impl Plan {
         }
         let plan: Self = serde_json::from_value(value).map_err(wrong)?;
         plan.time_model.check()?;
+        super::check_size(&plan.grid)?;
         match plan.grid.fault() {
             Some(fault) => Err(fault.into()),
+
             None if !plan.has_tiles() => Err(PlanError::Text(
                 "its tiles are empty, or larger than the image".to_owned(),
             )),
@@ -315,7 +342,7 @@ impl Plan {
             && (1..=grid.columns.count).contains(&tile.columns)
     }
 
-    /// The image cut into tiles.
+    /// Tiling of the image.
     pub fn tiling(&self) -> Tiling {
         Tiling {
             image: [self.grid.rows.count, self.grid.columns.count],
@@ -323,12 +350,12 @@ impl Plan {
         }
     }
 
-    /// Tiles, in all.
+    /// Number of tiles.
     pub fn num_tiles(&self) -> usize {
         self.tiling().count()
     }
 
-    /// The windows.
+    /// Fast-time and slow-time window.
     ///
     /// # Errors
     /// [`PlanError::Window`].
@@ -338,30 +365,31 @@ impl Plan {
         Ok([window(&self.window)?, window(&self.slow_window)?])
     }
 
-    /// What was asked of the error.
-    pub fn asked(&self) -> Asked {
-        Asked {
+    /// Error requirement of the plan.
+    pub fn goal(&self) -> ErrorGoal {
+        ErrorGoal {
             bound_db: self.bound_db,
-            misses: match self.misses_allowed {
-                true => Misses::Allowed,
-                false => Misses::Refused,
+            bound_policy: match self.misses_allowed {
+                true => BoundPolicy::Allowed,
+                false => BoundPolicy::Refused,
             },
         }
     }
 
-    /// The weights that it means for a collection.
+    /// Weights of the plan for a collection.
     ///
     /// # Errors
-    /// [`PlanError::Window`].
+    /// [`PlanError::Window`]; [`PlanError::Former`]; [`PlanError::Form`] if the beam does not suit the collection.
     pub fn weights(&self, collection: &Collection) -> Result<Weights, PlanError> {
         let [fast, slow] = self.windows()?;
-        Ok(Weights::new(collection, fast, slow))
+        let former = formers::former(&self.former, &self.settings)?;
+        Ok(former.weights(collection, &self.grid, fast, slow)?)
     }
 
-    /// Ready to form tiles of the recording that it was made for, with the weights of [`Self::weights`].
+    /// Open the plan for tiles of its recording, with the weights of [`Self::weights`].
     ///
     /// # Errors
-    /// [`PlanError`].
+    /// [`PlanError`] if the plan does not match the recording or the former refuses it.
     pub fn open<'a>(
         &'a self,
         collection: &'a Collection,
@@ -376,29 +404,30 @@ impl Plan {
         }
         let former = formers::former(&self.former, &self.settings)?;
         super::check_surface(&*former, &self.grid)?;
-        let aim = Aim {
+        super::beam::check(&*former, weights)?;
+        let spec = ImageSpec {
             collection,
             grid: &self.grid,
             weights,
             scratch_bytes: self.scratch_bytes,
-            means: Means {
+            numerics: Numerics {
                 transforms: self.transforms,
                 model: &self.time_model,
             },
         };
         Ok(Opened {
             plan: self,
-            aim,
-            forming: former.open(aim, &self.choices)?,
-            probes: Probes::new(aim, self.planned_db),
+            spec,
+            forming: former.open(spec, &self.choices)?,
+            probes: Probes::new(spec, self.planned_db),
         })
     }
 }
 
-/// The former's grain, as often as makes tiles neither many nor large.
+/// Multiple of the former's grain that makes tiles neither numerous nor large.
 fn tile_size(grid: &ImageGrid, grain: PatchSize) -> PatchSize {
     let total = grid.rows.count.saturating_mul(grid.columns.count);
-    let pixels = (total / TILES).clamp(LEAST_TILE_PIXELS, TILE_PIXELS) as f64;
+    let pixels = (total / TILES).clamp(MIN_TILE_PIXELS, TILE_PIXELS) as f64;
     let side = |count: usize, grain: usize| {
         let grains = (pixels.sqrt() / grain as f64).round().max(1.0) as usize;
         (grains * grain).min(count)
@@ -409,30 +438,16 @@ fn tile_size(grid: &ImageGrid, grain: PatchSize) -> PatchSize {
     }
 }
 
-/// A plan that is ready to be carried out.
+/// Plan opened for forming tiles.
 pub struct Opened<'a> {
     plan: &'a Plan,
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     forming: Box<dyn Forming + 'a>,
-    /// Once all pulses were read, the sums of them all: what tiles share may be kept, and pulses not read again.
+    /// Sums of all pulses once each has been read; data shared by tiles may then be kept instead of reading pulses again.
     probes: Probes<'a>,
 }
 
-/// Where formed tiles go.
-pub trait Sink {
-    /// Takes tile `index`.
-    ///
-    /// # Errors
-    /// Any, which ends the work.
-    fn take(
-        &mut self,
-        index: usize,
-        tile: Tile,
-        record: TileRecord,
-    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>>;
-}
-
-/// Progress of a pass over the pulses among several.
+/// Progress of one of several passes over the pulses.
 struct Pass<'a> {
     monitor: &'a dyn Monitor,
     done: f64,
@@ -458,11 +473,11 @@ impl Monitor for Pass<'_> {
 }
 
 impl Opened<'_> {
-    /// Forms the tiles of these indices, in this order, each pass over the pulses as many as `memory_bytes` (for
-    /// everything) holds and at most `most_a_pass`, and hands each to `sink`.
+    /// Form the tiles of the given indices in order and pass each to `sink`. Each pass over the pulses forms as many tiles as
+    /// `memory_bytes` (for everything) allows, at most `most_a_pass`.
     ///
     /// # Errors
-    /// [`FormError`]. Tiles that the sink took are whole.
+    /// [`FormError`]. Tiles already passed to the sink are complete.
     pub fn form(
         &self,
         work: &Work,
@@ -474,7 +489,7 @@ impl Opened<'_> {
         let left_bytes = work.memory_bytes.saturating_sub(held_bytes);
         let pixels = (self.plan.tile.rows * self.plan.tile.columns) as u64;
         let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
-        // A third, so that pulses and scratch have room.
+        // A third for tiles; the rest for pulses and scratch.
         let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
         let tiling = self.plan.tiling();
         let (total, mut done) = (indices.len() as f64, 0);
@@ -501,7 +516,7 @@ impl Opened<'_> {
             };
             self.forming.form(&within, &mut tiles)?;
             for (&index, tile) in indices.iter().zip(tiles) {
-                tile.check_finite(self.aim.grid)?;
+                tile.check_finite(self.spec.grid)?;
                 let record = self.probes.record(&tile).ok_or(FormError::PulsesLeftOut)?;
                 sink.take(index, tile, record).map_err(FormError::Sink)?;
             }
@@ -510,46 +525,27 @@ impl Opened<'_> {
         Ok(())
     }
 
-    /// What is known of the image's error now that all tiles are formed.
+    /// Measured error of the image from the records of all tiles, by evenly spread pixels alone.
     pub fn judge(&self, records: &[TileRecord]) -> Judgement {
-        accuracy::judge(&self.aim, records, self.plan.planned_db)
+        accuracy::judge(&self.spec, records, self.planned(), None)
     }
-}
 
-/// All of an image in memory.
-pub struct InMemory {
-    /// The image.
-    pub image: Image,
-    /// By tile.
-    pub records: BTreeMap<usize, TileRecord>,
-}
-
-impl InMemory {
-    /// An image of zeros.
-    pub fn new(grid: &ImageGrid) -> Self {
-        let (rows, columns) = (grid.rows.count, grid.columns.count);
-        Self {
-            image: Image {
-                rows,
-                columns,
-                pixels: vec![Complex32::ZERO; rows * columns],
-            },
-            records: BTreeMap::new(),
-        }
+    /// Measured error of the image from the records of all tiles, also by pixels drawn in proportion to power unless the evenly spread pixels settle that the bound is kept.
+    /// The drawn pixels need another pass over all pulses of `history`.
+    ///
+    /// # Errors
+    /// [`FormError::Read`]; [`FormError::Cancelled`].
+    pub fn judge_again(
+        &self,
+        records: &[TileRecord],
+        history: &dyn PhaseHistory,
+        monitor: &dyn Monitor,
+    ) -> Result<Judgement, FormError> {
+        let (planned, goal) = (self.planned(), self.plan.goal());
+        accuracy::judge_again(&self.spec, history, records, planned, &goal, monitor)
     }
-}
 
-impl Sink for InMemory {
-    fn take(
-        &mut self,
-        index: usize,
-        tile: Tile,
-        record: TileRecord,
-    ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        let image = &mut self.image;
-        let whole = [0..image.rows, 0..image.columns];
-        copy_common(&whole, &mut image.pixels, &tile.place.place(), &tile.pixels);
-        self.records.insert(index, record);
-        Ok(())
+    fn planned(&self) -> Planned {
+        Planned::of_settings(self.plan.planned_db, &self.plan.summary)
     }
 }

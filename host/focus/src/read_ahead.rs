@@ -1,4 +1,4 @@
-//! Pulses that are read while those before them are worked on.
+//! Reading of pulses while the preceding ones are processed.
 
 use std::ops::Range;
 
@@ -7,15 +7,15 @@ use num_complex::Complex32;
 use crate::FormError;
 use subaperture_model::phase_history::PhaseHistory;
 
-/// Blocks that are in memory at a time.
+/// Blocks in memory at a time.
 pub(crate) const BLOCKS_HELD: usize = 2;
 
-/// Gives each of `blocks` of pulses, in order, to `work`, with their samples pulse by pulse, which it may overwrite.
+/// Pass each of `blocks` of pulses in order to `work`, with samples pulse by pulse that it may overwrite.
 ///
-/// The next one is read meanwhile, by another thread if one is free: [`BLOCKS_HELD`] are held.
+/// The next block is read in the meantime, by another thread if one is free: [`BLOCKS_HELD`] are held.
 ///
 /// # Errors
-/// The first of reading and of `work`.
+/// The first error of reading or of `work`.
 pub(crate) fn read_ahead(
     history: &dyn PhaseHistory,
     blocks: impl IntoIterator<Item = Range<usize>>,
@@ -42,10 +42,10 @@ pub(crate) fn read_ahead(
     work(pulses, &mut samples)
 }
 
-/// The same for all pulses, `block` at a time, whose samples stay: each where it is read to.
+/// Read all pulses, `block` at a time, into their final location, and process each block.
 ///
 /// # Errors
-/// The first of reading and of `work`.
+/// The first error of reading or of `work`.
 pub(crate) fn read_ahead_into(
     history: &dyn PhaseHistory,
     block: usize,
@@ -68,7 +68,7 @@ pub(crate) fn read_ahead_into(
     work(pulses, rows)
 }
 
-/// `count` pulses, `block` at a time.
+/// Divide `count` pulses into blocks of `block`.
 pub(crate) fn blocks_of(count: usize, block: usize) -> impl Iterator<Item = Range<usize>> {
     (0..count)
         .step_by(block)

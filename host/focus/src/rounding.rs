@@ -1,21 +1,21 @@
-//! What the arithmetic itself costs, relative: the least error that a former may predict.
+//! Arithmetic rounding errors, relative: the smallest error that a former may predict.
 
 use std::f64::consts::TAU;
 
-use super::Aim;
+use super::ImageSpec;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 
-/// RMS rounding of a float32, relative: half a unit in the last place over the root of 3, in the mean over
+/// RMS rounding of a float32, relative: half a unit in the last place over the root of 3, averaged over
 /// mantissas.
 pub(super) const FLOAT32: f64 = 3e-8;
 
-/// The largest rounding of a float32, relative: half a unit in the last place of a mantissa of 1.
+/// Largest rounding of a float32, relative: half a unit in the last place for a mantissa of 1.
 pub(super) const LARGEST_FLOAT32: f64 = 6e-8;
 
-/// RMS phase error, radians, of paths computed in float64 from positions of antennas and pixels: a few roundings of the
-/// largest number on the way.
+/// RMS phase error, radians, of float64 paths from antenna and pixel positions: a few roundings of the
+/// largest intermediate value.
 pub(super) fn path_phase_rad(collection: &Collection, grid: &ImageGrid) -> f64 {
     let corners = [
         (0, 0),
@@ -35,10 +35,10 @@ pub(super) fn path_phase_rad(collection: &Collection, grid: &ImageGrid) -> f64 {
     TAU * turns.fold(0.0, f64::max) * f64::EPSILON
 }
 
-/// RMS phase, radians, by which pulses' frequencies differ from the first pulse's, for a former that takes them
-/// all as that: at most, over the aim's grid.
-pub(super) fn band_phase_rad(aim: &Aim) -> f64 {
-    let (collection, grid) = (aim.collection, aim.grid);
+/// Upper bound on the RMS phase, radians, over the aim's grid by which pulse frequencies differ from the first pulse's, for a former that uses
+/// one band.
+pub(super) fn band_phase_rad(spec: &ImageSpec) -> f64 {
+    let (collection, grid) = (spec.collection, spec.grid);
     let last = collection.num_samples.saturating_sub(1);
     let Some(first) = collection.pulses.first() else {
         return 0.0;
@@ -62,22 +62,22 @@ pub(super) fn band_phase_rad(aim: &Aim) -> f64 {
     (squares.sum::<f64>() / collection.pulses.len() as f64).sqrt()
 }
 
-/// The highest frequency of any sample, hertz.
-pub(super) fn highest_hz(aim: &Aim) -> f64 {
-    let collection = aim.collection;
+/// Highest frequency of any sample, hertz.
+pub(super) fn highest_hz(spec: &ImageSpec) -> f64 {
+    let collection = spec.collection;
     let last = collection.num_samples.saturating_sub(1);
     let each = collection.pulses.iter();
     each.map(|p| p.start_hz.abs().max(p.frequency_hz(last).abs()))
         .fold(0.0, f64::max)
 }
 
-/// RMS rounding of a sum of `terms` float32 values taken one after another, relative to the sum: each partial
-/// sum is rounded once, a third of the squares' sum for one that grows evenly.
+/// RMS rounding of a sequential sum of `terms` float32 values, relative to the sum: each partial
+/// sum is rounded once, which is a third of the squared sum for one that grows evenly.
 pub(super) fn sum(terms: usize) -> f64 {
     FLOAT32 * (1.0 + terms as f64 / 3.0).sqrt()
 }
 
-/// dB of a root of summed squares.
+/// Root of summed squares, dB.
 pub(super) fn total_db(errors: &[f64]) -> f64 {
     let squares: f64 = errors.iter().map(|error| error * error).sum();
     10.0 * libm::log10(squares)

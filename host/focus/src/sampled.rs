@@ -1,5 +1,6 @@
-//! Some of an image's pixels compared with the exact sum, whose pulses are added as a former reads them.
+//! Comparison of selected pixels with the exact sum, accumulated while a former reads the pulses.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -7,34 +8,39 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::drawn::{SampledPixels, power_about};
 use super::exact::{LANES, add_pulse};
+use super::probes::spread;
 use super::stages::{READING, SAMPLES, during};
-use super::{Aim, Tile};
+use super::stray::{self, Buffers, Profiles, RecordedEnergy};
+use super::{ImageSpec, Tile};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::{horner, power};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+};
 use subaperture_signal::phase::phasor;
 
-/// Pixels at which every image is compared with the sum.
+/// Number of pixels of every image that are compared with the exact sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
 
-/// Least bound, dB, for which the exact sums at these are told well enough with runs of samples in float32.
+/// Smallest bound, dB, that float32 accumulation of sample blocks can verify.
 const NARROW_DB: f64 = -80.0;
 
-/// Pixels of which all are sampled.
+/// Largest image, pixels, of which every pixel is compared.
 const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
 
-/// Pulses that a thread adds to the samples at a time; their order in the sum is fixed.
+/// Pulses that one thread adds at a time; the summation order is fixed.
 const PULSES_A_PART: usize = 16;
 
-/// Pixels of `grid` at which an image is compared with the sum, ascending.
+/// Indices of the pixels of `grid` compared with the exact sum, ascending.
 pub(super) fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
     let total = grid.num_pixels() as usize;
-    // Golden-ratio places: spread evenly without a lattice.
+    // Golden-ratio positions: evenly spread without a lattice.
     let place = |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
     let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
         true => (0..total).collect(),
@@ -45,92 +51,188 @@ pub(super) fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
     pixels
 }
 
-/// What is kept of a formed tile, so that all of them together tell the image's error.
+/// Record of a formed tile; the records of all tiles determine the image error.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TileRecord {
-    /// Sum of `|I|^2` over its pixels.
+    /// Sum of `|I|^2` over the pixels of the tile.
     pub power: f64,
-    /// Its pixels that are compared with the sum.
-    pub seen: Vec<Seen>,
-    /// Power of all weighted samples, over the weights' sum: what noise would show in a pixel.
+    /// Pixels of the tile that are compared with the exact sum.
+    pub seen: Vec<ComparedPixel>,
+    /// Power of all weighted samples over the sum of weights: the pixel power of noise of that power.
     pub terms: f64,
-    /// Whether the exact sums are of runs of samples in float32.
+    /// Energy of the recorded samples (`stray.rs`) at all ranges and at the ranges of the grid; 0 if not measured.
+    #[serde(default)]
+    pub recorded: [RecordedEnergy; 2],
+    /// Whether the exact sums accumulate blocks of samples in float32.
     #[serde(default)]
     pub narrow: bool,
+    /// Pixels drawn in proportion to local power, for a second comparison.
+    #[serde(default)]
+    pub drawn: SampledPixels,
 }
 
-/// A pixel that is compared with the sum.
+/// Pixel compared with the exact sum.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Seen {
-    /// Its index in the grid, row-major.
+pub struct ComparedPixel {
+    /// Index in the grid, row-major.
     pub pixel: usize,
-    /// Real and imaginary part of what was formed.
+    /// Real and imaginary part of the formed pixel.
     pub formed: [f32; 2],
-    /// The same of the exact sum.
+    /// Real and imaginary part of the exact sum.
     pub exact: [f64; 2],
+    /// Mean power of the formed pixels around this one.
+    #[serde(default)]
+    pub about: f64,
 }
 
-/// The exact sum at some pixels, kept as pulses are read.
+/// Exact sums at selected pixels, accumulated as pulses are read.
 pub(super) struct Probes<'a> {
-    aim: Aim<'a>,
-    /// Indices of pixels, ascending, and where they lie.
+    spec: ImageSpec<'a>,
+    /// Indices of the compared pixels, ascending, and their positions.
     pixels: Vec<usize>,
     points: Vec<DVec3>,
-    /// Whether float32 is good enough for runs of samples.
+    /// Whether blocks of samples are accumulated in float32.
     narrow: bool,
+    /// Range profiles; `None` if every pixel is compared.
+    profiles: Option<Profiles>,
+    /// Block of each pixel, for images formed block by block from different pulses.
+    blocks: Option<Vec<usize>>,
+    /// Positions of the grid corners, the midpoints of its sides and its centre.
+    edges: Vec<DVec3>,
     sums: Mutex<Sums>,
 }
 
-/// A history whose pulses go to probes as they are read.
+/// Phase history that passes the pulses it reads to the probes.
 pub(super) struct Sampled<'a> {
     pub(super) history: &'a dyn PhaseHistory,
     pub(super) probes: &'a Probes<'a>,
     pub(super) monitor: &'a dyn Monitor,
 }
 
-/// Sums so far, and the pulses that are in them.
+/// Partial sums and the pulses already added.
 struct Sums {
     values: Vec<Complex64>,
-    /// Power of all weighted samples: `sum_n sum_k |w_n w_k z[n][k]|^2`.
-    terms: f64,
+    levels: Vec<PulseLevels>,
+    /// Levels of all pulses, once every pulse has been added.
+    total: Option<Total>,
     pulses: Range<usize>,
 }
 
+/// Sample levels of one pulse, without its slow-time weight.
+#[derive(Clone, Copy, Debug)]
+struct PulseLevels {
+    /// Power of the weighted samples, `sum_k |w_k z[n][k]|^2`.
+    power: f64,
+    /// Sums over the range profile, at all ranges and at the ranges of the grid.
+    profiles: [stray::Sums; 2],
+}
+
+/// Sample levels of all pulses, normalised like pixels.
+#[derive(Clone, Copy, Debug)]
+struct Total {
+    /// Power of all terms ([`TileRecord::terms`]).
+    terms: f64,
+    /// Recorded energy ([`TileRecord::recorded`]).
+    recorded: [RecordedEnergy; 2],
+}
+
 impl<'a> Probes<'a> {
-    /// To tell errors down to about `bound_db`.
-    pub(super) fn new(aim: Aim<'a>, bound_db: f64) -> Self {
-        let columns = aim.grid.columns.count;
-        let pixels = sampled_pixels(aim.grid);
+    /// Prepare probes that resolve errors down to about `bound_db`.
+    pub(super) fn new(spec: ImageSpec<'a>, bound_db: f64) -> Self {
+        let narrow = bound_db >= NARROW_DB && !spec.collection.sweeps();
+        let pixels = sampled_pixels(spec.grid);
+        let profiles = (pixels.len() < spec.grid.num_pixels() as usize)
+            .then(|| Profiles::new(spec.collection.num_samples, spec.numerics.transforms));
+        Self {
+            profiles,
+            ..Self::at(spec, pixels, narrow)
+        }
+    }
+
+    /// Prepare probes at given pixels; `narrow` as in [`TileRecord::narrow`].
+    pub(super) fn at(spec: ImageSpec<'a>, pixels: Vec<usize>, narrow: bool) -> Self {
+        let columns = spec.grid.columns.count;
         let points: Vec<DVec3> = pixels
             .iter()
-            .map(|i| aim.grid.position_m(i / columns, i % columns))
+            .map(|i| spec.grid.position_m(i / columns, i % columns))
             .collect();
         let sums = Mutex::new(Sums {
             values: vec![Complex64::ZERO; points.len()],
-            terms: 0.0,
+            levels: Vec::new(),
+            total: None,
             pulses: 0..0,
         });
+        let lit = spec.weights.lit.as_ref();
+        let blocks = lit.map(|lit| {
+            let block = |i: &usize| lit.block_of(i / columns, i % columns);
+            pixels.iter().map(block).collect()
+        });
         Self {
-            narrow: bound_db >= NARROW_DB && !aim.collection.sweeps(),
-            aim,
+            blocks,
+            narrow,
+            profiles: None,
+            edges: spread(spec.grid, 3),
+            spec,
             pixels,
             points,
             sums,
         }
     }
 
-    /// Adds a pulse to the points' sums.
+    /// Smallest and largest delay of the edge points in pulse `n`, turns per frequency step.
+    fn turns(&self, n: usize) -> [f64; 2] {
+        let pulse = &self.spec.collection.pulses[n];
+        let turns_m = pulse.step_hz / SPEED_OF_LIGHT_M_S;
+        let turns = self
+            .edges
+            .iter()
+            .map(|&point| pulse.relative_path_m(point) * turns_m);
+        turns.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], turns| {
+            [low.min(turns), high.max(turns)]
+        })
+    }
+
+    /// Add a pulse to the sums of the points it illuminates.
     fn add_pulse(&self, n: usize, row: &[Complex32], fast: &[f32], sums: &mut [Complex64]) {
-        let (pulse, weights) = (&self.aim.collection.pulses[n], self.aim.weights);
+        let weights = self.spec.weights;
+        let (Some(lit), Some(blocks)) = (&weights.lit, &self.blocks) else {
+            self.add_weighted(n, weights.slow[n], (row, fast), &self.points, sums);
+            return;
+        };
+        // Only pixels formed from this pulse contribute, each with its own weight.
+        let weighted: Vec<(usize, f64)> = blocks
+            .iter()
+            .map(|&block| lit.weight(block, n))
+            .enumerate()
+            .filter(|(_, weight)| *weight != 0.0)
+            .collect();
+        let points: Vec<DVec3> = weighted.iter().map(|&(i, _)| self.points[i]).collect();
+        let mut own = vec![Complex64::ZERO; points.len()];
+        self.add_weighted(n, 1.0, (row, fast), &points, &mut own);
+        for ((i, weight), value) in weighted.into_iter().zip(own) {
+            sums[i] += value * weight;
+        }
+    }
+
+    /// Add a pulse to the sums of points with equal weight.
+    fn add_weighted(
+        &self,
+        n: usize,
+        weight: f64,
+        (row, fast): (&[Complex32], &[f32]),
+        points: &[DVec3],
+        sums: &mut [Complex64],
+    ) {
+        let pulse = &self.spec.collection.pulses[n];
         if !self.narrow {
-            let lanes = sums.chunks_mut(LANES).zip(self.points.chunks(LANES));
+            let lanes = sums.chunks_mut(LANES).zip(points.chunks(LANES));
             for (sums, points) in lanes {
-                add_pulse(pulse, weights.slow[n], &weights.fast, row, points, sums);
+                add_pulse(pulse, weight, &self.spec.weights.fast, row, points, sums);
             }
             return;
         }
         let lanes = sums.chunks_mut(horner::NARROW_TOGETHER);
-        for (sums, points) in lanes.zip(self.points.chunks(horner::NARROW_TOGETHER)) {
+        for (sums, points) in lanes.zip(points.chunks(horner::NARROW_TOGETHER)) {
             let mut steps = [Complex64::ZERO; horner::NARROW_TOGETHER];
             let mut delays_s = [0.0; horner::NARROW_TOGETHER];
             for ((step, delay_s), &point) in steps.iter_mut().zip(&mut delays_s).zip(points) {
@@ -139,68 +241,184 @@ impl<'a> Probes<'a> {
             }
             let over_frequency = horner::narrow_sums(Instructions::best(), row, fast, &steps);
             for ((sum, value), delay_s) in sums.iter_mut().zip(over_frequency).zip(delays_s) {
-                *sum += value * phasor(pulse.start_hz * delay_s) * weights.slow[n];
+                *sum += value * phasor(pulse.start_hz * delay_s) * weight;
             }
         }
     }
 
-    /// Adds pulses, unless they are in the sums: a former may read some twice.
-    fn add(&self, pulses: Range<usize>, samples: &[Complex32], monitor: &dyn Monitor) {
-        let width = self.aim.collection.num_samples;
-        let weights = self.aim.weights;
+    /// Add pulses that are not yet in the sums; a former may read a pulse more than once.
+    pub(super) fn add(&self, pulses: Range<usize>, samples: &[Complex32], monitor: &dyn Monitor) {
+        let width = self.spec.collection.num_samples;
+        let weights = self.spec.weights;
         let fast: Vec<f32> = weights.fast.iter().map(|&w| w as f32).collect();
         let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
         if sums.pulses.end != pulses.start {
             return;
         }
         let numbers: Vec<usize> = pulses.clone().collect();
-        let parts: Vec<(Vec<Complex64>, f64)> = numbers
+        let parts: Vec<(Vec<Complex64>, Vec<PulseLevels>)> = numbers
             .par_chunks(PULSES_A_PART)
             .zip(samples.par_chunks(PULSES_A_PART * width))
             .map(|(numbers, samples)| {
                 let _summing = during(monitor, SAMPLES);
                 let mut part = vec![Complex64::ZERO; self.points.len()];
-                let mut terms = 0.0;
+                let mut levels = Vec::with_capacity(numbers.len());
+                let mut buffers = Buffers::default();
                 for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
                     self.add_pulse(n, row, &fast, &mut part);
-                    let sum = power::power(Instructions::best(), row, &fast);
-                    terms += weights.slow[n].powi(2) * sum;
+                    let profiles = self
+                        .profiles
+                        .as_ref()
+                        .map(|of_pulse| of_pulse.of(row, &fast, self.turns(n), &mut buffers));
+                    levels.push(PulseLevels {
+                        power: power::power(Instructions::best(), row, &fast),
+                        profiles: profiles.unwrap_or_default(),
+                    });
                 }
-                (part, terms)
+                (part, levels)
             })
             .collect();
-        for (part, terms) in parts {
+        for (part, levels) in parts {
             let both = sums.values.iter_mut().zip(part);
             both.for_each(|(sum, value)| *sum += value);
-            sums.terms += terms;
+            sums.levels.extend(levels);
         }
         sums.pulses.end = pulses.end;
     }
 
-    /// What is to be kept of `tile`, formed of these pulses. `None` if they were not all read.
-    pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
+    /// Exact sums of all pulses, normalised like pixels; `None` if a pulse is missing.
+    pub(super) fn values(&self) -> Option<Vec<Complex64>> {
         let sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
-        if sums.pulses.end != self.aim.collection.pulses.len() {
+        if sums.pulses.end != self.spec.collection.pulses.len() {
             return None;
         }
-        let norm = self.aim.weights.normalisation();
-        let columns = self.aim.grid.columns.count;
+        let values = self.pixels.iter().zip(&sums.values);
+        Some(values.map(|(&i, &sum)| sum * self.norm(i)).collect())
+    }
+
+    /// Factor that normalises the sum of a pixel.
+    fn norm(&self, pixel: usize) -> f64 {
+        let columns = self.spec.grid.columns.count;
+        let weights = self.spec.weights;
+        weights.normalisation_at(pixel / columns, pixel % columns)
+    }
+
+    /// Levels of all pulses.
+    ///
+    /// Blocks formed from different pulses count as separate images. Their energies add, as the energies of their pixels do. Term power and
+    /// energy of strong scatterers take the maximum over blocks: the echo of a scatterer outside the grid is assumed to lie in one
+    /// block.
+    fn total(&self, levels: &[PulseLevels]) -> Total {
+        let weights = self.spec.weights;
+        let Some(lit) = &weights.lit else {
+            return total(&weights.fast, &weights.slow, levels);
+        };
+        // Blocks formed from the same pulses have the same levels: one of them, and their number.
+        let mut alike = BTreeMap::<(usize, usize), (usize, f64)>::new();
+        for block in 0..lit.num_blocks() {
+            let pulses = lit.pulses(block);
+            if !pulses.is_empty() {
+                alike
+                    .entry((pulses.start, pulses.end))
+                    .or_insert((block, 0.0))
+                    .1 += 1.0;
+            }
+        }
+        let mut sum = Total {
+            terms: 0.0,
+            recorded: Default::default(),
+        };
+        let mut longest = 0..0;
+        for (block, count) in alike.into_values() {
+            let pulses = lit.pulses(block);
+            let own = total(&weights.fast, lit.slow(block).0, &levels[pulses.clone()]);
+            sum.terms = sum.terms.max(own.terms);
+            for (sum, own) in sum.recorded.iter_mut().zip(own.recorded) {
+                sum.all += count * own.all;
+                sum.strong = sum.strong.max(own.strong);
+            }
+            if pulses.len() > longest.len() {
+                longest = pulses;
+            }
+        }
+        // Resolution cells of the longest block are larger than those of all pulses, which are the unit of these energies.
+        let of_block = Collection {
+            name: String::new(),
+            pulses: self.spec.collection.pulses[longest].to_vec(),
+            ..*self.spec.collection
+        };
+        let pixels = |collection| {
+            stray::pixels_a_cell(&ImageSpec {
+                collection,
+                ..self.spec
+            })
+        };
+        let larger = (pixels(&of_block) / pixels(self.spec.collection)).max(1.0);
+        for recorded in &mut sum.recorded {
+            recorded.all *= larger;
+            recorded.strong *= larger;
+        }
+        sum
+    }
+
+    /// Energy of all pulses at all ranges and at the ranges of the grid; `None` if a pulse is missing.
+    pub(super) fn recorded(&self) -> Option<[RecordedEnergy; 2]> {
+        let sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
+        let all = sums.pulses.end == self.spec.collection.pulses.len();
+        all.then(|| self.total(&sums.levels).recorded)
+    }
+
+    /// Record of a `tile` formed from these pulses; `None` if a pulse was not read.
+    pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
+        let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
+        if sums.pulses.end != self.spec.collection.pulses.len() {
+            return None;
+        }
+        let total = match sums.total {
+            Some(total) => total,
+            None => {
+                let total = self.total(&sums.levels);
+                *sums.total.insert(total)
+            }
+        };
+        let columns = self.spec.grid.columns.count;
         let seen = self.pixels.iter().zip(&sums.values);
         let seen = seen.filter_map(|(&pixel, &sum)| {
-            let formed = tile.at(pixel / columns, pixel % columns)?;
-            let exact = sum * norm;
-            Some(Seen {
+            let (row, column) = (pixel / columns, pixel % columns);
+            let formed = tile.at(row, column)?;
+            let exact = sum * self.norm(pixel);
+            let place = tile.place;
+            Some(ComparedPixel {
                 pixel,
                 formed: [formed.re, formed.im],
                 exact: [exact.re, exact.im],
+                about: power_about(tile, row - place.row, column - place.column),
             })
         });
         Some(TileRecord {
             power: tile.pixels.iter().map(|&z| image::power(z)).sum(),
             seen: seen.collect(),
-            terms: sums.terms * norm * norm,
+            terms: total.terms,
+            recorded: total.recorded,
             narrow: self.narrow,
+            drawn: SampledPixels::of(tile, columns),
         })
+    }
+}
+
+/// Levels of pulses with the given weights.
+fn total(fast: &[f64], slow: &[f64], levels: &[PulseLevels]) -> Total {
+    let (mut terms, mut profiles) = (0.0, [stray::Sums::default(); 2]);
+    for (&weight, level) in slow.iter().zip(levels) {
+        terms += weight * weight * level.power;
+        for (sum, own) in profiles.iter_mut().zip(&level.profiles) {
+            sum.add(own, weight);
+        }
+    }
+    let norm = 1.0 / (fast.iter().sum::<f64>() * slow.iter().sum::<f64>());
+    Total {
+        terms: terms * norm * norm,
+        recorded: profiles.map(|sums| sums.energy(fast, slow)),
     }
 }
 
@@ -237,6 +455,14 @@ impl PhaseHistory for Sampled<'_> {
 
     fn start_ns(&self) -> Option<i64> {
         self.history.start_ns()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.history.beam()
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.history.phase_conventions()
     }
 
     fn warnings(&self) -> Vec<String> {

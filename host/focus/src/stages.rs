@@ -1,8 +1,8 @@
-//! How long stages of forming take, measured as they run.
+//! Measured times of the stages of image formation.
 //!
-//! What each will take a former says beforehand ([`crate::cost::StageCost`]); it and its parts tell a monitor when a thread begins with some
-//! of a stage and when it has done it ([`during`]), by the same names. Threads that are within a stage, counted at each of these
-//! moments, give its time of all threads and on the clock: two looks at a clock for a patch or some pulses.
+//! A former forecasts the time of each stage ([`crate::cost::StageCost`]). Its code notifies the monitor, under the same stage names, when a thread starts and
+//! ends a portion of a stage ([`during`]). Counting the active threads at these events
+//! gives the thread time and the elapsed time per stage, at two clock readings per patch or block of pulses.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -11,38 +11,38 @@ pub use subaperture_model::monitor::during;
 
 use subaperture_model::monitor::Monitor;
 
-/// Reading pulses: a stage of every former, which none foretells.
+/// Stage that reads pulses; every former has it and no former forecasts it.
 pub const READING: &str = "reading";
 
-/// The exact sum at sampled pixels, by which an image is judged: the same.
+/// Stage that computes the exact sum at compared pixels; no former forecasts it.
 pub const SAMPLES: &str = "sampled pixels";
 
-/// What a stage took.
+/// Measured time of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Taken {
-    /// Its name.
+pub struct StageTime {
+    /// Name of the stage.
     pub stage: &'static str,
-    /// The time of all threads.
+    /// Time summed over all threads.
     pub threads: Duration,
-    /// The time in which any thread was at it.
+    /// Elapsed time with at least one thread active.
     pub clock: Duration,
 }
 
-/// What stages took so far.
+/// Accumulated times of stages.
 #[derive(Debug, Default)]
-pub struct Times(Mutex<Vec<Running>>);
+pub struct StageTimes(Mutex<Vec<Running>>);
 
 #[derive(Debug)]
 struct Running {
-    taken: Taken,
-    /// Threads that are at it since the last look.
+    taken: StageTime,
+    /// Number of threads currently in the stage.
     now: u32,
     looked: Instant,
 }
 
-impl Times {
-    /// What stages took, in the order in which they began.
-    pub fn taken(&self) -> Vec<Taken> {
+impl StageTimes {
+    /// Times of all stages, in order of their first start.
+    pub fn taken(&self) -> Vec<StageTime> {
         let running = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         running.iter().map(|stage| stage.taken).collect()
     }
@@ -53,7 +53,7 @@ impl Times {
         let place = all.iter().position(|one| one.taken.stage == stage);
         let place = place.unwrap_or_else(|| {
             all.push(Running {
-                taken: Taken {
+                taken: StageTime {
                     stage,
                     threads: Duration::ZERO,
                     clock: Duration::ZERO,
@@ -73,15 +73,15 @@ impl Times {
     }
 }
 
-/// A monitor that measures stages, and else does what another does.
-pub struct Timed<'a> {
-    /// The other.
+/// Monitor that measures stages and forwards all calls to another monitor.
+pub struct StageTimer<'a> {
+    /// Monitor that receives all calls.
     pub monitor: &'a dyn Monitor,
-    /// Where times are kept.
-    pub times: &'a Times,
+    /// Accumulator of the stage times.
+    pub times: &'a StageTimes,
 }
 
-impl Monitor for Timed<'_> {
+impl Monitor for StageTimer<'_> {
     fn progress(&self, fraction: f64) {
         self.monitor.progress(fraction);
     }
@@ -107,9 +107,9 @@ mod tests {
     use subaperture_model::monitor::Silent;
 
     #[test]
-    fn time_is_that_of_threads_and_of_the_clock() {
-        let times = Times::default();
-        let timed = Timed {
+    fn stage_times_cover_threads_and_clock() {
+        let times = StageTimes::default();
+        let timed = StageTimer {
             monitor: &Silent,
             times: &times,
         };

@@ -1,19 +1,19 @@
-//! The aperture cut into sub-CPIs, and each one's model of the path to a point.
+//! Division of the aperture into sub-CPIs, and their linear path models.
 //!
-//! Over a sub-CPI of `M` pulses the path to a point, relative to that of a nearby centre, is taken as
+//! Over a sub-CPI of `M` pulses the path to a point, relative to that of a nearby centre, is approximated by
 //! a straight line in slow time,
 //!
 //! ```text
 //! path_m(p) - path_m(centre) = a(p) + b(p) u_m,   u_m = m - (M - 1) / 2
 //! ```
 //!
-//! The line is read off at two places, `u = -u_g` and `u = +u_g` with `u_g^2 = mean(u_m^2) =
+//! The line is determined at two nodes, `u = -u_g` and `u = +u_g` with `u_g^2 = mean(u_m^2) =
 //! (M^2 - 1) / 12`. For a path that is quadratic in slow time, that line is the least-squares one (the
-//! two places are the nodes of Gauss's rule for the uniform weight on the pulses), so the remainder has
+//! nodes are those of Gauss's rule for uniformly weighted pulses). The remainder has
 //! no mean and no slope and is 3.5 dB below that of a Taylor expansion about the centre, which the
-//! thesis uses (Schone 2020, (2.18)). The antennas at these places come from a quadratic fit to all
-//! positions of the sub-CPI, so a measured track's jitter is averaged (S 4.2). Of a single pulse whose samples are taken
-//! one after another, the places are those of the sweep, `K kappa / sqrt(12)` before and after its middle.
+//! thesis uses (Schone 2020, (2.18)). The antenna positions at the nodes come from a quadratic fit to all
+//! positions of the sub-CPI, so the jitter of a measured track is averaged (S 4.2). For a single pulse with intra-pulse
+//! motion, the nodes are those of the sweep, `K kappa / sqrt(12)` before and after its middle.
 
 use std::ops::Range;
 
@@ -24,16 +24,16 @@ use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Antennas, Line, Points};
 use subaperture_model::phase_history::{Band, Collection, Pulse};
 
-/// A stretch of pulses processed as one range-Doppler map.
+/// Block of pulses processed as one range-Doppler map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SubCpi {
-    /// Pulse indices.
+    /// Range of the pulse indices.
     pub pulses: Range<usize>,
     nodes: [Node; 2],
     half_spacing: f64,
 }
 
-/// Antennas at one place of the fitted track.
+/// Antenna positions at one node of the fitted track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Node {
     transmitter_m: DVec3,
@@ -52,12 +52,12 @@ impl Node {
     }
 }
 
-/// Paths from the two nodes to a patch's centre: what `a` and `b` are relative to.
+/// Paths from the two nodes to a patch centre, the reference of `a` and `b`.
 #[derive(Clone, Copy, Debug)]
 pub struct Datum([f64; 2]);
 
 impl SubCpi {
-    /// Fits the track over `pulses` (at least one).
+    /// Fit the track over `pulses` (at least one).
     pub fn new(collection: &Collection, pulses: Range<usize>) -> Self {
         let track = &collection.pulses[pulses.clone()];
         let monostatic = track.iter().all(|p| p.transmitter_m == p.receiver_m);
@@ -80,10 +80,23 @@ impl SubCpi {
                     monostatic: monostatic && transmitter_m == receiver_m,
                 }
             };
+            let steps = Steps::of(collection);
+            let half_spacing = half_samples * steps.pulses_a_sample();
+            let nodes = [node(-half_samples), node(half_samples)];
+            let moved_m = (nodes[0].transmitter_m.distance(nodes[1].transmitter_m))
+                .max(nodes[0].receiver_m.distance(nodes[1].receiver_m));
+            // A sweep unrelated to the track has no rate in pulses; its residual error is measured.
+            if moved_m > FOREIGN * 2.0 * half_spacing.abs() * steps.rms_m() {
+                return Self {
+                    pulses,
+                    nodes: [node(0.0); 2],
+                    half_spacing: 0.0,
+                };
+            }
             return Self {
                 pulses,
-                nodes: [node(-half_samples), node(half_samples)],
-                half_spacing: half_samples * pulses_a_sample(collection),
+                nodes,
+                half_spacing,
             };
         }
         Self {
@@ -93,7 +106,7 @@ impl SubCpi {
         }
     }
 
-    /// From transmitter and receiver at the nodes of a sub-CPI of `num_pulses`, at least one, early and late.
+    /// Make the model from transmitter and receiver at the early and late node of a sub-CPI of `num_pulses`, at least one.
     pub fn from_nodes(num_pulses: usize, nodes: [[DVec3; 2]; 2]) -> Self {
         let m = num_pulses as f64;
         let node = |[transmitter_m, receiver_m]: [DVec3; 2]| Node {
@@ -108,17 +121,17 @@ impl SubCpi {
         }
     }
 
-    /// Number of pulses.
+    /// Number of pulses in the sub-CPI.
     pub fn num_pulses(&self) -> usize {
         self.pulses.len()
     }
 
-    /// The datum of a patch with this centre.
+    /// Reference paths of a patch with this centre.
     pub fn datum(&self, centre: DVec3) -> Datum {
         Datum(self.nodes.map(|node| node.path_m(centre)))
     }
 
-    /// Path offsets `a` and their rates `b` of many points.
+    /// Path offsets `a`, metres, and rates `b`, metres per pulse, of many points.
     pub(super) fn lines(
         &self,
         instructions: Instructions,
@@ -135,7 +148,7 @@ impl SubCpi {
         paths::lines(instructions, &[node(0), node(1)], between, points, lines);
     }
 
-    /// Path offset `a` in metres and its rate `b` in metres a pulse.
+    /// Path offset `a`, metres, and rate `b`, metres per pulse, of a point.
     pub fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
         let early = self.nodes[0].path_m(point) - datum.0[0];
         let late = self.nodes[1].path_m(point) - datum.0[1];
@@ -159,7 +172,7 @@ impl QuadraticFit {
     fn new(track: &[Pulse], position: impl Fn(&Pulse) -> DVec3) -> Self {
         let m = track.len() as f64;
         let mean_square = (m * m - 1.0) / 12.0;
-        // Relative to one position, so that the sums keep their digits far from the origin.
+        // Positions are relative to one of them, to keep digits far from the origin.
         let origin = position(&track[0]);
         let mut sums = [DVec3::ZERO; 3];
         let mut norms = [0.0; 3];
@@ -187,19 +200,19 @@ impl QuadraticFit {
     }
 }
 
-/// Position and velocity of the antennas at the centre of a stretch of pulses, from the same fit: what
-/// the thesis's mode needs. Velocities are in metres a pulse.
+/// Position and velocity of the antennas at the centre of a block of pulses from the same fit, for
+/// the thesis mode. Velocities are in metres per pulse.
 pub(super) struct CentreState {
-    /// Transmitter, position and velocity.
+    /// Position and velocity of the transmitter.
     pub transmitter: (DVec3, DVec3),
-    /// Receiver, position and velocity.
+    /// Position and velocity of the receiver.
     pub receiver: (DVec3, DVec3),
-    /// Reference path in metres and its rate in metres a pulse.
+    /// Reference path, metres, and its rate, metres per pulse.
     pub reference_path: (f64, f64),
 }
 
 impl CentreState {
-    /// Fits the track over `pulses` (at least one).
+    /// Fit the track over `pulses` (at least one).
     pub(super) fn new(collection: &Collection, pulses: Range<usize>) -> Self {
         let track = &collection.pulses[pulses];
         let state = |position: &dyn Fn(&Pulse) -> DVec3| {
@@ -214,13 +227,13 @@ impl CentreState {
         }
     }
 
-    /// Path of `point` relative to the reference, metres, and its rate, metres a pulse
+    /// Path of `point` relative to the reference, metres, and its rate, metres per pulse
     /// (Schone 2020, (5.1): the velocity projected on the line of sight).
     pub(super) fn path_and_rate(&self, point: DVec3) -> (f64, f64) {
         let leg = |(position, velocity): (DVec3, DVec3)| {
             let sight = position - point;
             let range = sight.length();
-            // A point at the antenna's centre has no direction, and no rate.
+            // A point at the antenna position has no direction, and no rate.
             let rate = if range > 0.0 {
                 sight.dot(velocity) / range
             } else {
@@ -236,8 +249,8 @@ impl CentreState {
     }
 }
 
-/// Cuts `num_pulses` into sub-CPIs of `length` pulses, never across one of `breaks` (indices of first
-/// pulses after a gap). What does not fill a sub-CPI makes a shorter last one: no pulse is dropped.
+/// Divide `num_pulses` into sub-CPIs of `length` pulses that do not extend across any of `breaks` (indices of first
+/// pulses after a gap). Remaining pulses form a shorter last sub-CPI, so every pulse is used.
 pub fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Range<usize>> {
     let mut ranges = Vec::new();
     let ends = breaks.iter().copied().chain([num_pulses]);
@@ -252,38 +265,71 @@ pub fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Range<usiz
     ranges
 }
 
-/// How far the antennas go from sample to sample as a part of how far they go from pulse to pulse: `kappa`. By least
-/// squares over all steps that are no gap; 0 if they stand.
+/// Ratio `kappa` of the antenna motion from sample to sample to that from pulse to pulse, by least
+/// squares over all steps that are not gaps; 0 for antennas at rest.
 pub fn pulses_a_sample(collection: &Collection) -> f64 {
-    let gaps = breaks(collection);
-    let (mut product, mut square) = (0.0, 0.0);
-    for (pair, n) in collection.pulses.windows(2).zip(1..) {
-        if gaps.binary_search(&n).is_ok() {
-            continue;
-        }
-        let [a, b] = [&pair[0], &pair[1]];
-        let mut add = |step_m: DVec3, early: DVec3, late: DVec3| {
-            let sample_m = 0.5 * (early * a.sweep.sample_s + late * b.sweep.sample_s);
-            product += sample_m.dot(step_m);
-            square += step_m.length_squared();
-        };
-        add(
-            b.transmitter_m - a.transmitter_m,
-            a.sweep.transmitter_m_s,
-            b.sweep.transmitter_m_s,
-        );
-        add(
-            b.receiver_m - a.receiver_m,
-            a.sweep.receiver_m_s,
-            b.sweep.receiver_m_s,
-        );
-    }
-    if square > 0.0 { product / square } else { 0.0 }
+    Steps::of(collection).pulses_a_sample()
 }
 
-/// Indices of pulses at which an antenna's step from the pulse before is more than five times its median
-/// step: gaps in the track, and joints between recordings. Jitter does not reach so far, and smaller
-/// gaps are left to the plan, which shortens the sub-CPIs that they spoil.
+/// Largest ratio of sweep motion to its share of the track for which the two count as related.
+const FOREIGN: f64 = 8.0;
+
+/// Sums over steps between pulses without gaps: intra-pulse motion along them, and their squares, m^2.
+struct Steps {
+    product: f64,
+    square: f64,
+    count: usize,
+}
+
+impl Steps {
+    fn of(collection: &Collection) -> Self {
+        let gaps = breaks(collection);
+        let (mut product, mut square, mut count) = (0.0, 0.0, 0);
+        for (pair, n) in collection.pulses.windows(2).zip(1..) {
+            if gaps.binary_search(&n).is_ok() {
+                continue;
+            }
+            let [a, b] = [&pair[0], &pair[1]];
+            let mut add = |step_m: DVec3, early: DVec3, late: DVec3| {
+                let sample_m = 0.5 * (early * a.sweep.sample_s + late * b.sweep.sample_s);
+                product += sample_m.dot(step_m);
+                square += step_m.length_squared();
+                count += 1;
+            };
+            add(
+                b.transmitter_m - a.transmitter_m,
+                a.sweep.transmitter_m_s,
+                b.sweep.transmitter_m_s,
+            );
+            add(
+                b.receiver_m - a.receiver_m,
+                a.sweep.receiver_m_s,
+                b.sweep.receiver_m_s,
+            );
+        }
+        Self {
+            product,
+            square,
+            count,
+        }
+    }
+
+    fn pulses_a_sample(&self) -> f64 {
+        match self.square > 0.0 {
+            true => self.product / self.square,
+            false => 0.0,
+        }
+    }
+
+    /// RMS step of one antenna, metres.
+    fn rms_m(&self) -> f64 {
+        (self.square / self.count.max(1) as f64).sqrt()
+    }
+}
+
+/// Indices of pulses whose antenna step from the preceding pulse exceeds five times the median
+/// step: gaps in the track, and joints between recordings. Jitter is smaller, and smaller
+/// gaps are handled by the plan, which shortens the affected sub-CPIs.
 pub fn breaks(collection: &Collection) -> Vec<usize> {
     let pulses = &collection.pulses;
     let steps = |position: fn(&Pulse) -> DVec3| -> Vec<f64> {
@@ -310,14 +356,14 @@ pub fn breaks(collection: &Collection) -> Vec<usize> {
     breaks
 }
 
-/// Doppler bins for each cycle a pulse, for sub-CPIs that last `duration_pulses`: twice Nyquist's at the highest
+/// Doppler bins per cycle per pulse, for sub-CPIs of duration `duration_pulses`: twice Nyquist's at the highest
 /// frequency, where Doppler is scaled most.
 pub fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
     let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
     2.0 * duration_pulses * highest.max(1.0)
 }
 
-/// The frequency axis, which both modes need to be the same for all pulses.
+/// Frequency axis common to all pulses, which both modes require.
 pub fn shared_band(collection: &Collection) -> Result<Band, FormError> {
     collection.band().ok_or_else(|| {
         let why = Reason::new("the frequency axis changes from pulse to pulse");
@@ -334,5 +380,56 @@ mod tests {
         assert_eq!(cut(10, &[], 4), [0..4, 4..8, 8..10]);
         assert_eq!(cut(10, &[5], 4), [0..4, 4..5, 5..9, 9..10]);
         assert_eq!(cut(1040, &[], 40).len(), 26);
+    }
+
+    /// Pulses one metre apart along x with antennas that move across by centimetres during a pulse, and hardly along the track: no
+    /// rate in pulses describes this.
+    #[test]
+    fn sweep_across_track_has_no_rate() {
+        use subaperture_model::geometry::SceneFrame;
+        use subaperture_model::phase_history::Sweep;
+
+        let across = DVec3::new(1e-9, 30.0, 0.0);
+        let pulse = |n: usize| {
+            let antenna_m = DVec3::new(n as f64, -100.0, 20.0);
+            Pulse {
+                transmitter_m: antenna_m,
+                receiver_m: antenna_m,
+                reference_m: DVec3::ZERO,
+                reference_path_m: 2.0 * antenna_m.length(),
+                start_hz: 9e9,
+                step_hz: 1e6,
+                time_s: n as f64,
+                sweep: Sweep {
+                    sample_s: 1e-5,
+                    transmitter_m_s: across,
+                    receiver_m_s: across,
+                    ..Sweep::AT_ONCE
+                },
+            }
+        };
+        let collection = Collection {
+            name: "across".to_owned(),
+            num_samples: 64,
+            pulses: (0..20).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let sub_cpi = SubCpi::new(&collection, 3..4);
+        let datum = sub_cpi.datum(DVec3::ZERO);
+        let (_, rate) = sub_cpi.line(&datum, DVec3::new(5.0, 3.0, 0.0));
+        assert_eq!(rate, 0.0);
+        // Along the track the motion is that of the track.
+        let mut along = collection.clone();
+        for pulse in &mut along.pulses {
+            let velocity = DVec3::new(1.0, 0.0, 0.0);
+            (pulse.sweep.transmitter_m_s, pulse.sweep.receiver_m_s) = (velocity, velocity);
+        }
+        let sub_cpi = SubCpi::new(&along, 3..4);
+        let datum = sub_cpi.datum(DVec3::ZERO);
+        let (_, rate) = sub_cpi.line(&datum, DVec3::new(5.0, 3.0, 0.0));
+        // One metre of track at a distance of 100: the path to a point 5 m along changes by 2 * 5 / 103 m less than that to the centre.
+        assert!((rate + 0.1).abs() < 0.02, "{rate}");
     }
 }

@@ -1,14 +1,15 @@
-//! What a former errs by that takes all samples of a pulse at one place, while the antennas moved from one to the
-//! next ([`subaperture_model::phase_history::Sweep`]).
+//! Error of the stop-and-go approximation within a pulse: all samples are assigned one antenna position although the antennas move
+//! between samples ([`subaperture_model::phase_history::Sweep`]).
 //!
-//! A scatterer at `p` then keeps in sample `k` of pulse `n` the phase `2 pi f_k (r_nk(p) - r_n(p)) / c`, `r` the path
-//! relative to the reference's. What turns a sample by `phi` errs by `|1 - exp(j phi)|` of it, and the
-//! image of a scatterer by the root of its mean square over samples and pulses, whatever part of that is a shift in range
-//! and what a blur. The worst of places spread over the grid counts, for nobody knows where the
-//! scatterers are.
+//! A scatterer at `p` then retains in sample `k` of pulse `n` the phase `2 pi f_k (r_nk(p) - r_n(p)) / c`, where `r` is the path
+//! relative to the reference. A sample rotated by `phi` has the relative error `|1 - exp(j phi)|`, and the
+//! image of a scatterer has the RMS of it over samples and pulses, including both range shift
+//! and smear. The worst of points spread over the grid determines the error, since the
+//! scatterer positions are unknown.
 //!
-//! Cost: next to nothing; at most 32 pulses, 25 places and 33 samples are looked at.
+//! Cost: negligible; at most 32 pulses, 25 points and 33 samples are evaluated.
 
+use std::borrow::Borrow;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -17,19 +18,22 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Pulse};
 
-/// Pulses looked at, at most.
+/// Largest number of sampled pulses.
 const PULSES: usize = 32;
 
-/// Samples looked at, at most.
+/// Largest number of evaluated samples.
 const SAMPLES: usize = 33;
 
-/// Relative RMS error of an image on `grid` by a former that takes all samples of a pulse at the place of sample
-/// `K/2`; 0 if nothing moves meanwhile.
+/// Relative RMS error of an image on `grid` by a former that assigns all samples of a pulse to the antenna position of sample
+/// `K/2`; 0 without intra-pulse motion.
 pub fn residual(collection: &Collection, grid: &ImageGrid) -> f64 {
     if !collection.sweeps() {
         return 0.0;
     }
-    worst(collection, grid, |pulse, point, after| {
+    let pulses = spread_pulses(collection);
+    let weights = vec![1.0; collection.num_samples];
+    let pulses: Vec<(Pulse, &[f64])> = pulses.map(|pulse| (*pulse, &*weights)).collect();
+    worst(&pulses, grid, |pulse, point, after| {
         let k = after + (collection.num_samples / 2) as f64;
         let frequency_hz = pulse.start_hz + k * pulse.step_hz;
         let drift_m = pulse.relative_path_after_m(point, after) - pulse.relative_path_m(point);
@@ -37,34 +41,40 @@ pub fn residual(collection: &Collection, grid: &ImageGrid) -> f64 {
     })
 }
 
-/// The same of any phase that is left: `left(pulse, point, after)` in turns, `after` samples after sample `K/2`.
-pub(super) fn worst(
-    collection: &Collection,
+/// At most 32 pulses of a collection, evenly spread.
+pub(super) fn spread_pulses(collection: &Collection) -> impl Iterator<Item = &Pulse> {
+    spread(collection.pulses.len(), PULSES).map(|n| &collection.pulses[n])
+}
+
+/// Largest RMS error of any residual phase `left(pulse, point, after)` in turns, `after` samples after sample `K/2`, of pulses with the weights of
+/// their `K` samples: the larger of the means with the weights, as in a point's peak, and with their squares, as in its whole response.
+pub(super) fn worst<T: Borrow<Pulse>>(
+    pulses: &[(T, &[f64])],
     grid: &ImageGrid,
-    left: impl Fn(&Pulse, DVec3, f64) -> f64,
+    left: impl Fn(&T, DVec3, f64) -> f64,
 ) -> f64 {
-    let pulses: Vec<&Pulse> = spread(collection.pulses.len(), PULSES)
-        .map(|n| &collection.pulses[n])
-        .collect();
-    let middle = (collection.num_samples / 2) as f64;
-    let afters: Vec<f64> = spread(collection.num_samples, SAMPLES)
-        .map(|k| k as f64 - middle)
-        .collect();
     let mut worst = 0.0f64;
     for point in places(grid, 5) {
-        let mut sum = 0.0;
-        for pulse in &pulses {
-            for &after in &afters {
+        let (mut sums, mut weights) = ([0.0; 2], [0.0; 2]);
+        for (pulse, window) in pulses {
+            let middle = (window.len() / 2) as f64;
+            for k in spread(window.len(), SAMPLES) {
                 // |1 - exp(j phi)| = 2 |sin(phi / 2)|
-                sum += (2.0 * libm::sin(PI * left(pulse, point, after))).powi(2);
+                let error = (2.0 * libm::sin(PI * left(pulse, point, k as f64 - middle))).powi(2);
+                for (i, weight) in [window[k], window[k] * window[k]].into_iter().enumerate() {
+                    sums[i] += weight * error;
+                    weights[i] += weight;
+                }
             }
         }
-        worst = worst.max(sum / (pulses.len() * afters.len()) as f64);
+        for (sum, weight) in sums.into_iter().zip(weights) {
+            worst = worst.max(sum / weight);
+        }
     }
     worst.sqrt()
 }
 
-/// Pixels of `grid`, evenly spread, its corners among them: at most `most` rows and columns.
+/// Evenly spread pixels of `grid` including its corners: at most `most` rows and columns.
 pub(super) fn places(grid: &ImageGrid, most: usize) -> impl Iterator<Item = DVec3> {
     let columns = grid.columns.count;
     spread(grid.rows.count, most)
@@ -72,7 +82,7 @@ pub(super) fn places(grid: &ImageGrid, most: usize) -> impl Iterator<Item = DVec
         .map(|(row, column)| grid.position_m(row, column))
 }
 
-/// At most `most` of `0..count`, first and last among them.
+/// At most `most` of `0..count`, including first and last.
 fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
     let chosen = count.min(most);
     (0..chosen).map(move |i| match chosen {

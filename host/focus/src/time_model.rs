@@ -1,107 +1,107 @@
-//! How long what formers do takes on one core: by what they choose among ways that are as good as each other.
+//! Single-core timing model used to select the fastest plan that meets the error bound.
 //!
-//! [`TimeModel::DEFAULT`] stands here, so that every machine makes the same plan. It was measured once, on a core with 512-bit registers at
-//! 3.5 GHz (`cargo bench --bench kernels`). A model of another machine is asked for, and is part of the plan and of the record: whoever carries
-//! the plan out does what it chose.
+//! [`TimeModel::DEFAULT`] is a constant, so that every machine makes the same plan. It was measured on a core with 512-bit registers at
+//! 3.5 GHz (`cargo bench --bench kernels`). A model of another machine can be selected and becomes part of the plan and the record: a plan carried out
+//! elsewhere keeps its choices.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
-/// Times of one core, nanoseconds.
+/// Execution times of elementary steps on one core, nanoseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeModel {
-    /// What it is of.
+    /// Name of the machine or model.
     pub name: Cow<'static, str>,
-    /// Transforms: of a bin, for each doubling of the length.
+    /// Fourier transform, per bin and doubling of the length, ns.
     pub transform_ns: f64,
-    /// The same in slow time by chirp-z, with the copies beside it.
+    /// Chirp-z transform in slow time including its copies, per bin and doubling of the length, ns.
     pub map_transform_ns: f64,
-    /// A piece of a range profile, for each of its spline's coefficients.
+    /// Interval of a range profile, per spline coefficient, ns.
     pub piece_ns: f64,
-    /// Backprojection in tiles: of a pulse and tile,
+    /// Backprojection in tiles, per pulse and tile, ns.
     pub tile_pulse_ns: f64,
-    /// of a group of its pixels,
+    /// Backprojection in tiles, per pulse and pixel group, ns.
     pub tile_group_ns: f64,
-    /// of each of the group's coefficients, where bins lie side by side,
+    /// Backprojection in tiles, per spline coefficient of a group with adjacent bins, ns.
     pub narrow_plane_ns: f64,
-    /// less so,
+    /// Backprojection in tiles, per spline coefficient of a group with nearby bins, ns.
     pub wide_plane_ns: f64,
-    /// and apart.
+    /// Backprojection in tiles, per spline coefficient of a group with distant bins, ns.
     pub scattered_plane_ns: f64,
-    /// Backprojection of a pixel and pulse by its own path.
+    /// Backprojection with an exact path, per pixel and pulse, ns.
     pub point_ns: f64,
-    /// The same where samples are taken in motion.
+    /// Backprojection with an exact path and intra-pulse motion, per pixel and pulse, ns.
     pub blurred_point_ns: f64,
-    /// Histories of patches: a sample turned,
+    /// Patch history: phase rotation of one sample, ns.
     pub turn_ns: f64,
-    /// a tap over pulses,
+    /// Patch history: one filter tap over pulses, ns.
     pub pulse_tap_ns: f64,
-    /// a tap over samples,
+    /// Patch history: one filter tap over samples, ns.
     pub sample_tap_ns: f64,
-    /// a pulse,
+    /// Patch history: fixed time per pulse, ns.
     pub history_pulse_ns: f64,
-    /// and deciding on a patch.
+    /// Patch history: planning of one patch, ns.
     pub patch_ns: f64,
-    /// Leaves: of a pulse,
+    /// Leaf of the factorisation: fixed time per pulse, ns.
     pub leaf_pulse_ns: f64,
-    /// of a group of pixels,
+    /// Leaf of the factorisation: per pixel group and pulse, ns.
     pub leaf_group_ns: f64,
-    /// and of a piece of the profile.
+    /// Leaf of the factorisation: per interval of the profile, ns.
     pub leaf_piece_ns: f64,
-    /// Range-Doppler maps: compensating a sample,
+    /// Range-Doppler map: phase compensation of one sample, ns.
     pub compensation_ns: f64,
-    /// of a pulse and Doppler bin of a frequency, as a product of matrices,
+    /// Range-Doppler map: Doppler transform as a matrix product, per pulse, Doppler bin and frequency, ns.
     pub doppler_tap_ns: f64,
-    /// of a pixel,
+    /// Range-Doppler map: interpolation, fixed time per pixel, ns.
     pub map_pixel_ns: f64,
-    /// and of each tap that it is read with.
+    /// Range-Doppler map: interpolation, per tap, ns.
     pub map_tap_ns: f64,
-    /// The exact sum: of a pixel, pulse and frequency,
+    /// Exact sum, per pixel, pulse and frequency, ns.
     pub sum_ns: f64,
-    /// and where samples are taken in motion.
+    /// Exact sum with intra-pulse motion, per pixel, pulse and frequency, ns.
     pub swept_sum_ns: f64,
-    /// A sample spread onto a raster, or read from one, for each tap.
+    /// Gridding or interpolation on a raster, per tap, ns.
     pub raster_tap_ns: f64,
-    /// A phasor in float64, with the phase that it is of.
+    /// Phasor in float64 with its phase, ns.
     pub phasor_ns: f64,
 }
 
-/// What times may be: sums of them are numbers, whatever is formed.
+/// Valid range of each time, ns; sums of times stay finite for any image.
 pub const TIMES_NS: RangeInclusive<f64> = 1e-6..=1e12;
 
-/// What the text of a model says of itself.
+/// Schema name in the text of a model.
 pub const SCHEMA: &str = "subaperture-time-model-3";
 
-/// Why there is no model.
+/// Reason that a timing model cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TimeModelError {
-    /// The text is none of a model.
+    /// The text does not contain a valid timing model.
     #[error("this is no time model: {0}")]
     Text(String),
-    /// It is of another version of the program.
+    /// The model has the schema of a different program version.
     #[error("the time model is of the form '{found}', and {SCHEMA} is read: measure it again")]
     Schema {
-        /// What it says of itself.
+        /// Schema name in the text.
         found: String,
     },
-    /// A number that is no time.
+    /// A time is not finite or outside the valid range.
     #[error(
         "{entry} of the time model '{model}' is no time: a number of nanoseconds from 1e-6 to 1e12 is wanted"
     )]
     Time {
-        /// The model's name.
+        /// Name of the model.
         model: String,
-        /// Which number.
+        /// Name of the invalid entry.
         entry: String,
     },
 }
 
 impl TimeModel {
-    /// What is taken unless another is asked for.
+    /// Timing model used by default.
     pub const DEFAULT: Self = Self {
         name: Cow::Borrowed("default"),
         transform_ns: 0.3,
@@ -132,14 +132,14 @@ impl TimeModel {
         phasor_ns: 14.0,
     };
 
-    /// Refuses numbers that are no times: NaN, infinite, zero, less, or beyond [`TIMES_NS`].
+    /// Refuse times that are not finite or outside [`TIMES_NS`].
     ///
     /// # Errors
     /// [`TimeModelError`].
     pub fn check(&self) -> Result<(), TimeModelError> {
         let json = serde_json::to_value(self).expect("a model is of numbers and text");
         let numbers = json.as_object().into_iter().flatten();
-        // What is not finite is no number there.
+        // A non-finite number is serialised as null.
         let is_time =
             |value: &serde_json::Value| value.as_f64().is_some_and(|ns| TIMES_NS.contains(&ns));
         match numbers
@@ -154,20 +154,28 @@ impl TimeModel {
         }
     }
 
-    /// As text (JSON).
+    /// Write the model as JSON text.
     pub fn to_text(&self) -> String {
         let mut json = serde_json::json!(self);
         json["schema"] = SCHEMA.into();
         format!("{json:#}\n")
     }
 
-    /// From text.
+    /// Read a model from JSON text.
     ///
     /// # Errors
     /// [`TimeModelError`].
     pub fn from_text(text: &str) -> Result<Self, TimeModelError> {
+        let value = serde_json::from_str(text);
+        Self::from_value(value.map_err(|error| TimeModelError::Text(error.to_string()))?)
+    }
+
+    /// Read a model from a JSON value, for callers that bound the memory of parsing.
+    ///
+    /// # Errors
+    /// Errors of [`Self::from_text`].
+    pub fn from_value(mut json: serde_json::Value) -> Result<Self, TimeModelError> {
         let wrong = |error: serde_json::Error| TimeModelError::Text(error.to_string());
-        let mut json: serde_json::Value = serde_json::from_str(text).map_err(wrong)?;
         let schema = json.as_object_mut().and_then(|json| json.remove("schema"));
         let schema = schema.as_ref().and_then(serde_json::Value::as_str);
         if schema != Some(SCHEMA) {
@@ -180,7 +188,7 @@ impl TimeModel {
         Ok(model)
     }
 
-    /// Nanoseconds of a transform.
+    /// Time of a Fourier transform, ns.
     pub(crate) fn transform(&self, length: f64) -> f64 {
         self.transform_ns * length * libm::log2(length.max(2.0))
     }
@@ -197,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_that_are_no_times_are_refused() {
+    fn invalid_times_are_refused() {
         let model = TimeModel::DEFAULT;
         model.check().unwrap();
         for value in [f64::NAN, f64::INFINITY, 0.0, -0.0, -3.0, 1e-7, 1e13] {

@@ -1,4 +1,4 @@
-//! How long items will take: a small image, timed, times what each takes of it.
+//! Forecast of the time of a run: a small timed image, scaled by each item's work.
 
 use std::path::Path;
 use std::time::Instant;
@@ -12,29 +12,28 @@ use subaperture_focus::{FormError, ImageFormer, Task};
 use subaperture_model::phase_history::{PhaseHistory, Weights};
 use subaperture_signal::window::Window;
 
-/// Half a side of the image that is timed, and its pixels', metres.
+/// Half side and pixel spacing of the timed image, metres.
 const HALF_M: f64 = 15.0;
 const STEP_M: f64 = 0.3;
-/// Pulses a sub-CPI of it.
+/// Pulses per sub-CPI of the timed image.
 const SUB_CPI: usize = 40;
 
-/// What a run would do.
+/// Expected work of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
-    /// Items to be made.
+    /// Number of items to compute.
     pub to_make: usize,
-    /// Items that are there.
+    /// Number of items already present.
     pub there: usize,
-    /// The time of those to be made.
+    /// Expected time.
     pub time: Forecast,
 }
 
-/// What [`run`](super::run) with the same arguments would do. An image of 101 x 101 pixels is timed, of the thesis's mode, which most items take most of
-/// their time with; items on recordings of
-/// their own ([`Context::gotcha`]) take longer than they are told to.
+/// Forecast of [`run`](super::run) with the same arguments. An image of 101 x 101 pixels is timed in the thesis's mode, which dominates most
+/// items. Recordings in [`Context::gotcha`] are not included and take longer.
 ///
 /// # Errors
-/// [`FormError::Cancelled`].
+/// [`FormError::Cancelled`] if the monitor cancels.
 pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expected, FormError> {
     let scene = lone_scatterer(DVec3::ZERO);
     let weights = Weights::new(scene.collection(), Window::None, Window::None);
@@ -45,7 +44,7 @@ pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expect
         weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
-        means: Default::default(),
+        numerics: Default::default(),
     })?;
     let measured_s = start.elapsed().as_secs_f64();
     let missing = |item: &&Item| store::load(folder, item, &store::key(item, context)).is_none();

@@ -1,22 +1,22 @@
-//! The figures and tables of the two theses, made again from simulation, and held against what
-//! they show.
+//! Reproduction of the figures and tables of two theses by simulation, with a comparison of
+//! their values.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: what `subap reproduce` runs.
 //!
-//! An [`Item`] is one figure or table: it simulates what the thesis had, does what the thesis did, and
-//! returns a [`Finding`]: pictures, and checks that set the thesis's number beside ours. Whether the
-//! two agree is computed, never written down; where they do not, a line says why.
+//! An [`Item`] is one figure or table: it simulates the thesis's scene, applies the thesis's method, and
+//! returns a [`Finding`]: pictures, and checks that compare the thesis's value with ours. The verdict
+//! is computed; where values differ, a line states the reason.
 //!
-//! [`run`] makes the items one after another and leaves, in one folder,
+//! [`run`] computes the items and writes to one folder:
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `index.html` | the page: every picture in it, no other file needed, no network |
-//! | `ID.json` | an item's finding, without its pictures |
-//! | `ID-NAME.png` | an item's pictures |
+//! | `index.html` | page with all pictures embedded; needs no other file and no network |
+//! | `ID.json` | finding of an item, without its pictures |
+//! | `ID-NAME.png` | picture of an item |
 //!
-//! An item that is there already, made by the same version with the same inputs, is not made again:
-//! an interrupted run goes on where it stopped. The page is written anew after every item.
+//! An item already present, computed by the same version from the same inputs, is reused:
+//! an interrupted run resumes. The page is rewritten after every item.
 #![forbid(unsafe_code)]
 
 mod expect;
@@ -41,75 +41,99 @@ use subaperture_targets::TargetsError;
 pub use expect::{Expected, expect};
 pub use items::items;
 
-/// One figure or table of a thesis.
+/// Figure or table of a thesis.
 #[derive(Clone, Copy, Debug)]
 pub struct Item {
-    /// Its name on the command line and in file names: `s-4-5` for Schone 2020, Fig. 4.5.
+    /// Name on the command line and in file names, such as `s-4-5` for Schone 2020, Fig. 4.5.
     pub id: &'static str,
-    /// The thesis and its number there.
+    /// Thesis, and number of the figure or table.
     pub source: &'static str,
-    /// What it shows.
+    /// Short statement of the subject shown.
     pub title: &'static str,
-    /// The time it takes over that of [`expect`]'s image, about.
+    /// Approximate time relative to that of [`expect()`]'s image.
     pub work: f64,
-    /// Makes it again.
+    /// Function that computes the finding.
     pub reproduce: fn(&Context) -> Result<Finding, ItemError>,
 }
 
-/// What items may use.
+/// Resources of items.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
-    /// Bytes that an item may take.
+    /// Memory limit of an item, bytes.
     pub memory_bytes: u64,
-    /// Told of progress within the item, asked whether to go on.
+    /// Progress and cancellation within an item.
     pub monitor: &'a dyn Monitor,
-    /// Recordings of the GOTCHA scene, for the items that can be shown on them; may be empty.
+    /// GOTCHA recordings for the items that can use them; may be empty.
     pub gotcha: &'a [PathBuf],
 }
 
-/// What an item found.
+/// Result of an item.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Finding {
-    /// What the thesis shows and says, in a sentence or two.
+    /// Content and claims of the thesis, in a sentence or two.
     pub thesis: String,
-    /// What was done here, with the numbers that it was done with.
+    /// Method and parameters used here, and what is scaled relative to the thesis and why (`Scale: ` or `Scaled down: `).
     pub method: String,
-    /// The thesis's figures beside ours.
+    /// Values of the thesis compared with ours.
     pub checks: Vec<Check>,
-    /// Why they differ, where they do: one line.
+    /// Reason for differences; `None` without differences.
     pub why: Option<String>,
-    /// The pictures.
+    /// Pictures of the item.
     pub pictures: Vec<Picture>,
 }
 
-/// One figure of the thesis beside ours.
+/// Value of the thesis compared with ours.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    /// What is compared.
+    /// Quantity.
     pub what: String,
-    /// The thesis's figure, with its unit.
+    /// Value of the thesis, with unit.
     pub thesis: String,
-    /// Ours, with its unit.
+    /// Our value, with unit.
     pub ours: String,
-    /// Whether they agree, as far as the thesis's figure is given.
+    /// Whether they agree, to the accuracy that the thesis states or prints. Where [`Self::has_thesis_value`] is false: whether our value
+    /// is within the bound derived for it.
     pub agrees: bool,
 }
+
+/// [`Check::thesis`] of a value that the thesis does not give.
+pub(crate) const NOT_GIVEN: &str = "not given";
+/// [`Check::thesis`] of a method that the thesis does not use.
+pub(crate) const NOT_DONE: &str = "not done";
 
 /// A picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Picture {
-    /// Its name within the item, for its file.
+    /// Name within the item, for its file.
     pub name: String,
-    /// What it shows.
+    /// Short statement of the subject shown.
     pub caption: String,
-    /// The bytes of a PNG file; kept in a file of their own.
+    /// PNG file, stored separately.
     #[serde(skip)]
     pub png: Vec<u8>,
 }
 
 impl Check {
-    /// A number of the thesis and ours, which agree within `tolerance`; all in `unit`, shown with
-    /// `digits` decimals.
+    /// Compare a printed value of the thesis with ours, shown with `digits` decimals, both in `unit`. They agree if ours is within half a unit of
+    /// the last digit printed.
+    ///
+    /// # Panics
+    /// If `thesis` is not a number.
+    pub fn printed(what: &str, thesis: &str, ours: f64, digits: usize, unit: &str) -> Self {
+        let decimals = thesis.split_once('.').map_or(0, |(_, after)| after.len());
+        let value: f64 = thesis.parse().expect("the thesis prints a number");
+        let half_unit = 0.5 * 10f64.powi(-(decimals as i32));
+        Self::claim(
+            what,
+            &format!("{thesis} {unit}"),
+            format!("{ours:.digits$} {unit}"),
+            // Tolerance for binary rounding.
+            (ours - value).abs() <= half_unit * (1.0 + 1e-9),
+        )
+    }
+
+    /// Compare a value computed from a formula of the thesis, or from the simulated parameters, with a measured one, within
+    /// `tolerance`; all in `unit`, shown with `digits` decimals. For values that the thesis prints, use [`Self::printed`].
     pub fn number(
         what: &str,
         thesis: f64,
@@ -126,7 +150,12 @@ impl Check {
         )
     }
 
-    /// A claim of the thesis in words, and what we measured.
+    /// Whether the thesis states a value or claim to compare with.
+    pub fn has_thesis_value(&self) -> bool {
+        ![NOT_GIVEN, NOT_DONE].contains(&self.thesis.as_str())
+    }
+
+    /// Compare a claim of the thesis in words with a measured value.
     pub fn claim(what: &str, thesis: &str, ours: String, agrees: bool) -> Self {
         Self {
             what: what.to_owned(),
@@ -138,17 +167,23 @@ impl Check {
 }
 
 impl Finding {
-    /// Whether every figure agrees.
+    /// `why`, unless all checks agree.
+    pub(crate) fn unless_all_agree(checks: &[Check], why: &str) -> Option<String> {
+        let differ = checks.iter().any(|check| !check.agrees);
+        differ.then(|| why.to_owned())
+    }
+
+    /// Whether all checks agree.
     pub fn agrees(&self) -> bool {
         self.checks.iter().all(|check| check.agrees)
     }
 }
 
-/// Why an item could not be made.
+/// Error of computing an item.
 #[derive(Debug, thiserror::Error)]
 pub enum ItemError {
     /// An image could not be formed.
-    // Not transparent: who asks whether the user stopped the work looks for this cause.
+    // Not transparent: callers search the chain for this cause to detect cancellation.
     #[error("{0}")]
     Form(#[from] FormError),
     /// Pulses could not be read.
@@ -160,8 +195,8 @@ pub enum ItemError {
     /// A simulated scene could not be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// Targets, or a track of them, were not found.
-    // As of images.
+    /// Targets or their track could not be estimated.
+    // Not transparent, as above.
     #[error("{0}")]
     Targets(#[from] TargetsError),
     /// Images could not be compared.
@@ -170,20 +205,20 @@ pub enum ItemError {
     /// A picture could not be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),
-    /// Something was not there to be measured.
+    /// A quantity could not be measured.
     #[error("{0}")]
     Measure(String),
 }
 
-/// Why a run broke off.
+/// Error of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// An item could not be made.
+    /// An item could not be computed.
     #[error("{id}: {source}")]
     Item {
-        /// Its name.
+        /// Name of the item.
         id: &'static str,
-        /// Cause.
+        /// Error that caused the failure.
         source: ItemError,
     },
     /// A file could not be written.
@@ -191,12 +226,12 @@ pub enum RunError {
     Write(#[from] WriteError),
 }
 
-/// An item as [`run`] goes along.
+/// Progress of [`run`].
 #[derive(Clone, Copy, Debug)]
 pub enum Step<'a> {
-    /// It is begun: its place among all, from 0, and their number.
+    /// Item started; its index from 0, and the number of items.
     Begun(&'a Item, usize, usize),
-    /// It is done, or was there.
+    /// Item finished, or already present.
     Done(&'a Item, &'a Finding),
 }
 
@@ -205,19 +240,19 @@ pub fn names(folder: &Path, items: &[Item]) -> Vec<String> {
     store::names(folder, items)
 }
 
-/// Makes `items` and leaves them in `folder`, which is made if need be. `tell` hears of every item.
+/// Compute `items` and write them to `folder`, which is created if missing. `on_step` is called for every step.
 ///
 /// # Errors
-/// [`RunError`]; items that were finished before stay, and the page shows them.
+/// [`RunError`] if an item or file fails; finished items remain, and the page shows them.
 pub fn run(
     items: &[Item],
     folder: &Path,
     context: &Context,
-    mut tell: impl FnMut(Step),
+    mut on_step: impl FnMut(Step),
 ) -> Result<(), RunError> {
     let mut done = Vec::with_capacity(items.len());
     for (index, item) in items.iter().enumerate() {
-        tell(Step::Begun(item, index, items.len()));
+        on_step(Step::Begun(item, index, items.len()));
         let key = store::key(item, context);
         let finding = match store::load(folder, item, &key) {
             Some(finding) => finding,
@@ -231,7 +266,7 @@ pub fn run(
                 finding
             }
         };
-        tell(Step::Done(item, &finding));
+        on_step(Step::Done(item, &finding));
         done.push((item, finding));
         page::write(folder, &done)?;
     }

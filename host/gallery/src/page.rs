@@ -1,4 +1,4 @@
-//! The page: one HTML file that needs no other and no network.
+//! HTML page with embedded pictures, without external resources.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -7,7 +7,7 @@ use std::path::Path;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::{Finding, Item};
+use super::{Check, Finding, Item};
 use subaperture_io::atomic::{WriteError, write_atomically};
 use subaperture_io::ours::TEXT_MARK;
 
@@ -27,12 +27,20 @@ img { max-width: 100%; max-height: 36rem; background: #fff } figcaption { max-wi
 nav li { margin: .1rem 0 } a { color: inherit }
 ";
 
-/// Text as HTML.
+/// Escape text for HTML.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")
         .replace('"', "&quot;")
+}
+
+/// Verdict on one check; "agrees" needs a value of the thesis.
+fn check_verdict(check: &Check) -> &'static str {
+    match check.agrees && !check.has_thesis_value() {
+        true => "nothing to compare with",
+        false => verdict(check.agrees),
+    }
 }
 
 fn verdict(agrees: bool) -> &'static str {
@@ -42,17 +50,17 @@ fn verdict(agrees: bool) -> &'static str {
     }
 }
 
-/// The page as text.
+/// Render the page.
 pub(super) fn page(done: &[(&Item, Finding)]) -> String {
     let agreeing = done.iter().filter(|(_, finding)| finding.agrees()).count();
     let mut html = format!(
         "<!doctype html> <!-- {TEXT_MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>Subaperture: two theses, made again</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <h1>Two theses, made again</h1>\n\
+         <title>Subaperture: two theses, reproduced</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <h1>Two theses, reproduced</h1>\n\
          <p>Figures and tables of Schone 2020 (sub-CPI range-Doppler backprojection) and Chim 2018 (L-band \
-         SAR near the ground), simulated and computed by Subaperture {}, each beside the thesis's own \
-         figure. {agreeing} of {} agree; the others say why not.</p>\n<nav><ul>\n",
+         SAR near the ground), simulated and computed by Subaperture {}, each compared with the thesis's \
+         figure. {agreeing} of {} agree; the others state the reason.</p>\n<nav><ul>\n",
         env!("CARGO_PKG_VERSION"),
         done.len()
     );
@@ -97,13 +105,17 @@ fn section(html: &mut String, item: &Item, finding: &Finding) {
                 escaped(&check.what),
                 escaped(&check.thesis),
                 escaped(&check.ours),
-                verdict(check.agrees)
+                check_verdict(check)
             );
         }
         html.push_str("</table></div>\n");
     }
     if let Some(why) = &finding.why {
-        let _ = writeln!(html, "<p><b>Why not the same.</b> {}</p>", escaped(why));
+        let _ = writeln!(
+            html,
+            "<p><b>Reason for the difference.</b> {}</p>",
+            escaped(why)
+        );
     }
     for picture in &finding.pictures {
         let _ = writeln!(
@@ -116,7 +128,7 @@ fn section(html: &mut String, item: &Item, finding: &Finding) {
     html.push_str("</section>\n");
 }
 
-/// Writes the page.
+/// Write the page atomically.
 pub(super) fn write(folder: &Path, done: &[(&Item, Finding)]) -> Result<(), WriteError> {
     let html = page(done);
     let bytes = html.len() as u64;
@@ -127,11 +139,22 @@ pub(super) fn write(folder: &Path, done: &[(&Item, Finding)]) -> Result<(), Writ
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Check, Picture};
+    use super::super::{Check, NOT_DONE, NOT_GIVEN, Picture};
     use super::*;
 
     #[test]
-    fn text_is_escaped_and_pictures_are_inside() {
+    fn figure_without_thesis_value_is_not_said_to_agree() {
+        let check = |thesis: &str, agrees| Check::claim("width", thesis, "1 m".to_owned(), agrees);
+        for thesis in [NOT_GIVEN, NOT_DONE] {
+            assert!(!check_verdict(&check(thesis, true)).contains("agrees"));
+            assert!(check_verdict(&check(thesis, false)).contains("differs"));
+        }
+        assert!(check_verdict(&check("1 m", true)).contains("agrees"));
+        assert!(check_verdict(&check("2 m", false)).contains("differs"));
+    }
+
+    #[test]
+    fn page_escapes_text_and_embeds_pictures() {
         let item = Item {
             id: "x-1",
             source: "A & B",
@@ -157,7 +180,7 @@ mod tests {
         let html = page(&[(&item, finding)]);
         assert!(html.contains("a &lt; b") && html.contains("A &amp; B"));
         assert!(html.contains("&lt;script&gt;") && !html.contains("<script"));
-        // 1, 2, 3 in base 64: 000000 010000 001000 000011.
+        // 1, 2, 3 in base64: 000000 010000 001000 000011.
         assert!(html.contains("data:image/png;base64,AQID"));
         assert!(html.contains("0 of 1 agree") && html.contains("differs"));
         assert!(!html.contains("http"), "nothing may come from elsewhere");

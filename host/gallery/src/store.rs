@@ -1,4 +1,4 @@
-//! Findings kept in files, and found again by a later run.
+//! Storage of findings, and their reuse by a later run.
 
 use std::fs;
 use std::io::Write;
@@ -8,15 +8,24 @@ use serde::{Deserialize, Serialize};
 
 use super::{Context, Finding, Item};
 use subaperture_io::atomic::{WriteError, write_atomically};
+use subaperture_io::input::open_file;
+use subaperture_io::json::{self, Limits};
+
+/// Size limits of a stored finding.
+const LIMITS: Limits = Limits {
+    bytes: 16 << 20,
+    string_bytes: 1 << 20,
+    value_bytes: 64 << 20,
+};
 
 const SCHEMA: &str = "subaperture-finding";
 
-/// What the file of a finding holds.
+/// Content of a finding's file.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    /// By which a later run knows that it may replace the file.
+    /// Mark of a file that a later run may replace.
     schema: String,
-    /// What it was made from.
+    /// Inputs of the finding.
     key: String,
     source: String,
     title: String,
@@ -26,7 +35,7 @@ struct Kept {
     pictures_crc32: Vec<String>,
 }
 
-/// What an item's finding depends on beside the code of one version: the recordings it may use.
+/// Inputs of an item apart from the program version: the recordings it may use.
 pub(super) fn key(item: &Item, context: &Context) -> String {
     let mut key = format!("{} {}", env!("CARGO_PKG_VERSION"), item.id);
     for path in context.gotcha {
@@ -40,14 +49,14 @@ fn crc32(bytes: &[u8]) -> String {
     format!("{:08x}", crc32fast::hash(bytes))
 }
 
-/// Files of this folder that items of ours would replace, and the page.
+/// Files of this folder that a run may replace: those of items, and the page.
 pub(super) fn names(folder: &Path, items: &[Item]) -> Vec<String> {
     let mut names: Vec<String> = items
         .iter()
         .map(|item| format!("{}.json", item.id))
         .collect();
     names.push("index.html".to_owned());
-    // Pictures have names of their own, which only the finding knows.
+    // Names of pictures are known from the finding only.
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let Some(name) = name.to_str() else { continue };
@@ -68,15 +77,15 @@ fn picture_file(item: &Item, name: &str) -> String {
     format!("{}-{name}.png", item.id)
 }
 
-/// A whole finding of the same key, if one is there.
+/// Load a complete finding with this key, if present.
 pub(super) fn load(folder: &Path, item: &Item, key: &str) -> Option<Finding> {
-    let text = fs::read(folder.join(format!("{}.json", item.id))).ok()?;
+    let file = open_file(&folder.join(format!("{}.json", item.id))).ok()?;
     let Kept {
         key: kept_key,
         mut finding,
         pictures_crc32,
         ..
-    } = serde_json::from_slice(&text).ok()?;
+    } = serde_json::from_value(json::value(file, LIMITS).ok()?).ok()?;
     if kept_key != key || pictures_crc32.len() != finding.pictures.len() {
         return None;
     }

@@ -1,27 +1,27 @@
-//! A file written beside its place and then renamed into it: complete, or not at all.
+//! Atomic file output: a hidden file in the same folder is renamed into place.
 
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lock::KEPT_SUFFIX;
-use super::place::Place;
+use super::place::OutputPlace;
 use super::unfinished::{self, Thing};
 
 pub use super::write_error::WriteError;
 
-/// Writes one file, complete or not at all: `write` fills a file beside it, which is forced to disk
+/// Write one file atomically: `write` fills a hidden file in the same folder, which is forced to disk
 /// and then renamed to `path`. `needed_bytes` is for the message of a full disk; 0 if not known.
 /// A symbolic link is followed; missing folders are made.
 ///
 /// # Errors
-/// [`WriteError`]; then `path` is as it was and nothing is left beside it.
+/// [`WriteError`]; then `path` is unchanged and the hidden file is removed.
 pub fn write_atomically<T>(
     path: &Path,
     needed_bytes: u64,
     write: impl FnOnce(&mut File) -> io::Result<T>,
 ) -> Result<T, WriteError> {
-    let mut beside = Beside::create(path, needed_bytes, ".part")?;
+    let mut beside = AtomicFile::create(path, needed_bytes, ".part")?;
     let value = write(beside.file()).map_err(|source| beside.failed(source))?;
     beside.commit()?;
     Ok(value)
@@ -29,17 +29,17 @@ pub fn write_atomically<T>(
 
 /// A hidden file in the folder of its target, which is locked meanwhile. Gone when dropped, unless committed.
 #[derive(Debug)]
-pub struct Beside {
+pub struct AtomicFile {
     file: File,
     // Before the place: when dropped, the file goes before the lock and the folder.
     hidden: Hidden,
-    place: Place,
+    place: OutputPlace,
     /// As the user calls it.
     path: PathBuf,
     needed_bytes: u64,
 }
 
-impl Beside {
+impl AtomicFile {
     /// Begins a file that is to become `path`. A symbolic link is followed, missing folders are made. The hidden
     /// file's name ends in `suffix`.
     ///
@@ -47,7 +47,7 @@ impl Beside {
     /// If the folder cannot be written to, has less than `needed_bytes` free, `path` exists and is not a file, or
     /// another process is writing it.
     pub fn create(path: &Path, needed_bytes: u64, suffix: &str) -> Result<Self, WriteError> {
-        let place = Place::of_file(path)?;
+        let place = OutputPlace::of_file(path)?;
         check_room(path, place.folder(), needed_bytes)?;
         let hidden = place.folder().join(place.lock.hidden_name(suffix));
         let file = File::create_new(&hidden).map_err(|source| WriteError::Io {
@@ -103,14 +103,14 @@ impl Drop for Hidden {
     }
 }
 
-/// Bytes free where `path` is to be written, as an ordinary user sees it; `None` where the system cannot tell.
+/// Free space for an ordinary user at `path`, bytes; `None` where the system does not report it.
 pub fn free_bytes(path: &Path) -> Option<u64> {
     let path = std::path::absolute(path).ok()?;
     let place = path.ancestors().find(|place| place.is_dir())?;
     fs4::available_space(place).ok()
 }
 
-/// Refuses what is larger than the room in `folder`, as an ordinary user sees it. Where the system cannot tell, writing
+/// Refuse an output larger than the free space for an ordinary user in `folder`. Where the system does not report it, writing
 /// will.
 pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {
     match fs4::available_space(folder) {

@@ -1,7 +1,7 @@
-//! What a run is going to write, claimed before the work: nothing that it reads, nothing that somebody else wrote, nothing
+//! Claims on the outputs of a run, made before the work. A claim is refused for an input of the run, a file of another program or a file
 //! that another run is writing.
 //!
-//! An output may replace what this program wrote ([`super::ours`]), an empty file, or nothing. It never replaces an
+//! An output may replace a file that this program wrote ([`super::ours`]) or an empty file. It never replaces an
 //! input of the same run, by whatever name: that is asked of the system, not of the path. Anything else it replaces only if
 //! that is forced. Claims are locks: another process that claims the same is refused until these are dropped, or
 //! their process ends in whatever way.
@@ -13,19 +13,19 @@ use std::path::{Path, PathBuf};
 use super::atomic::WriteError;
 use super::input::same_path;
 use super::ours::{Kind, objection};
-use super::place::Place;
+use super::place::OutputPlace;
 use super::stack::is_group;
 
-/// The outputs of one run.
+/// Claimed outputs of one run.
 #[derive(Debug)]
-pub struct Claims {
+pub struct OutputClaims {
     inputs: Vec<PathBuf>,
     forced: bool,
     /// Of every output its place, and of a folder the names in it.
-    held: Vec<(Place, Vec<String>)>,
+    held: Vec<(OutputPlace, Vec<String>)>,
 }
 
-impl Claims {
+impl OutputClaims {
     /// Those of a run that reads `inputs`, and the files that descriptions among them name. If `forced`, whatever stands
     /// in the way may be replaced, but for inputs.
     pub fn new<P: AsRef<Path>>(inputs: &[P], forced: bool) -> Self {
@@ -48,22 +48,22 @@ impl Claims {
         }
     }
 
-    /// Claims a file.
+    /// Claim a file.
     ///
     /// # Errors
     /// [`WriteError`].
     pub fn file(&mut self, path: &Path, kind: Kind) -> Result<(), WriteError> {
-        let place = Place::of_file(path)?;
+        let place = OutputPlace::of_file(path)?;
         self.check(path, &place.path, kind)?;
         self.hold(path, place, Vec::new())
     }
 
-    /// Claims a file beside one of ours whose format has no room for a mark: whatever else stands there may be replaced, but for inputs.
+    /// Claim a companion of one of our files whose format has no room for a mark. Any existing file except an input may be replaced.
     ///
     /// # Errors
     /// [`WriteError`].
     pub fn unmarked(&mut self, path: &Path) -> Result<(), WriteError> {
-        let place = Place::of_file(path)?;
+        let place = OutputPlace::of_file(path)?;
         self.check_input(path, &place.path)?;
         self.hold(path, place, Vec::new())
     }
@@ -74,7 +74,7 @@ impl Claims {
     /// # Errors
     /// [`WriteError`].
     pub fn store(&mut self, path: &Path) -> Result<(), WriteError> {
-        let place = Place::of_folder(path)?;
+        let place = OutputPlace::of_folder(path)?;
         let within = |input: &&PathBuf| {
             fs::canonicalize(input).is_ok_and(|input| input.starts_with(&place.path))
         };
@@ -111,7 +111,7 @@ impl Claims {
         folder: &Path,
         names: impl IntoIterator<Item = S>,
     ) -> Result<(), WriteError> {
-        let place = Place::of_folder(folder)?;
+        let place = OutputPlace::of_folder(folder)?;
         let mut held = Vec::new();
         for name in names {
             let name = name.as_ref();
@@ -125,7 +125,7 @@ impl Claims {
         self.hold(folder, place, held)
     }
 
-    /// Refuses what may not be replaced; `called` is the user's name for `path`.
+    /// Refuse a file that may not be replaced; `called` is the user's name for `path`.
     fn check(&self, called: &Path, path: &Path, kind: Kind) -> Result<(), WriteError> {
         self.check_input(called, path)?;
         match fs::metadata(path) {
@@ -160,8 +160,13 @@ impl Claims {
         }
     }
 
-    fn hold(&mut self, called: &Path, place: Place, names: Vec<String>) -> Result<(), WriteError> {
-        let files = |place: &Place, names: &[String]| -> Vec<PathBuf> {
+    fn hold(
+        &mut self,
+        called: &Path,
+        place: OutputPlace,
+        names: Vec<String>,
+    ) -> Result<(), WriteError> {
+        let files = |place: &OutputPlace, names: &[String]| -> Vec<PathBuf> {
             match names {
                 [] => vec![place.path.clone()],
                 _ => names.iter().map(|name| place.path.join(name)).collect(),
@@ -180,7 +185,7 @@ impl Claims {
     }
 }
 
-impl Drop for Claims {
+impl Drop for OutputClaims {
     /// Last first: a folder that was made for a later output may lie in one that was made for an earlier.
     fn drop(&mut self) {
         while self.held.pop().is_some() {}

@@ -24,7 +24,7 @@ use crate::ours::TEXT_MARK;
 
 /// A line of the file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FoundFix {
+pub struct EstimatedFix {
     /// When and where; its attitude is told as that of the scene's axes if there is none.
     pub fix: Fix,
     /// Of x and y, metres, and heading, radians.
@@ -54,7 +54,7 @@ pub(crate) const BESIDE: [&str; 9] = [
 ///
 /// # Errors
 /// [`WriteError`].
-pub fn write(path: &Path, fixes: &[FoundFix]) -> Result<(), WriteError> {
+pub fn write(path: &Path, fixes: &[EstimatedFix]) -> Result<(), WriteError> {
     let text = text(fixes);
     write_atomically(path, text.len() as u64, |file| {
         file.write_all(text.as_bytes())
@@ -62,7 +62,7 @@ pub fn write(path: &Path, fixes: &[FoundFix]) -> Result<(), WriteError> {
 }
 
 /// The file's text.
-pub fn text(fixes: &[FoundFix]) -> String {
+pub fn text(fixes: &[EstimatedFix]) -> String {
     let place = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
     let mut text = format!(
         "# a track found of echoes, {TEXT_MARK}\n{place},{}\n",
@@ -79,7 +79,7 @@ pub fn text(fixes: &[FoundFix]) -> String {
         let turned = [roll, pitch, yaw].map(|rad| format!("{:.9}", rad.to_degrees()));
         let known = numbers.map(|x| format!("{x:.6e}"));
         text += &format!(
-            "{},{},{},{},{:.4},{},{}\n",
+            "{:?},{},{},{},{:.4},{},{}\n",
             fix.time_s,
             at.join(","),
             turned.join(","),
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read() {
-        let fix = |n: usize| FoundFix {
+        let fix = |n: usize| EstimatedFix {
             fix: Fix {
                 time_s: n as f64 / 3.0,
                 position_m: DVec3::new(1.0 / 7.0, -2e3 / 3.0, 0.5) * n as f64,
@@ -112,7 +112,7 @@ mod tests {
             targets: 5,
             pulse: n,
         };
-        let fixes: Vec<FoundFix> = (0..4).map(fix).collect();
+        let fixes: Vec<EstimatedFix> = (0..4).map(fix).collect();
         let text = text(&fixes);
         assert!(text.lines().next().unwrap().contains(TEXT_MARK));
         let read = track_csv::read_from(text.as_bytes(), Path::new("track.csv")).unwrap();

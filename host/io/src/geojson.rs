@@ -4,29 +4,31 @@
 //! each of their rings. A feature whose geometry is null has no shape. Coordinates are what the file has, in its order: of the standard
 //! longitude and latitude in degrees, then metres above the ellipsoid.
 //!
-//! **Memory** some hundred bytes for each few of the file, of which [`MOST_BYTES`] are read. **Errors** say at which feature.
+//! **Memory** as much as is allowed, and a buffer; of the file [`MAX_BYTES`] are read. **Errors** say at which feature.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::input::open_file;
+use super::json::{self, JsonError, Limits};
+
 /// The longest file that is read.
-pub const MOST_BYTES: u64 = 16 << 20;
+pub const MAX_BYTES: u64 = 16 << 20;
 
 /// Farthest that a coordinate may lie from zero.
 const FARTHEST: f64 = 1e9;
 
 /// Properties of a feature that are kept, and letters of each.
-const MOST_PROPERTIES: usize = 24;
-const MOST_LETTERS: usize = 200;
+const MAX_PROPERTIES: usize = 24;
+const MAX_LETTERS: usize = 200;
 
 /// Why a file was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GeoJsonError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {}: {source}", path.display())]
     Io {
         /// The file.
@@ -76,24 +78,41 @@ pub struct Feature {
     pub properties: Vec<(String, String)>,
 }
 
-/// Reads a file.
+/// Read a file, holding at most `memory_bytes`.
 ///
 /// # Errors
 /// [`GeoJsonError`].
-pub fn read(path: &Path) -> Result<Vec<Feature>, GeoJsonError> {
+pub fn read(path: &Path, memory_bytes: u64) -> Result<Vec<Feature>, GeoJsonError> {
     let io = |source| GeoJsonError::Io {
         path: path.to_owned(),
         source,
     };
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(io)?;
-    file.take(MOST_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(io)?;
-    parse(&bytes).map_err(|what| GeoJsonError::Format {
+    let file = open_file(path).map_err(io)?;
+    let format = |what| GeoJsonError::Format {
         path: path.to_owned(),
         what,
-    })
+    };
+    // Features take a half of what their values do, at the most: a position 32 bytes, doubled while a list grows, for a list of numbers.
+    let root = json::value(file, limits(memory_bytes / 3 * 2)).map_err(|error| match error {
+        JsonError::Io(source) => io(source),
+        JsonError::Long { of: "JSON", most } => format(format!(
+            "expected at most {most} bytes of shapes, found more: leave out what is not to be seen"
+        )),
+        JsonError::Memory { .. } => format(format!(
+            "its shapes take more than the {memory_bytes} bytes of memory that they may take: leave out what is not to be seen, or give more \
+             memory"
+        )),
+        error => format(error.to_string()),
+    })?;
+    features(&root).map_err(format)
+}
+
+const fn limits(value_bytes: u64) -> Limits {
+    Limits {
+        bytes: MAX_BYTES,
+        string_bytes: 1 << 20,
+        value_bytes,
+    }
 }
 
 /// Reads a text.
@@ -101,14 +120,11 @@ pub fn read(path: &Path) -> Result<Vec<Feature>, GeoJsonError> {
 /// # Errors
 /// What is wrong with it, and at which feature.
 pub fn parse(bytes: &[u8]) -> Result<Vec<Feature>, String> {
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(format!(
-            "more than {} MiB, which is what is read at the most: leave out what is not to be seen",
-            MOST_BYTES >> 20
-        ));
-    }
-    let root: Value =
-        serde_json::from_slice(bytes).map_err(|error| format!("not JSON: {error}"))?;
+    let root = json::value(bytes, limits(u64::MAX)).map_err(|error| error.to_string())?;
+    features(&root)
+}
+
+fn features(root: &Value) -> Result<Vec<Feature>, String> {
     match root["type"].as_str() {
         Some("FeatureCollection") => {
             let all = root["features"]
@@ -118,10 +134,10 @@ pub fn parse(bytes: &[u8]) -> Result<Vec<Feature>, String> {
             each.map(|(i, one)| feature(one).map_err(|what| format!("feature {}: {what}", i + 1)))
                 .collect()
         }
-        Some("Feature") => Ok(vec![feature(&root)?]),
+        Some("Feature") => Ok(vec![feature(root)?]),
         Some(_) => {
             let mut shapes = Vec::new();
-            geometry(&root, &mut shapes)?;
+            geometry(root, &mut shapes)?;
             Ok(vec![Feature {
                 shapes,
                 properties: Vec::new(),
@@ -139,7 +155,7 @@ fn feature(value: &Value) -> Result<Feature, String> {
     if !value["geometry"].is_null() {
         geometry(&value["geometry"], &mut shapes)?;
     }
-    let cut = |text: &str| text.chars().take(MOST_LETTERS).collect::<String>();
+    let cut = |text: &str| text.chars().take(MAX_LETTERS).collect::<String>();
     let said = value["properties"].as_object().into_iter().flatten();
     let properties = said.filter_map(|(name, value)| {
         let text = match value {
@@ -152,7 +168,7 @@ fn feature(value: &Value) -> Result<Feature, String> {
     });
     Ok(Feature {
         shapes,
-        properties: properties.take(MOST_PROPERTIES).collect(),
+        properties: properties.take(MAX_PROPERTIES).collect(),
     })
 }
 

@@ -43,7 +43,8 @@ use super::input::Stamp;
 use super::matlab::{Array, Content, MatError, find_variable};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{
-    Collection, InMemory, InputFile, Pulse, ReadError, Sweep, check_finite,
+    Collection, InMemory, InputFile, PhaseConvention, PhaseReference, PhaseSign, Pulse, ReadError,
+    Sweep, check_finite,
 };
 
 /// Bytes that [`read`] holds at its peak for an unpacked file of this size (the released ones are):
@@ -110,7 +111,10 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadE
         collection.num_samples,
         &samples,
     )?;
-    Ok(InMemory::new(collection, samples)?.with_inputs(vec![input]))
+    let convention = PhaseConvention::stated(PhaseSign::Minus, PhaseReference::Point(DVec3::ZERO));
+    Ok(InMemory::new(collection, samples)?
+        .with_inputs(vec![input])
+        .with_convention(convention))
 }
 
 fn malformed(path: &Path, what: &str) -> ReadError {

@@ -36,6 +36,28 @@ pub fn same_path(a: &Path, b: &Path) -> bool {
     }
 }
 
+/// Open a file that is read at any place of it: not a folder, pipe, socket or device, which may never end or never begin.
+///
+/// # Errors
+/// Those of the system; [`io::ErrorKind::InvalidInput`] for what is not a file.
+pub fn open_file(path: &Path) -> io::Result<File> {
+    // Before it is opened: opening a pipe waits for its writer.
+    let about = fs::metadata(path)?;
+    if about.is_dir() {
+        return Err(io::Error::new(
+            io::ErrorKind::IsADirectory,
+            "expected a file, found a folder",
+        ));
+    }
+    if !about.is_file() {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "expected a file, found a pipe, socket or device: copy it to a file first",
+        ));
+    }
+    File::open(path)
+}
+
 /// Bytes that are left of a file, and their CRC-32 in hexadecimal.
 pub fn checksum(file: &mut File) -> io::Result<(u64, String)> {
     let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);

@@ -2,7 +2,7 @@
 //! has it as its module `io`.
 //!
 //! [`open`] opens recordings by what they hold; [`product`] is the folder that an image leaves; [`atomic`], [`place`],
-//! [`lock`] and [`claim`] see that outputs are complete or absent and nobody else's.
+//! [`lock`] and [`claim`] ensure that outputs are complete or absent and replace no file of another program.
 //!
 //! # Features
 //! All are on by default.
@@ -35,7 +35,10 @@ pub mod geojson;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;
+pub mod json;
 pub mod lock;
+#[cfg(feature = "recording")]
+mod marker_swaps;
 #[cfg(feature = "gotcha")]
 mod matlab;
 #[cfg(feature = "recording")]
@@ -61,3 +64,4 @@ pub mod track_csv;
 pub mod unfinished;
 mod write_error;
 pub mod xml;
+pub mod zarr;

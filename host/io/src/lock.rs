@@ -1,4 +1,4 @@
-//! Locks on outputs, so that two runs never write the same one at a time.
+//! Advisory locks on outputs, so that two runs never write the same output at once.
 //!
 //! A lock is a hidden file beside the output, `.subap-KEY.lock`, with KEY the CRC-32 of the output's name, that the system
 //! keeps locked for as long as the run lives (`flock`). A killed run leaves the file but not the lock: whoever finds
@@ -26,7 +26,7 @@ const LOCK_SUFFIX: &str = ".lock";
 /// What ends the name of a file that stays when its writer was killed: it can be read up to where it breaks off.
 pub const KEPT_SUFFIX: &str = ".maps.part";
 
-/// How often a lock is tried for that somebody holds for a moment, and the pause between.
+/// Number of attempts at a lock that is held briefly, and the pause between them.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -45,15 +45,15 @@ pub struct Lock {
     file: Option<File>,
 }
 
-/// Why there is no lock.
-pub enum NoLock {
-    /// Another process holds it: in words.
+/// Error of taking a lock.
+pub enum LockError {
+    /// Another process holds the lock; its description.
     Busy(String),
-    /// The operating system refused.
+    /// The operating system reported an error.
     Io(io::Error),
 }
 
-impl From<io::Error> for NoLock {
+impl From<io::Error> for LockError {
     fn from(error: io::Error) -> Self {
         Self::Io(error)
     }
@@ -61,7 +61,7 @@ impl From<io::Error> for NoLock {
 
 impl Lock {
     /// Locks the output `name` in `folder`, which must be canonical, and removes what dead runs left there.
-    pub fn take(folder: &Path, name: &OsStr) -> Result<Arc<Self>, NoLock> {
+    pub fn take(folder: &Path, name: &OsStr) -> Result<Arc<Self>, LockError> {
         let key = format!("{:08x}", crc32fast::hash(name.as_encoded_bytes()));
         let path = folder.join(format!("{PREFIX}{key}{LOCK_SUFFIX}"));
         let mut tries = 0;
@@ -85,7 +85,7 @@ impl Lock {
                         sweep_dead(folder);
                         return Ok(lock);
                     }
-                    Attempt::Busy(holder) if tries >= TRIES => return Err(NoLock::Busy(holder)),
+                    Attempt::Busy(holder) if tries >= TRIES => return Err(LockError::Busy(holder)),
                     Attempt::Busy(_) | Attempt::Again => {}
                 }
             }
@@ -94,7 +94,7 @@ impl Lock {
         }
     }
 
-    /// A name for a hidden file or folder of this output that nothing else has.
+    /// Unique name for a hidden file or folder of this output.
     pub fn hidden_name(&self, suffix: &str) -> String {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let process = std::process::id();
@@ -125,11 +125,11 @@ enum Attempt {
     /// `None` where the file system has no locks.
     Locked(Option<File>),
     Busy(String),
-    /// Somebody was quicker, or has just gone.
+    /// Another process took or released the lock during the attempt.
     Again,
 }
 
-/// One attempt. A file that nobody holds is a dead run's: it is removed, and the next attempt makes a new one.
+/// Try to lock once. An unlocked file belongs to a dead run: it is removed, and the next attempt creates a new one.
 fn acquire(path: &Path) -> io::Result<Attempt> {
     match File::create_new(path) {
         Ok(mut file) => match file.try_lock() {
@@ -161,7 +161,7 @@ fn acquire(path: &Path) -> io::Result<Attempt> {
 }
 
 enum Found {
-    /// Nobody holds it; held by us until dropped.
+    /// The lock was free and is held until dropped.
     Dead(File),
     /// Who holds it.
     Alive(String),

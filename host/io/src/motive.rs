@@ -11,7 +11,9 @@
 //! 0,0.000000,0.1,...
 //! ```
 //!
-//! Times are seconds, positions in the unit that the first line names, rotations quaternions. Axes are y up unless the
+//! Times are seconds, positions in the unit that the first line names, rotations quaternions or Euler angles in degrees, as the first line's `Rotation
+//! Type` says: `Quaternion`, or an order such as `XYZ`. Angles are right-handed and each turn is about the body's axis after those before it (intrinsic):
+//! of `XYZ` the rotation is `R_x R_y R_z`. Axes are y up unless the
 //! caller says otherwise. Frames in which the body was not seen have empty cells, and are passed over: who uses the
 //! track looks at the times of its fixes. A body's own axes are those of the capture's space as it was when the body was
 //! defined, turned as the track's.
@@ -30,7 +32,7 @@ use subaperture_model::track::Fix;
 const LONGEST_LINE: u64 = 1 << 20;
 
 /// Lines before the table, at most.
-const MOST_HEADERS: usize = 32;
+const MAX_HEADERS: usize = 32;
 
 /// Farthest coordinate, metres, and longest time, seconds.
 const FARTHEST: f64 = 1e9;
@@ -76,7 +78,7 @@ pub fn read_from(
                         "a Motive export begins with 'Format Version'; for columns of your own use kind = \"csv\"".to_owned(),
                     );
                 }
-                if headers.len() == MOST_HEADERS {
+                if headers.len() == MAX_HEADERS {
                     return Err(
                         "no line begins with 'Frame' so far: not a table of a take".to_owned()
                     );
@@ -104,13 +106,37 @@ pub fn read_from(
 struct Columns {
     count: usize,
     position: [usize; 3],
-    /// x, y, z and w.
-    rotation: Option<[usize; 4]>,
+    rotation: Option<Rotation>,
     unit_m: f64,
 }
 
-/// The unit of lengths in metres, and whether rotations are quaternions, by the first header line.
-fn conventions(first: &[String]) -> Result<(f64, bool), String> {
+/// Columns of a rotation.
+enum Rotation {
+    /// x, y, z and w of a quaternion.
+    Quaternion([usize; 4]),
+    /// Axes (0 to 2) in the order of the turns, and the column of each angle.
+    Euler([(usize, usize); 3]),
+}
+
+impl Rotation {
+    fn columns(&self) -> Vec<usize> {
+        match self {
+            Self::Quaternion(columns) => columns.to_vec(),
+            Self::Euler(turns) => turns.iter().map(|&(_, column)| column).collect(),
+        }
+    }
+}
+
+/// The axes of an order of Euler angles, 0 to 2.
+fn order(text: &str) -> Option<[usize; 3]> {
+    let axes: Vec<usize> = text.chars().filter_map(|c| "XYZ".find(c)).collect();
+    let order: [usize; 3] = axes.try_into().ok()?;
+    let all = [0, 1, 2].iter().all(|axis| order.contains(axis));
+    (all && text.len() == 3).then_some(order)
+}
+
+/// The unit of lengths in metres, and how rotations are written if that is said, by the first header line.
+fn conventions(first: &[String]) -> Result<(f64, Option<&str>), String> {
     let said = |what: &str| {
         let at = first.iter().position(|cell| cell == what)?;
         first.get(at + 1).map(String::as_str)
@@ -127,8 +153,7 @@ fn conventions(first: &[String]) -> Result<(f64, bool), String> {
             "positions are in the space '{other}': export in Global coordinates"
         ));
     }
-    let quaternions = said("Rotation Type").is_none_or(|kind| kind == "Quaternion");
-    Ok((unit_m, quaternions))
+    Ok((unit_m, said("Rotation Type")))
 }
 
 /// The rigid body that is asked for, or the only one.
@@ -159,7 +184,7 @@ impl Columns {
         let (first, rows) = headers
             .split_first()
             .ok_or("the table has no header lines before it")?;
-        let (unit_m, quaternions) = conventions(first)?;
+        let (unit_m, kind) = conventions(first)?;
         let rows: Vec<&Vec<String>> = rows
             .iter()
             .filter(|row| row.iter().any(|cell| !cell.is_empty()))
@@ -195,14 +220,33 @@ impl Columns {
                 "the body '{body}' has no columns of Position X, Y and Z"
             ));
         };
-        let rotation = ["X", "Y", "Z", "W"].map(|letter| find("Rotation", letter));
+        let found = ["X", "Y", "Z", "W"].map(|letter| find("Rotation", letter));
+        let rotation = match (found, kind.map(|kind| (kind, order(kind)))) {
+            ([None, None, None, None], _) => None,
+            ([Some(x), Some(y), Some(z), Some(w)], None | Some(("Quaternion", _))) => {
+                Some(Rotation::Quaternion([x, y, z, w]))
+            }
+            ([Some(x), Some(y), Some(z), None], Some((_, Some(axes)))) => {
+                Some(Rotation::Euler(axes.map(|axis| (axis, [x, y, z][axis]))))
+            }
+            (found, kind) => {
+                let columns = ["X", "Y", "Z", "W"].into_iter().zip(found);
+                let columns: Vec<&str> = columns
+                    .filter(|(_, at)| at.is_some())
+                    .map(|(c, _)| c)
+                    .collect();
+                return Err(format!(
+                    "the body '{body}' has columns of Rotation {}, and the first line's Rotation Type is {}; read are X, Y, Z and W of \
+                     'Quaternion', and X, Y and Z in degrees of 'XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY' or 'ZYX': export one of them",
+                    columns.join(", "),
+                    kind.map_or("not given".to_owned(), |(kind, _)| format!("'{kind}'"))
+                ));
+            }
+        };
         Ok(Self {
             count: letters.len(),
             position: [x, y, z],
-            rotation: match rotation {
-                [Some(x), Some(y), Some(z), Some(w)] if quaternions => Some([x, y, z, w]),
-                _ => None,
-            },
+            rotation,
             unit_m,
         })
     }
@@ -227,17 +271,25 @@ impl Columns {
             )),
         };
         let time_s = number(1, "Time")?;
-        let all = self.position.iter().chain(self.rotation.iter().flatten());
-        let empty = all.filter(|column| cell(**column).is_empty()).count();
-        let wanted = 3 + self.rotation.map_or(0, |_| 4);
-        if empty == wanted {
+        let rotation = self.rotation.iter().flat_map(Rotation::columns);
+        let mut all = self.position.into_iter().chain(rotation);
+        if all.all(|column| cell(column).is_empty()) {
             return Ok(None);
         }
         let [x, y, z] = self.position;
         let place = DVec3::new(number(x, "X")?, number(y, "Y")?, number(z, "Z")?);
         let attitude = match self.rotation {
             None => None,
-            Some([x, y, z, w]) => {
+            Some(Rotation::Euler(turns)) => {
+                let mut attitude = DQuat::IDENTITY;
+                for (axis, column) in turns {
+                    let letter = ["X", "Y", "Z"][axis];
+                    let angle_rad = number(column, letter)?.to_radians();
+                    attitude *= DQuat::from_axis_angle(DVec3::AXES[axis], angle_rad);
+                }
+                Some(axes.turn_attitude(attitude.normalize()))
+            }
+            Some(Rotation::Quaternion([x, y, z, w])) => {
                 let q = DQuat::from_xyzw(
                     number(x, "X")?,
                     number(y, "Y")?,
@@ -275,6 +327,60 @@ mod tests {
         0,0.000000,0,0,0,1,100.0,1500.0,-20.0,0.1,5\n\
         1,0.008333,,,,,,,,,\n\
         2,0.016667,0,0.38268343,0,0.92387953,110.0,1500.0,-20.0,0.1,5\n";
+
+    /// The take with Euler angles, degrees, and an order.
+    fn euler(order: &str, degrees: [f64; 3]) -> String {
+        let [x, y, z] = degrees;
+        format!(
+            "Format Version,1.23,Take Name,walk,Rotation Type,{order},Length Units,Meters,Coordinate Space,Global\n\
+             ,Type,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body\n,Name,r,r,r,r,r,r\n,ID,1,1,1,1,1,1\n\
+             ,,Rotation,Rotation,Rotation,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z,X,Y,Z\n\
+             0,0.0,{x},{y},{z},1,2,3\n1,0.1,,,,,,\n2,0.2,{x},{y},{z},1,2,3\n"
+        )
+    }
+
+    #[test]
+    fn euler_angles_turn_the_body_in_their_order() {
+        // Turns of vectors written out: about x, y and z of the axes that do not move, the last of the order first.
+        let about = |axis: usize, degrees: f64, v: [f64; 3]| {
+            let (s, c) = degrees.to_radians().sin_cos();
+            let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+            let mut turned = v;
+            turned[i] = c * v[i] - s * v[j];
+            turned[j] = s * v[i] + c * v[j];
+            turned
+        };
+        let degrees = [40.0, -25.0, 70.0];
+        for order in ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"] {
+            let read = read_from(
+                euler(order, degrees).as_bytes(),
+                Path::new("take.csv"),
+                None,
+                TrackAxes::PLAIN,
+            );
+            let read = read.unwrap();
+            assert_eq!(read.len(), 2);
+            let mut expected = [0.3, -0.5, 0.8];
+            for letter in order.chars().rev() {
+                let axis = "XYZ".find(letter).unwrap();
+                expected = about(axis, degrees[axis], expected);
+            }
+            let found = read[0].attitude.unwrap() * DVec3::new(0.3, -0.5, 0.8);
+            assert!(
+                found.distance(expected.into()) < 1e-12,
+                "{order}: {found} {expected:?}"
+            );
+        }
+        for kind in ["Quaternion", "XYX", "xyz", "Euler"] {
+            let error = fixes(&euler(kind, degrees), None).unwrap_err();
+            assert!(
+                error.contains("Rotation X, Y, Z") && error.contains(kind),
+                "{error}"
+            );
+        }
+        let unnamed = euler("XYZ", degrees).replace("Rotation Type,XYZ,", "");
+        assert!(fixes(&unnamed, None).unwrap_err().contains("not given"));
+    }
 
     fn fixes(text: &str, body: Option<&str>) -> Result<Vec<Fix>, String> {
         let read = read_from(

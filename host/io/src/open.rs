@@ -16,7 +16,7 @@ use super::gotcha;
 #[cfg(feature = "recording")]
 use super::recording;
 use subaperture_model::phase_history::{
-    Channel, Channels, CoherentSum, Joined, PhaseHistory, ReadError,
+    Channel, Channels, CoherentSum, Excluding, Inference, Joined, PhaseHistory, ReadError,
 };
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
@@ -36,26 +36,34 @@ pub struct Options<'a> {
     /// Keys of descriptions of raw recordings and the values that override them, such as `radar.pri`; laid over
     /// every description opened.
     pub settings: &'a [(String, String)],
+    /// What decides sign and reference of the phase where a file does not state them, and checks them where it does:
+    /// the crate `subaperture` has one, `convention::INFERENCE`. If `None`, arrays and descriptions have to state them.
+    pub inference: Option<Inference>,
 }
 
 impl Default for Options<'_> {
-    /// No channel asked for, any amount of memory, no settings.
+    /// No channel asked for, any amount of memory, no settings, no inference.
     fn default() -> Self {
         Self {
             channel: None,
             memory_bytes: u64::MAX,
             settings: &[],
+            inference: None,
         }
     }
 }
 
-/// Opens a recording.
+/// Opens a recording, without pulses whose positions no vehicle can have had ([`Excluding::misplaced`]).
 ///
 /// # Errors
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, for one whose format is a feature
 /// that is off, and for a broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
 /// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    Excluding::misplaced(opened(path, options)?)
+}
+
+fn opened(path: &Path, options: &Options) -> Opened {
     match format(path, options)? {
         Format::Gotcha => match options.channel {
             Some(channel) => Err(ReadError::Mismatch(format!(
@@ -101,8 +109,8 @@ pub fn open_channels<S: AsRef<str>>(
         Format::Described => described_channels(path, options)?,
     };
     match channels {
-        Some(wanted) => Ok(all.select(wanted)?),
-        None => Ok(all),
+        Some(wanted) => all.select(wanted)?.without_misplaced(),
+        None => all.without_misplaced(),
     }
 }
 
@@ -186,7 +194,7 @@ fn cphd_channels<S: AsRef<str>>(
         let about = channel.channel().about();
         (about, Box::new(channel) as Box<dyn PhaseHistory>)
     });
-    Ok(Channels::new(beside.collect())?)
+    Channels::new(beside.collect())?.without_misplaced()
 }
 
 #[cfg(feature = "cphd")]
@@ -206,7 +214,7 @@ fn crsd_channels<S: AsRef<str>>(
         let about = channel.channel().about();
         (about, Box::new(channel) as Box<dyn PhaseHistory>)
     });
-    Ok(Channels::new(beside.collect())?)
+    Channels::new(beside.collect())?.without_misplaced()
 }
 
 #[cfg(not(feature = "cphd"))]
@@ -235,7 +243,7 @@ fn array_channels(path: &Path, options: &Options) -> OpenedChannels {
     if read_start(path).is_ok_and(|start| start.starts_with(HDF5_MAGIC)) {
         return Err(is_off(path, "an HDF5 file", "hdf5"));
     }
-    arrays::open_channels(path, options.memory_bytes)
+    arrays::open_channels(path, options.memory_bytes, options.inference.as_ref())
 }
 
 #[cfg(not(feature = "npz"))]
@@ -245,13 +253,23 @@ fn array_channels(path: &Path, _: &Options) -> OpenedChannels {
 
 #[cfg(feature = "recording")]
 fn open_described(path: &Path, options: &Options) -> Opened {
-    let opened = recording::open(path, options.settings, options.memory_bytes)?;
+    let opened = recording::open(
+        path,
+        options.settings,
+        options.memory_bytes,
+        options.inference.as_ref(),
+    )?;
     Ok(Box::new(opened))
 }
 
 #[cfg(feature = "recording")]
 fn described_channels(path: &Path, options: &Options) -> OpenedChannels {
-    recording::open_channels(path, options.settings, options.memory_bytes)
+    recording::open_channels(
+        path,
+        options.settings,
+        options.memory_bytes,
+        options.inference.as_ref(),
+    )
 }
 
 #[cfg(not(feature = "recording"))]

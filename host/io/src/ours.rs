@@ -1,4 +1,4 @@
-//! Whether this program wrote a file: known by what the file holds, never by its name.
+//! Detection of files that this program wrote, by their contents and never by their names.
 //!
 //! | kind | how it shows |
 //! |---|---|
@@ -13,15 +13,17 @@
 //! | description (TOML) | so does its first line, with the CRC-32 of all that follows: one that was edited is its editor's |
 //! | array (NumPy) | a record beside it, JSON or TOML of this program, states its size and CRC-32 |
 //!
-//! An empty file holds nothing, and is anybody's.
+//! An empty file may always be replaced.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
-use serde_json::Value;
+use serde::Deserialize;
 
-use super::input::checksum;
+use super::input::{checksum, open_file};
+use super::json::{self, Limits};
 use subaperture_model::PROGRAM;
 
 /// What the first line of a text holds.
@@ -37,13 +39,17 @@ const SCHEMA: &str = "subaperture-";
 pub const ITEM_SCHEMA: &str = "subaperture-stac-item";
 
 /// How far a CPHD is searched for its mark: a header and the longest XML that is read.
-const MOST_HEADER_BYTES: u64 = 9 << 20;
+const MAX_HEADER_BYTES: u64 = 9 << 20;
 
-/// Longest JSON that is looked into.
-const MOST_JSON_BYTES: u64 = 256 << 20;
+/// Bounds on JSON that is looked into: only a few keys of it are kept.
+const JSON_LIMITS: Limits = Limits {
+    bytes: 256 << 20,
+    string_bytes: 4 << 20,
+    value_bytes: 0,
+};
 
 /// Longest description that is looked into.
-const MOST_DESCRIPTION_BYTES: u64 = 16 << 20;
+const MAX_DESCRIPTION_BYTES: u64 = 16 << 20;
 
 /// Kinds of files that are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +62,7 @@ pub enum Kind {
     Maps,
     /// A map, GeoTIFF or KMZ.
     Map,
-    /// What is told of a map beside it, STAC.
+    /// STAC item that describes a map.
     Item,
     /// A picture, PNG.
     Picture,
@@ -86,7 +92,7 @@ impl Kind {
 
 /// Whether the file at `path` is one of this kind that this program wrote, or empty; if not, what it is.
 pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static str>> {
-    let mut file = File::open(path)?;
+    let mut file = open_file(path)?;
     if file.metadata()?.len() == 0 {
         return Ok(None);
     }
@@ -95,9 +101,11 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Sicd => is_our_nitf(&mut file)?,
         Kind::Maps => starts_with(&mut file, b"SUBAPMAP")?,
         Kind::Map => is_our_map(file)?,
-        Kind::Item => record(&mut file)?.is_some_and(|item| item["schema"] == ITEM_SCHEMA),
+        Kind::Item => schema(&file).is_some_and(|schema| schema == ITEM_SCHEMA),
         Kind::Picture => is_our_picture(&mut file)?,
-        Kind::Record => record(&mut file)?.is_some() || begins_as_record(&mut file)?,
+        Kind::Record => {
+            schema(&file).is_some_and(|s| s.starts_with(SCHEMA)) || begins_as_record(&mut file)?
+        }
         Kind::Text => {
             let mut start = Vec::new();
             file.take(400).read_to_end(&mut start)?;
@@ -106,7 +114,7 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         }
         Kind::Description => {
             let mut text = Vec::new();
-            file.take(MOST_DESCRIPTION_BYTES).read_to_end(&mut text)?;
+            file.take(MAX_DESCRIPTION_BYTES).read_to_end(&mut text)?;
             is_our_description(&text)
         }
         Kind::Array => is_recorded(path, file)?,
@@ -142,7 +150,7 @@ pub(super) fn cphd_mark() -> String {
 
 fn has_mark(file: &mut File) -> io::Result<bool> {
     let mut start = Vec::new();
-    file.take(MOST_HEADER_BYTES).read_to_end(&mut start)?;
+    file.take(MAX_HEADER_BYTES).read_to_end(&mut start)?;
     Ok(contains(&start, cphd_mark().as_bytes()))
 }
 
@@ -169,14 +177,33 @@ fn is_our_picture(file: &mut File) -> io::Result<bool> {
     Ok(start.starts_with(b"\x89PNG") && contains(&start, chunk.as_bytes()))
 }
 
-/// JSON of ours.
-fn record(file: &mut File) -> io::Result<Option<Value>> {
-    let value = serde_json::from_reader(BufReader::new(file.take(MOST_JSON_BYTES)));
-    let value: Option<Value> = value.ok();
-    Ok(value.filter(|value| {
-        let schema = value["schema"].as_str();
-        schema.is_some_and(|schema| schema.starts_with(SCHEMA))
-    }))
+/// The schema that JSON states, if it is whole.
+fn schema(file: &File) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Record {
+        schema: String,
+    }
+    let record: Record = json::typed(file, JSON_LIMITS).ok()?;
+    Some(record.schema)
+}
+
+/// What a record states of a file; of tiles it states other things.
+#[derive(Deserialize)]
+struct About {
+    bytes: Option<u64>,
+    crc32: Option<String>,
+}
+
+/// What a record of ours states of the file `name`.
+fn stated(record: &File, name: &str) -> Option<About> {
+    #[derive(Deserialize)]
+    struct Record {
+        schema: String,
+        files: BTreeMap<String, About>,
+    }
+    let mut record: Record = json::typed(record, JSON_LIMITS).ok()?;
+    let ours = record.schema.starts_with(SCHEMA);
+    record.files.remove(name).filter(|_| ours)
 }
 
 /// Whether the first key is a schema of ours: of a record that was cut short.
@@ -223,18 +250,18 @@ fn is_recorded(path: &Path, mut array: File) -> io::Result<bool> {
         let record_name = entry.file_name();
         let record_name = record_name.to_string_lossy();
         let states: &dyn Fn(&str) -> bool = if record_name.ends_with(".json") {
-            let about = match File::open(entry.path()) {
-                Ok(mut file) => record(&mut file)?.map(|value| value["files"][name].clone()),
+            let about = match open_file(&entry.path()) {
+                Ok(file) => stated(&file, name),
                 Err(_) => None,
             };
             &move |crc32: &str| {
                 about.as_ref().is_some_and(|about| {
-                    about["bytes"].as_u64() == Some(bytes) && about["crc32"] == crc32
+                    about.bytes == Some(bytes) && about.crc32.as_deref() == Some(crc32)
                 })
             }
         } else if record_name.ends_with(".toml") {
             let mut text = Vec::new();
-            if let Ok(file) = File::open(entry.path()) {
+            if let Ok(file) = open_file(&entry.path()) {
                 file.take(1 << 16).read_to_end(&mut text)?;
             }
             let ours = contains(&text, TEXT_MARK.as_bytes());

@@ -93,7 +93,7 @@ fn phase(row: &str, pulse: usize) -> Result<f64, String> {
 pub fn text(phases_rad: &[f64]) -> String {
     let mut text = format!("# {TEXT_MARK}\n{HEADER}\n");
     for (pulse, phase) in phases_rad.iter().enumerate() {
-        writeln!(text, "{pulse},{phase}").expect("text grows");
+        writeln!(text, "{pulse},{phase:?}").expect("text grows");
     }
     text
 }
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_again() {
-        let some = [0.1, -2.5e-17, 1.0 / 3.0, -1234.5];
+        let some = [0.1, -2.5e-17, 1.0 / 3.0, -1234.5, 1e-300, 5e-324, -1e12];
         assert_eq!(phases(&text(&some)).unwrap(), some);
         assert_eq!(
             phases("\u{feff}pulse, phase_rad\r\n\r\n0, 1\r\n").unwrap(),

@@ -1,27 +1,27 @@
-//! Where an output goes: symbolic links followed, the folder above it made, locked against other runs.
+//! Place of an output: symbolic links followed, the folder above it made, locked against other runs.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::lock::{Lock, NoLock};
+use super::lock::{Lock, LockError};
 use super::unfinished::{self, Thing};
 use super::write_error::WriteError;
 
 /// Links that are followed, one after the other.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// The place of an output. When dropped, the lock goes, and folders above that were made for it, if they are empty.
 #[derive(Debug)]
-pub(super) struct Place {
+pub(super) struct OutputPlace {
     /// Absolute; no symbolic link itself.
     pub(super) path: PathBuf,
     pub(super) lock: Arc<Lock>,
     _made: Made,
 }
 
-impl Place {
+impl OutputPlace {
     /// The place of a file.
     pub(super) fn of_file(path: &Path) -> Result<Self, WriteError> {
         if path.as_os_str().as_encoded_bytes().ends_with(b"/") {
@@ -117,18 +117,18 @@ fn blocked(path: &Path, what: &'static str) -> WriteError {
 
 fn locked(path: &Path, folder: &Path, name: &std::ffi::OsStr) -> Result<Arc<Lock>, WriteError> {
     Lock::take(folder, name).map_err(|error| match error {
-        NoLock::Busy(holder) => WriteError::Locked {
+        LockError::Busy(holder) => WriteError::Locked {
             path: path.to_owned(),
             holder,
         },
-        NoLock::Io(source) => failed(path, source),
+        LockError::Io(source) => failed(path, source),
     })
 }
 
 /// Where `path` leads if it is a symbolic link, also if nothing is there; and whether it is one.
 fn followed(path: &Path) -> io::Result<(PathBuf, bool)> {
     let mut target = path.to_owned();
-    for count in 0..MOST_LINKS {
+    for count in 0..MAX_LINKS {
         match fs::symlink_metadata(&target) {
             Ok(about) if about.is_symlink() => {
                 let to = fs::read_link(&target)?;
@@ -141,7 +141,7 @@ fn followed(path: &Path) -> io::Result<(PathBuf, bool)> {
         }
     }
     Err(io::Error::other(format!(
-        "more than {MOST_LINKS} symbolic links one after the other"
+        "more than {MAX_LINKS} symbolic links one after the other"
     )))
 }
 

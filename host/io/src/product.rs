@@ -1,4 +1,4 @@
-//! The folder that `subap focus` leaves: image, metadata, quicklook; complete or absent.
+//! Output folder of `subap focus` with image, metadata and quicklook, written atomically.
 //!
 //! | file | holds |
 //! |---|---|
@@ -42,8 +42,11 @@ use subaperture_model::image::Image;
 
 pub use antennas::Antennas;
 pub use frame::frame_of;
-pub use growing::{Growing, Grown};
-pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, open_unread, read, verify};
+pub use growing::{CompleteProduct, PendingProduct};
+pub use read::{
+    OpenProduct, Pixels, RECORD_LIMITS, ReadError, StoredProduct, open, open_unread, read,
+    record as read_record, verify,
+};
 
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";
@@ -52,7 +55,7 @@ const QUICKLOOK: &str = "image.png";
 /// Names of the files of a product.
 pub const NAMES: [&str; 3] = [IMAGE, METADATA, QUICKLOOK];
 
-/// Names of the files of a product in tiles, beside [`tiles::NAME`].
+/// Names of the files of a product in tiles, in addition to [`tiles::NAME`].
 pub const TILED_NAMES: [&str; 2] = [METADATA, QUICKLOOK];
 
 /// What a folder is to hold beside an image in tiles, all of which are there.

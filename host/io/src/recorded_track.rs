@@ -39,10 +39,17 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
     };
     let log = Log::read(path, &Options::default()).map_err(|error| error.to_string())?;
     if let (Some(fault), false) = (log.account.faults.first(), values.flag("skip_damaged")) {
-        return Err(format!(
-            "{}, {fault}; read it with damaged lines skipped ('skip_damaged'), or transfer the log again",
-            path.display()
-        ));
+        return Err(match log.account.damaged() {
+            0 => format!(
+                "{}: {} records have times that do not ascend, the first {fault}; read it without them ('skip_damaged')",
+                path.display(),
+                log.account.disordered()
+            ),
+            _ => format!(
+                "{}, {fault}; read it with damaged lines skipped ('skip_damaged'), or transfer the log again",
+                path.display()
+            ),
+        });
     }
     let mut places = log
         .of(kind)

@@ -16,13 +16,16 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
-use super::place::Place as OutputPlace;
+use super::input::open_file;
+use super::json::{self, Limits};
+use super::place::OutputPlace;
 use super::unfinished::{self, Thing};
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Parts, PartsError, Tiling};
+use subaperture_model::image::{ImageSource, ImageSourceError, Tiling};
 use subaperture_model::monitor::Monitor;
 
 /// The `schema` among a group's attributes.
@@ -34,14 +37,18 @@ const DESCRIPTION: &str = "zarr.json";
 /// Rows and columns of a tile.
 const TILE: usize = 512;
 
-/// Most bytes of a description that are read.
-const MOST_BYTES: u64 = 16 << 20;
+/// Bounds on a description that is read.
+const LIMITS: Limits = Limits {
+    bytes: 16 << 20,
+    string_bytes: 1 << 20,
+    value_bytes: 0,
+};
 
 /// Images of one grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Stack<'a> {
     /// The images, all of the grid's size.
-    pub images: &'a [&'a dyn Parts],
+    pub images: &'a [&'a dyn ImageSource],
     /// Where their pixels are.
     pub grid: &'a ImageGrid,
     /// When the recording of each began, nanoseconds since 1970; empty if not all tell.
@@ -56,7 +63,7 @@ pub struct Stack<'a> {
 pub enum StackError {
     /// An image cannot be read.
     #[error(transparent)]
-    Read(#[from] PartsError),
+    Read(#[from] ImageSourceError),
     /// It cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -100,8 +107,8 @@ impl Stack<'_> {
         };
         check_room(path, place.folder(), self.bytes())?;
         place.lock.sweep(place.folder());
-        let beside =
-            Beside::create(place.folder().join(place.lock.hidden_name(".zarr"))).map_err(failed)?;
+        let beside = StagedFolder::create(place.folder().join(place.lock.hidden_name(".zarr")))
+            .map_err(failed)?;
         self.write_images(&beside.0, monitor, &failed)?;
         self.describe(&beside.0).map_err(failed)?;
         beside
@@ -202,20 +209,30 @@ impl Stack<'_> {
 
 /// Whether a folder is a group of Zarr, and one that [`Stack::write`] wrote.
 pub(super) fn is_group(folder: &Path) -> [bool; 2] {
-    let text = File::open(folder.join(DESCRIPTION)).and_then(|file| {
-        let mut text = Vec::new();
-        io::Read::read_to_end(&mut io::Read::take(file, MOST_BYTES), &mut text)?;
-        Ok(text)
-    });
-    let about: Value = serde_json::from_slice(&text.unwrap_or_default()).unwrap_or_default();
-    let is_zarr = about["node_type"] == "group";
-    [is_zarr, is_zarr && about["attributes"]["schema"] == SCHEMA]
+    #[derive(Deserialize, Default)]
+    struct About {
+        node_type: String,
+        #[serde(default)]
+        attributes: Attributes,
+    }
+    #[derive(Deserialize, Default)]
+    struct Attributes {
+        schema: Option<String>,
+    }
+    let about = open_file(&folder.join(DESCRIPTION)).ok();
+    let about = about.and_then(|file| json::typed(file, LIMITS).ok());
+    let about: About = about.unwrap_or_default();
+    let is_zarr = about.node_type == "group";
+    [
+        is_zarr,
+        is_zarr && about.attributes.schema.as_deref() == Some(SCHEMA),
+    ]
 }
 
 /// A folder on its way into place, removed when dropped, if it is still there.
-struct Beside(PathBuf);
+struct StagedFolder(PathBuf);
 
-impl Beside {
+impl StagedFolder {
     fn create(path: PathBuf) -> io::Result<Self> {
         fs::create_dir(&path)?;
         unfinished::begin(Thing::Folder(path.clone()));
@@ -244,7 +261,7 @@ impl Beside {
     }
 }
 
-impl Drop for Beside {
+impl Drop for StagedFolder {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.0);
         unfinished::end(&self.0);

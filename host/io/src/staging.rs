@@ -1,4 +1,4 @@
-//! A folder of files that belong together, made beside its place first: complete or absent.
+//! Staging folder for a set of files that appears complete or not at all.
 //!
 //! All files are written, and forced to disk, in a hidden staging folder on the same file system: each by a thread of its own as
 //! soon as it is whole, so that the disk is waited for once and not for each. Then
@@ -20,21 +20,21 @@ use serde_json::{Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::checksum;
-use super::place::Place;
+use super::place::OutputPlace;
 use super::unfinished::{self, Thing};
 
 /// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
 const AT_ONCE_BYTES: usize = 1 << 16;
 
 /// Files that are forced to the disk at a time, at most.
-const MOST_FORCED: usize = 8;
+const MAX_FORCED: usize = 8;
 
 /// Files on their way into a folder. Gone when dropped, unless committed.
 #[derive(Debug)]
 pub(super) struct Staged {
     // Before the place: when dropped, it goes before the lock and the folders above.
     staging: Staging,
-    place: Place,
+    place: OutputPlace,
     /// As the user calls it.
     folder: PathBuf,
     needed_bytes: u64,
@@ -57,7 +57,7 @@ impl Staged {
     /// [`WriteError`] if `folder`, or its nearest existing parent, cannot be written to, or another process is
     /// writing it.
     pub(super) fn begin(folder: &Path, needed_bytes: u64) -> Result<Self, WriteError> {
-        let place = Place::of_folder(folder)?;
+        let place = OutputPlace::of_folder(folder)?;
         // In the folder itself, which may be another disk than its parent.
         let base = match place.path.is_dir() {
             true => &place.path,
@@ -80,7 +80,7 @@ impl Staged {
         })
     }
 
-    /// Checks that nothing is in the way of files of these names, and that the disk has room for them (as an
+    /// Check that no folder occupies one of these names, and that the disk has room for them (as an
     /// ordinary user sees it).
     pub(super) fn check<'a>(
         &self,
@@ -141,7 +141,7 @@ impl Staged {
     /// Begins to force a file to the disk.
     fn force(&self, name: &str, file: File) -> Result<(), WriteError> {
         let mut forced = self.forced.lock().unwrap_or_else(PoisonError::into_inner);
-        if forced.len() >= MOST_FORCED {
+        if forced.len() >= MAX_FORCED {
             self.wait_for(forced.remove(0))?;
         }
         let file = Arc::new(file);

@@ -1,4 +1,4 @@
-//! An image kept by tiles in a folder that several processes may fill: a Zarr array of the third version
+//! Tiled image in a folder that several processes may fill: a Zarr array of the third version
 //! (zarr-specs.readthedocs.io), without compression, so that any reader of Zarr opens it.
 //!
 //! | file | holds |
@@ -8,27 +8,34 @@
 //! | `plan.json` | by what plan tiles are formed: text that the maker of the store gave |
 //! | `done/R.C.json` | that a tile is whole: its CRC-32, and what its maker noted of it |
 //!
-//! **Complete or absent.** A tile, and its mark after it, is written beside, forced to the disk and renamed: a tile with a mark
-//! is whole, whatever was killed when. The folder itself is made beside and renamed, so that a store that is there has a
+//! **Atomic writes.** A tile, and then its mark, is written to a hidden file, forced to disk and renamed: a tile with a mark
+//! is complete even if a process was killed. The folder itself is made beside and renamed, so that a store that is there has a
 //! plan. Two processes that write the same tile leave either's; by one plan both are the same to the bit.
 //!
-//! Memory: a tile.
+//! **Bounds**: nothing is sized by what the description claims. Tiles are counted by their marks, and memory follows the part that is read.
 
-use std::collections::BTreeMap;
+mod array;
+mod read;
+
+use std::collections::{BTreeMap, HashMap};
 use std::fs::{self, File};
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use num_complex::Complex32;
+use serde::Deserialize;
 use serde_json::{Value, json};
 
+use self::array::{Array, tile_bytes};
 use super::atomic::{WriteError, check_room, put_in_place, sync_folder};
+use super::input::{Stamp, open_file};
+use super::json::{self, JsonError, Limits};
 use super::lock::Lock;
-use super::place::Place as OutputPlace;
+use super::place::OutputPlace;
 use super::unfinished::{self, Thing};
-use subaperture_model::image::{Image, Parts, PartsError, Place, Tiling, copy_common};
+use subaperture_model::image::Tiling;
 
 /// The folder's name in that of a product.
 pub const NAME: &str = "image.zarr";
@@ -38,44 +45,33 @@ const PLAN: &str = "plan.json";
 const CHUNKS: &str = "c";
 const MARKS: &str = "done";
 
-/// Longest text that is read: of a plan, a mark or the array's description.
-const LONGEST_BYTES: u64 = 256 << 20;
+/// Bounds on a plan: a surface is a string of up to 3.5 MB.
+pub const PLAN_LIMITS: Limits = Limits {
+    bytes: 6 << 20,
+    string_bytes: 4 << 20,
+    value_bytes: 5 << 20,
+};
 
-/// Most bytes of a tile.
-const LARGEST_TILE_BYTES: u64 = 1 << 32;
+/// Bounds on a mark: what is noted of a tile takes some kilobytes.
+const MARK_LIMITS: Limits = Limits {
+    bytes: 1 << 20,
+    string_bytes: 1 << 12,
+    value_bytes: 1 << 20,
+};
 
-/// Bytes that all tiles take on disk.
+/// Size of all tiles on disk, bytes.
 pub fn disk_bytes(tiling: &Tiling) -> u64 {
-    tiling.count() as u64 * tile_bytes(tiling)
+    (tiling.count() as u64).saturating_mul(tile_bytes(tiling))
 }
 
-fn tile_bytes(tiling: &Tiling) -> u64 {
-    8 * (tiling.tile[0] as u64) * (tiling.tile[1] as u64)
-}
-
-/// What the array's description says of it.
-fn tiling_of(array: &Value) -> Option<Tiling> {
-    let pair = |value: &Value| {
-        let [a, b] = <[Value; 2]>::try_from(value.as_array()?.clone()).ok()?;
-        Some([a.as_u64()? as usize, b.as_u64()? as usize])
-    };
-    let tiling = Tiling {
-        image: pair(&array["shape"])?,
-        tile: pair(&array["chunk_grid"]["configuration"]["chunk_shape"])?,
-    };
-    let mut sides = tiling.image.iter().chain(&tiling.tile);
-    let possible = sides.all(|&side| (1..=1_000_000_000).contains(&side));
-    (possible && tile_bytes(&tiling) <= LARGEST_TILE_BYTES).then_some(tiling)
-}
-
-/// Why a store was not read.
+/// Error of reading a store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {}: {source}", path.display())]
     Io {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// Cause.
         source: io::Error,
@@ -83,7 +79,7 @@ pub enum StoreError {
     /// It is no store of ours.
     #[error("{}: {what}", path.display())]
     Format {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// What is wrong with it.
         what: String,
@@ -106,6 +102,10 @@ pub struct TileStore {
     folder: PathBuf,
     tiling: Tiling,
     plan: String,
+    /// Tiles that were held against their CRC-32, as their files were then.
+    verified: Mutex<HashMap<usize, Stamp>>,
+    /// What keeps the hidden files of this process apart from those of killed ones; made with the first tile that is put.
+    writer: Mutex<Option<OutputPlace>>,
 }
 
 impl TileStore {
@@ -134,11 +134,17 @@ impl TileStore {
         let _ = fs::remove_dir_all(&beside);
         unfinished::end(&beside);
         made.map_err(failed)?;
-        Ok(Self {
+        Ok(Self::of(folder, tiling, plan.to_owned()))
+    }
+
+    fn of(folder: PathBuf, tiling: Tiling, plan: String) -> Self {
+        Self {
             folder,
             tiling,
-            plan: plan.to_owned(),
-        })
+            plan,
+            verified: Mutex::default(),
+            writer: Mutex::default(),
+        }
     }
 
     /// Removes the store in the folder `product`, whole or not, if there is one: at once, whenever the process is ended.
@@ -171,21 +177,7 @@ impl TileStore {
         for row in 0..tiling.tiles()[0] {
             fs::create_dir(folder.join(CHUNKS).join(row.to_string()))?;
         }
-        let array = json!({
-            "zarr_format": 3,
-            "node_type": "array",
-            "shape": tiling.image,
-            "data_type": "complex64",
-            "chunk_grid": {
-                "name": "regular",
-                "configuration": { "chunk_shape": tiling.tile },
-            },
-            "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
-            "fill_value": [0.0, 0.0],
-            "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }],
-            "dimension_names": ["row", "column"],
-            "attributes": {},
-        });
+        let array = array::describe(&tiling);
         let text = serde_json::to_string_pretty(&array)? + "\n";
         for (name, text) in [(PLAN, plan), (ARRAY, text.as_str())] {
             let mut file = File::create_new(folder.join(name))?;
@@ -205,27 +197,18 @@ impl TileStore {
         if !path.exists() {
             return Ok(None);
         }
-        let text = read_text(&path)?;
-        let array: Value = serde_json::from_str(&text).unwrap_or_default();
-        let codecs = array["codecs"].as_array();
-        let plain = codecs
-            .is_some_and(|all| all.len() == 1 && all[0]["configuration"]["endian"] == "little");
-        let tiling = match array["data_type"] == "complex64" && plain {
-            true => tiling_of(&array),
-            false => None,
+        let array: Result<Array, _> = json::typed(open(&path)?, array::LIMITS);
+        let tiling = match array {
+            Ok(array) => array.tiling(),
+            Err(JsonError::Io(source)) => return Err(StoreError::Io { path, source }),
+            Err(error) => Err(error.to_string()),
         };
-        let Some(tiling) = tiling else {
-            return Err(StoreError::Format {
-                path,
-                what: "this is no image of complex64 in plain tiles".to_owned(),
-            });
-        };
-        let plan = read_text(&folder.join(PLAN))?;
-        Ok(Some(Self {
-            folder,
-            tiling,
-            plan,
-        }))
+        let tiling = tiling.map_err(|what| StoreError::Format {
+            path,
+            what: format!("this is no image of complex64 in plain tiles: {what}"),
+        })?;
+        let plan = read_plan(&folder.join(PLAN))?;
+        Ok(Some(Self::of(folder, tiling, plan)))
     }
 
     /// Sizes of image and tiles.
@@ -262,8 +245,7 @@ impl TileStore {
     }
 
     fn mark(&self, index: usize) -> PathBuf {
-        let [row, column] = self.tiling.at(index);
-        let name = format!("{row}.{column}.json");
+        let name = mark_name(self.tiling.at(index));
         self.folder.join(MARKS).join(name)
     }
 
@@ -279,8 +261,7 @@ impl TileStore {
         assert_eq!(pixels.len(), rows.len() * columns.len());
         let mut crc = crc32fast::Hasher::new();
         let mut row_bytes = vec![0; 8 * self.tiling.tile[1]];
-        let path = self.chunk(index);
-        beside(&path, |out| {
+        self.beside(&self.chunk(index), |out| {
             for row in 0..self.tiling.tile[0] {
                 let first = row * columns.len();
                 let values = pixels.get(first..first + columns.len()).unwrap_or(&[]);
@@ -298,10 +279,40 @@ impl TileStore {
             "crc32": format!("{:08x}", crc.finalize()),
             "note": note,
         });
-        beside(&self.mark(index), |out| {
+        self.beside(&self.mark(index), |out| {
             serde_json::to_writer(&mut *out, &mark)?;
             out.write_all(b"\n")
         })
+    }
+
+    /// Numbers of the tiles that are whole, by their marks, ascending: as many as there are files, whatever the description claims.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn present(&self) -> Result<Vec<usize>, StoreError> {
+        let path = self.folder.join(MARKS);
+        let failed = |source| StoreError::Io {
+            path: path.clone(),
+            source,
+        };
+        let mut present = Vec::new();
+        for entry in fs::read_dir(&path).map_err(failed)? {
+            let name = entry.map_err(failed)?.file_name();
+            present.extend(name.to_str().and_then(|name| self.index_of_mark(name)));
+        }
+        present.sort_unstable();
+        Ok(present)
+    }
+
+    /// The tile whose mark has this name; `None` for any other file.
+    fn index_of_mark(&self, name: &str) -> Option<usize> {
+        let (row, column) = name.strip_suffix(".json")?.split_once('.')?;
+        let [down, across] = self.tiling.tiles();
+        let (row, column) = (row.parse().ok()?, column.parse().ok()?);
+        let within = row < down && column < across;
+        let index = within.then(|| row * across + column)?;
+        // Other spellings of the numbers are other files.
+        (mark_name([row, column]) == name).then_some(index)
     }
 
     /// Tiles that are whole, and what was noted of each.
@@ -309,20 +320,14 @@ impl TileStore {
     /// # Errors
     /// [`StoreError`].
     pub fn done(&self) -> Result<BTreeMap<usize, Value>, StoreError> {
-        let mut done = BTreeMap::new();
-        for index in 0..self.tiling.count() {
-            let path = self.mark(index);
-            if !path.exists() {
-                continue;
-            }
-            let mark: Value =
-                serde_json::from_str(&read_text(&path)?).map_err(|error| StoreError::Format {
-                    path,
-                    what: format!("not the mark of a tile: {error}"),
-                })?;
-            done.insert(index, mark["note"].clone());
+        #[derive(Deserialize)]
+        struct Noted {
+            #[serde(default)]
+            note: Value,
         }
-        Ok(done)
+        let each = self.present()?.into_iter();
+        each.map(|index| Ok((index, self.read_mark::<Noted>(index)?.note)))
+            .collect()
     }
 
     /// Whether a tile is whole, by its mark.
@@ -333,131 +338,56 @@ impl TileStore {
         self.mark(index).exists()
     }
 
-    /// Pixels of every so manieth row and column of a tile, from `first` on, both counted within it: a glance, which reads these rows
-    /// alone and so cannot look at the tile's CRC-32.
+    fn verified(&self) -> MutexGuard<'_, HashMap<usize, Stamp>> {
+        self.verified.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes a file beside, forces it to the disk and renames it. Its folder is ours, and the name no link.
     ///
-    /// # Errors
-    /// [`StoreError`] if it cannot be read, or is too short.
-    ///
-    /// # Panics
-    /// If there is no such tile, or a step is zero.
-    pub fn glance(
+    /// The file lies hidden in the store's own folder, under the name of a lock of this process: the next that takes a lock there removes it if this
+    /// process is killed.
+    fn beside(
         &self,
-        index: usize,
-        first: [usize; 2],
-        steps: [usize; 2],
-    ) -> Result<Image, StoreError> {
-        let [rows, columns] = self.tiling.place(index);
-        let path = self.chunk(index);
-        let failed = |source| StoreError::Io {
-            path: path.clone(),
+        path: &Path,
+        write: impl FnOnce(&mut io::BufWriter<&mut File>) -> io::Result<()>,
+    ) -> Result<(), WriteError> {
+        let hidden = self.folder.join(self.hidden_name()?);
+        unfinished::begin(Thing::File(hidden.clone()));
+        let written = (|| {
+            let mut file = File::create_new(&hidden)?;
+            let mut out = io::BufWriter::with_capacity(1 << 16, &mut file);
+            write(&mut out)?;
+            out.flush()?;
+            drop(out);
+            put_in_place(&file, &hidden, path)
+        })();
+        let _ = fs::remove_file(&hidden);
+        unfinished::end(&hidden);
+        written.map_err(|source| WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes: 0,
             source,
-        };
-        let mut file = File::open(&path).map_err(failed)?;
-        let mut line = vec![0; 8 * columns.len()];
-        let mut image = Image {
-            rows: 0,
-            columns: (first[1]..columns.len()).step_by(steps[1]).len(),
-            pixels: Vec::new(),
-        };
-        for row in (first[0]..rows.len()).step_by(steps[0]) {
-            file.seek(SeekFrom::Start((8 * row * self.tiling.tile[1]) as u64))
-                .map_err(failed)?;
-            file.read_exact(&mut line).map_err(failed)?;
-            let values = line.chunks_exact(8).skip(first[1]).step_by(steps[1]);
-            image.pixels.extend(values.map(complex));
-            image.rows += 1;
-        }
-        Ok(image)
+        })
     }
 
-    /// Reads a tile, row-major.
-    ///
-    /// # Errors
-    /// [`StoreError`], also if it is not what its mark says.
-    ///
-    /// # Panics
-    /// If there is no such tile.
-    pub fn read(&self, index: usize) -> Result<Vec<Complex32>, StoreError> {
-        let [rows, columns] = self.tiling.place(index);
-        let (path, mark_path) = (self.chunk(index), self.mark(index));
-        let mark: Value = serde_json::from_str(&read_text(&mark_path)?).unwrap_or_default();
-        let damaged = |what: String| StoreError::Damaged {
-            path: path.clone(),
-            mark: mark_path.clone(),
-            what,
-        };
-        let failed = |source| StoreError::Io {
-            path: path.clone(),
-            source,
-        };
-        let mut file = File::open(&path).map_err(failed)?;
-        let bytes = file.metadata().map_err(failed)?.len();
-        if bytes != tile_bytes(&self.tiling) {
-            let wanted = tile_bytes(&self.tiling);
-            return Err(damaged(format!("it has {bytes} bytes and not {wanted}")));
-        }
-        let mut crc = crc32fast::Hasher::new();
-        let mut row_bytes = vec![0; 8 * self.tiling.tile[1]];
-        let mut pixels = Vec::with_capacity(rows.len() * columns.len());
-        for row in 0..self.tiling.tile[0] {
-            file.read_exact(&mut row_bytes).map_err(failed)?;
-            crc.update(&row_bytes);
-            if row < rows.len() {
-                let values = row_bytes.chunks_exact(8).take(columns.len());
-                pixels.extend(values.map(complex));
+    fn hidden_name(&self) -> Result<String, WriteError> {
+        let mut writer = self.writer.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = match writer.take() {
+            Some(place) => place,
+            None => {
+                // Processes of two machines or containers may have one number.
+                let since = SystemTime::now().duration_since(UNIX_EPOCH);
+                let moment = since.unwrap_or_default().as_nanos();
+                let name = format!("writer {} {moment}", std::process::id());
+                OutputPlace::of_file(&self.folder.join(name))?
             }
-        }
-        let crc32 = format!("{:08x}", crc.finalize());
-        match mark["crc32"].as_str() {
-            Some(stated) if stated == crc32 => Ok(pixels),
-            Some(stated) => Err(damaged(format!("its CRC-32 is {crc32} and not {stated}"))),
-            None => Err(damaged("no CRC-32 of it is recorded".to_owned())),
-        }
-    }
-}
-
-impl Parts for TileStore {
-    fn size(&self) -> (usize, usize) {
-        let [rows, columns] = self.tiling.image;
-        (rows, columns)
-    }
-
-    fn places(&self) -> Vec<Place> {
-        (0..self.tiling.count())
-            .map(|index| self.tiling.place(index))
-            .collect()
-    }
-
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
-        Ok(self.part(place)?)
-    }
-}
-
-impl TileStore {
-    /// A part of the image, from the tiles that it lies on.
-    ///
-    /// # Errors
-    /// [`StoreError`].
-    pub fn part(&self, place: &Place) -> Result<Image, StoreError> {
-        let [rows, columns] = place;
-        let mut window = Image {
-            rows: rows.len(),
-            columns: columns.len(),
-            pixels: vec![Complex32::ZERO; rows.len() * columns.len()],
         };
-        for index in self.tiling.meeting(place) {
-            let tile = self.read(index)?;
-            copy_common(place, &mut window.pixels, &self.tiling.place(index), &tile);
-        }
-        Ok(window)
+        Ok(writer.insert(place).lock.hidden_name(".tile"))
     }
 }
 
-/// A value of eight bytes.
-fn complex(bytes: &[u8]) -> Complex32 {
-    let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    Complex32::new(number(&bytes[..4]), number(&bytes[4..]))
+fn mark_name([row, column]: [usize; 2]) -> String {
+    format!("{row}.{column}.json")
 }
 
 /// A part of a store's work that no other process is at.
@@ -467,52 +397,38 @@ pub struct Claimed {
     _place: OutputPlace,
 }
 
-/// Numbers hidden files of this process.
-static NUMBER: AtomicU64 = AtomicU64::new(0);
-
-/// Writes a file beside, forces it to the disk and renames it. Its folder is ours, and the name no link.
-fn beside(
-    path: &Path,
-    write: impl FnOnce(&mut io::BufWriter<&mut File>) -> io::Result<()>,
-) -> Result<(), WriteError> {
-    let (folder, name) = (
-        path.parent().unwrap_or(Path::new("")),
-        path.file_name().unwrap_or_default().to_string_lossy(),
-    );
-    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-    let hidden = folder.join(format!(".{name}-{}-{number}", std::process::id()));
-    unfinished::begin(Thing::File(hidden.clone()));
-    let written = (|| {
-        let mut file = File::create_new(&hidden)?;
-        let mut out = io::BufWriter::with_capacity(1 << 16, &mut file);
-        write(&mut out)?;
-        out.flush()?;
-        drop(out);
-        put_in_place(&file, &hidden, path)
-    })();
-    let _ = fs::remove_file(&hidden);
-    unfinished::end(&hidden);
-    written.map_err(|source| WriteError::Io {
+fn open(path: &Path) -> Result<File, StoreError> {
+    open_file(path).map_err(|source| StoreError::Io {
         path: path.to_owned(),
-        needed_bytes: 0,
         source,
     })
 }
 
-fn read_text(path: &Path) -> Result<String, StoreError> {
+fn read_plan(path: &Path) -> Result<String, StoreError> {
     let mut text = String::new();
-    File::open(path)
-        .and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text))
-        .map_err(|source| StoreError::Io {
+    let read = open(path)?
+        .take(PLAN_LIMITS.bytes + 1)
+        .read_to_string(&mut text);
+    match read {
+        Ok(count) if count as u64 > PLAN_LIMITS.bytes => Err(StoreError::Format {
+            path: path.to_owned(),
+            what: format!(
+                "expected a plan of at most {} bytes, found more",
+                PLAN_LIMITS.bytes
+            ),
+        }),
+        Ok(_) => Ok(text),
+        Err(source) => Err(StoreError::Io {
             path: path.to_owned(),
             source,
-        })?;
-    Ok(text)
+        }),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use subaperture_model::image::ImageSource;
 
     const TILING: Tiling = Tiling {
         image: [5, 7],
@@ -606,6 +522,45 @@ mod tests {
             let error = TileStore::open(folder.path()).unwrap_err().to_string();
             assert!(error.contains("no image of complex64"), "{error}");
         }
+    }
+
+    /// A killed process leaves its lock, which nobody holds, and what it had begun.
+    #[test]
+    fn what_a_killed_process_had_begun_is_swept_with_the_next_claim() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = TileStore::create(folder.path(), TILING, "p").unwrap();
+        let own = folder.path().join(NAME);
+        for name in [
+            ".subap-0123abcd.lock",
+            ".subap-0123abcd-77-0.tile",
+            ".subap-0123abcd-77-1.tile",
+            ".another",
+        ] {
+            fs::write(own.join(name), "begun").unwrap();
+        }
+        store.put(0, &tile(0), &Value::Null).unwrap();
+        let claimed = store.claim("1/1").unwrap();
+        let names = || -> Vec<String> {
+            let all = fs::read_dir(&own).unwrap();
+            let mut names: Vec<String> = all
+                .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+                .filter(|name| name.starts_with('.') && !name.ends_with(".lock"))
+                .collect();
+            names.sort();
+            names
+        };
+        assert_eq!(names(), [".another"]);
+        // Of those that live nothing is taken away.
+        let other = TileStore::open(folder.path()).unwrap().unwrap();
+        other.put(5, &tile(5), &Value::Null).unwrap();
+        store.put(8, &tile(8), &Value::Null).unwrap();
+        assert_eq!(store.present().unwrap(), [0, 5, 8]);
+        drop((claimed, store, other));
+        let locks = fs::read_dir(&own).unwrap().filter(|entry| {
+            let name = entry.as_ref().unwrap().file_name();
+            name.to_string_lossy().ends_with(".lock")
+        });
+        assert_eq!(locks.count(), 0);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`, `time_us`,
 //! `x_mm`, `x_cm` and so on, all three in one; and if attitude is known all
 //! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
-//! after it is a fix; what [`crate::found_track`] says beside is passed over. Times are seconds from the collection's start, positions metres in the scene
+//! after it is a fix; additional columns of [`crate::found_track`] are ignored. Times are seconds from the collection's start, positions metres in the scene
 //! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
 //! lines that begin with `#` are passed over.
 //!
@@ -40,26 +40,26 @@ const PLACES: [([&str; 3], f64); 3] = [
 const DEGREES: [&str; 3] = ["roll_deg", "pitch_deg", "yaw_deg"];
 const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
 
-/// Why a track was not read.
+/// Error of reading a track.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrackCsvError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {path}: {source}")]
     Io {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// Cause.
         source: io::Error,
     },
-    /// A line is not what it should be.
+    /// A line is malformed.
     #[error("{path}, line {line}: {what}")]
     Line {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// The line, from 1.
         line: u64,
-        /// What is wrong with it.
+        /// Description of the fault.
         what: String,
     },
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot write {}: {source}{}", path.display(), advice(source, *needed_bytes))]
     Io {
         /// What was to be written.

@@ -88,7 +88,7 @@ impl Writer {
 
 /// Attributes that an element may have, and declarations of namespaces a document: the standard's have two of
 /// each at most. A parser compares every one with every other.
-const MOST_ATTRIBUTES: usize = 100;
+const MAX_ATTRIBUTES: usize = 100;
 
 /// Refuses text that takes a parser more time than in proportion to its length: elements of very many
 /// attributes, and very many namespaces. What else may be wrong with it is left to the parser.
@@ -99,10 +99,10 @@ pub fn check_plain(xml: &str) -> Result<(), String> {
     let bytes = xml.as_bytes();
     let too_many = |byte: usize, what: &str| {
         Err(format!(
-            "byte {byte}: more than {MOST_ATTRIBUTES} {what}; no file has so many: it is damaged"
+            "byte {byte}: more than {MAX_ATTRIBUTES} {what}; no file has so many: it is damaged"
         ))
     };
-    if let Some((byte, _)) = xml.match_indices("xmlns").nth(MOST_ATTRIBUTES) {
+    if let Some((byte, _)) = xml.match_indices("xmlns").nth(MAX_ATTRIBUTES) {
         return too_many(byte, "declarations of namespaces");
     }
     let mut at = 0;
@@ -136,7 +136,7 @@ pub fn check_plain(xml: &str) -> Result<(), String> {
             }
             at += 1;
         }
-        if attributes > MOST_ATTRIBUTES {
+        if attributes > MAX_ATTRIBUTES {
             return too_many(start, "attributes of one element");
         }
     }

@@ -1,22 +1,22 @@
-//! What no kernel can exceed: products and sums in registers, as many as the instructions do.
+//! Peak arithmetic rate: multiply-adds in registers.
 //!
 //! ```text
-//! x[i] <- x[i] a + b,    again and again, for sums enough to hide the latency of one
+//! x[i] <- x[i] a + b,    repeated, for enough independent sums to hide the latency
 //! ```
 //!
-//! Of this rate benches say what share a kernel reaches.
+//! Benchmarks compare the rate of kernels with this rate.
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
-/// Vectors that are worked on together: two units of four cycles' latency want eight at the least.
+/// Independent vectors; two units with a latency of four cycles need at least eight.
 const VECTORS: usize = 12;
 
-/// Products with sums, two operations each, that [`multiply_adds`] does in a round.
+/// Number of multiply-adds (two operations each) per round of [`multiply_adds`].
 pub fn a_round(instructions: Instructions) -> usize {
     VECTORS * instructions.run(Count)
 }
 
-/// Does so many rounds; the sum of what comes of it.
+/// Execute `rounds` rounds; returns the sum of the results.
 pub fn multiply_adds(instructions: Instructions, factor: f32, term: f32, rounds: usize) -> f32 {
     instructions.run(MultiplyAdds {
         factor,
@@ -70,7 +70,7 @@ mod tests {
 
     /// `x <- x / 2 + 1` from 0 is `2 - 2^(1 - n)` after `n` rounds, without rounding.
     #[test]
-    fn every_lane_does_every_round() {
+    fn every_lane_executes_every_round() {
         for instructions in Instructions::available() {
             let count = a_round(instructions) as f32;
             for rounds in [0, 1, 5, 10] {

@@ -1,19 +1,19 @@
-//! Samples of a pulse referred to another path: each turned by a phase that grows evenly with frequency.
+//! Compensation of a pulse's samples to another reference path: a phase ramp over frequency.
 //!
 //! ```text
 //! out[k] = w[k] z[k] exp(+j 2 pi (a + b k)) s,    k = 0 .. K-1
 //! ```
 //!
-//! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, good to `K`
-//! roundings of 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all. By groups ([`GroupRamp`]) it is the product of two
-//! numbers so rounded, the phase of the group's first sample and that from it to each other: 5e-7.
+//! The phase is a [`Ramp`]: a float64 phasor recurrence, with an error of `K`
+//! roundings of 2.5e-16, rounded to float32 at each sample: 3e-7 of a sample in total. By groups ([`GroupRamp`]) it is the product of two
+//! rounded phasors, of the group's first sample and relative to it: 5e-7.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_signal::phase::{narrow, phasor};
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
-/// `exp(j 2 pi (a + b k))`, times a factor, for `k` = 0, 1, ...
+/// Phase ramp `exp(j 2 pi (a + b k))` times a factor, for `k` = 0, 1, ...
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ramp {
     turn: Complex64,
@@ -21,7 +21,7 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// From `start_turns` by `step_turns`, everything times `factor`.
+    /// Ramp from `start_turns` in steps of `step_turns` (cycles), times `factor`.
     #[inline]
     pub fn new(start_turns: f64, step_turns: f64, factor: f64) -> Self {
         Self {
@@ -42,10 +42,10 @@ impl Iterator for Ramp {
     }
 }
 
-/// The samples in place, turned and weighted; the weights meet the phase in float64.
+/// Multiply samples by ramp and weights in place; ramp and weights are multiplied in float64.
 ///
 /// # Panics
-/// If there are not as many weights as samples.
+/// If the numbers of weights and samples differ.
 #[inline]
 pub fn refer(samples: &mut [Complex32], weights: &[f64], ramp: Ramp) {
     assert_eq!(samples.len(), weights.len());
@@ -54,18 +54,18 @@ pub fn refer(samples: &mut [Complex32], weights: &[f64], ramp: Ramp) {
     }
 }
 
-/// A ramp that goes on by groups of samples.
+/// Ramp by groups of samples.
 #[derive(Clone, Copy, Debug)]
 pub struct GroupRamp {
     turn: Complex64,
-    /// From group to group.
+    /// Phasor from group to group.
     step: Complex64,
-    /// From the first sample of a group to each: cosines and sines.
+    /// Phasors of a group's samples relative to the first: cosines and sines.
     within: [[f32; GROUP]; 2],
 }
 
 impl GroupRamp {
-    /// The same ramp.
+    /// Convert a ramp.
     #[inline]
     pub fn new(Ramp { turn, step }: Ramp) -> Self {
         let [mut cos, mut sin] = [[0.0; GROUP]; 2];
@@ -82,12 +82,12 @@ impl GroupRamp {
     }
 }
 
-/// Pulses' samples, turned and weighted, into planes: `planes` are `[pulse][real, imaginary][stride]`, as many pulses as there are `ramps`, whose
-/// samples of `rows`, `row_length` from pulse to pulse, are those from its beginning on, as many as there are weights. The ramps go on, whole groups of samples
-/// at a time. What is beyond the samples, up to a whole group, becomes 0.
+/// Compensate and weight samples of several pulses into planes `[pulse][real, imaginary][stride]`, one pulse per ramp. Pulses are `row_length`
+/// apart in `rows`; of each, the first samples are used, one per weight. The ramps advance by whole groups of samples.
+/// Values beyond the samples, up to a whole group, become 0.
 ///
 /// # Panics
-/// If they do not fit each other, or a row of planes is no whole number of groups.
+/// If lengths are inconsistent, or the stride is not a multiple of [`GROUP`].
 pub fn refer_to_planes(
     instructions: Instructions,
     rows: &[Complex32],
@@ -133,7 +133,7 @@ impl Kernel for ToPlanes<'_> {
                 let (mut parts, mut weights) = ([[0.0f32; GROUP]; 2], [0.0f32; GROUP]);
                 let width = GROUP.min(count - first);
                 if width == GROUP {
-                    // Of a length that is known.
+                    // Constant length, for vectorisation.
                     for (i, z) in row[first..first + GROUP].iter().enumerate() {
                         (parts[0][i], parts[1][i]) = (z.re, z.im);
                     }
@@ -171,18 +171,18 @@ mod tests {
     use crate::trial::{Numbers, turned, wide};
 
     #[test]
-    fn a_ramp_keeps_its_phase() {
+    fn phase_ramp_error_is_within_bound() {
         let (start, step, count) = (-12_345.678, 0.0123, 100_000);
         let last = Ramp::new(start, step, 3.0).nth(count).unwrap();
         let expected = turned(start + step * count as f64) * 3.0;
-        // Each product is rounded to 2.5e-16, the step's own phase and sine as well; start and last to 1e-12.
+        // Each product and the step's phase and sine are rounded to 2.5e-16; start and last to 1e-12.
         let allowed = 3.0 * (count as f64 * 5e-16 + 1e-11);
         assert!((last - expected).norm() < allowed, "{last} {expected}");
     }
 
-    /// Of a sample of magnitude 1: phasor rounded (4e-8 in each part), product (1.3e-7), weight (8e-8).
+    /// Error for a sample of magnitude 1: phasor (4e-8 per part), product (1.3e-7), weight (8e-8).
     #[test]
-    fn samples_are_turned_and_weighted() {
+    fn refer_multiplies_samples_by_ramp_and_weights() {
         let mut numbers = Numbers::new(1);
         let samples = numbers.samples(301);
         let weights: Vec<f64> = (0..301).map(|_| numbers.unit()).collect();
@@ -199,9 +199,9 @@ mod tests {
         }
     }
 
-    /// As above, with another rounding of a phasor (8e-8) and its product (1.3e-7).
+    /// As above, plus another phasor rounding (8e-8) and product (1.3e-7).
     #[test]
-    fn samples_of_some_pulses_go_into_planes() {
+    fn refer_to_planes_compensates_several_pulses() {
         let (count, row_length, stride) = (77, 90, 96);
         let mut numbers = Numbers::new(2);
         let rows = numbers.samples(3 * row_length);
@@ -211,7 +211,7 @@ mod tests {
             let ramp = |&(start, step, factor)| GroupRamp::new(Ramp::new(start, step, factor));
             let mut ramps: Vec<GroupRamp> = pulses.iter().map(ramp).collect();
             let mut planes = vec![7.0f32; 3 * 2 * stride];
-            // In two parts, the first of whole groups.
+            // In two calls, the first of whole groups.
             let cut = 48;
             for part in [0..cut, cut..count] {
                 let (from, to) = (&rows[part.start..], &mut planes[part.start..]);
@@ -239,7 +239,7 @@ mod tests {
             for (k, (&re, &im)) in re.iter().zip(im).enumerate() {
                 let got = Complex64::new(re.into(), im.into());
                 if k >= count {
-                    // Up to a whole group 0, untouched from there.
+                    // 0 up to a whole group, unchanged beyond.
                     let left = if k < 80 { 0.0 } else { 7.0 };
                     assert_eq!(got, Complex64::new(left, left));
                     continue;

@@ -1,26 +1,25 @@
-//! Slow time to Doppler, on an axis that scales with frequency, as a product of matrices.
+//! Keystone Doppler transform (axis scaled with frequency) as a matrix product.
 //!
 //! ```text
 //! X_k[d] = sum_m a_k[m] x_k[m] exp(+j 2 pi s_k delta (m - m_k) (d - d_c)),    k = 0 .. K-1
 //! ```
 //!
-//! what [`subaperture_signal::scaled_dft`] evaluates by chirp-z, for Doppler bins that lie evenly about zero, `D = 2 d_c + 1`. A patch has few
-//! of them, and then the sum itself costs less than transforms: pulses as far before the middle as after it share a cosine, and so
+//! It equals the chirp-z transform of [`subaperture_signal::scaled_dft`] for Doppler bins evenly about zero, `D = 2 d_c + 1`. A patch needs few
+//! bins, and then the direct sum is cheaper than FFTs. Pulses symmetric about the middle share a cosine, and so
 //! do bins `d_c + d` and `d_c - d`,
 //!
 //! ```text
 //! X[d_c +- d] = sum_u cos(t u d) (a+ x+ + a- x-)  +-  j sum_u sin(t u d) (a+ x+ - a- x-),    u = m - m_c > 0
 //! ```
 //!
-//! so that a pulse and bin take one real product with a sum where they would take four. Lanes are frequencies side by side: samples come pulse by pulse, as they
-//! are recorded, real and imaginary parts apart, and rows of the range-Doppler map leave as range transforms want them. Sines are turned on from bin to bin.
+//! so that a pulse and bin need one real multiply-add instead of four. SIMD lanes hold adjacent frequencies. Input samples are pulse by pulse,
+//! real and imaginary parts in separate planes; output rows are range-Doppler map rows for range FFTs. Sines advance from bin to bin by phasor recurrence.
 //!
-//! Where the middle of slow time drifts with frequency (samples taken one after another in motion), `m_k = m_c - kappa (k - K/2)`, the bins are turned
-//! by what that adds, which does not depend on the pulse.
+//! Where the reference slow time depends on frequency (intra-pulse motion), `m_k = m_c - kappa (k - K/2)`, each bin is multiplied
+//! by the additional phase, which is independent of the pulse.
 //!
-//! Work goes by [`BLOCK`] frequencies, so that the samples of all pulses and the table's part stay in cache. Memory: `2 M K` float32 of table. Error:
-//! steps are rounded to 2.5e-8 RMS and that grows with the bin, 1e-6 at [`MOST_REACH`]; sums of `M` terms 6e-8 times some roots.
-//! Cost: `M D K` real products with sums, and as many to turn sines.
+//! **Cost** `M D K` real multiply-adds, and as many for the recurrence, with cache blocking by [`BLOCK`] frequencies. **Memory** a table of `2 M K` float32. **Accuracy**
+//! recurrence steps are rounded to 2.5e-8 RMS, which accumulates over bins to 1e-6 at [`MAX_REACH`]; sums of `M` terms 6e-8 times the square root of their number.
 
 use num_complex::Complex64;
 use subaperture_signal::phase::phasor;
@@ -28,43 +27,43 @@ use subaperture_signal::scaled_dft::Shape;
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
-/// Frequencies that are worked on together.
+/// Frequencies per cache block.
 pub const BLOCK: usize = 4 * GROUP;
 
-/// Bins to either side of zero Doppler, at most: further ones would err by more than is stated.
-pub const MOST_REACH: usize = 64;
+/// Largest Doppler bin to either side of zero; the error bound holds up to there.
+pub const MAX_REACH: usize = 64;
 
-/// Of the table, for each pair of pulses: their weights, cosine and sine of the first bin.
+/// Planes of the table per pair of pulses: two weights, cosine and sine of the first bin.
 const PLANES: usize = 4;
 
-/// Pairs of pulses for which each sum is fetched and put back once.
+/// Pairs of pulses per load and store of the sums.
 const TOGETHER: usize = 2;
 
-/// The transform for every frequency of a band.
+/// Doppler transform for all frequencies of a band.
 pub struct DopplerProduct {
     inputs: usize,
     reach: usize,
     frequencies: usize,
     /// `[block][pair][plane][BLOCK]`.
     table: Vec<f32>,
-    /// `[block][cosine, sine][BLOCK]` of what drift adds from bin to bin; empty where there is none.
+    /// Phasor of the drift from bin to bin, `[block][cosine, sine][BLOCK]`; empty without drift.
     drift: Vec<f32>,
 }
 
 impl DopplerProduct {
-    /// Whether it can be had for a shape: bins evenly about zero, not too many.
+    /// Whether a shape is supported: bins evenly about zero, at most [`MAX_REACH`] to either side.
     pub fn suits(shape: &Shape) -> bool {
         let reach = shape.outputs / 2;
         shape.outputs == 2 * reach + 1
             && shape.output_centre == reach as f64
-            && reach <= MOST_REACH
+            && reach <= MAX_REACH
             && shape.input_centre == (shape.inputs as f64 - 1.0) / 2.0
     }
 
-    /// For `scales[k] = f_k / f_c`. `weight(k, m)` is `a_k[m]`.
+    /// Build the table for `scales[k] = f_k / f_c`; `weight(k, m)` is `a_k[m]`.
     ///
     /// # Panics
-    /// If it does not suit the shape.
+    /// If the shape is not supported ([`Self::suits`]).
     pub fn new(scales: &[f64], shape: &Shape, weight: impl Fn(usize, usize) -> f64) -> Self {
         assert!(Self::suits(shape));
         let (inputs, frequencies) = (shape.inputs, scales.len());
@@ -84,7 +83,7 @@ impl DopplerProduct {
                     continue;
                 };
                 let turn = phasor(a_bin * (after as f64 - shape.input_centre));
-                // The middle pulse is a pair by itself, half of it either time.
+                // The middle pulse forms a pair with itself, with half the weight.
                 let share = if before == after { 0.5 } else { 1.0 };
                 let of = |m| (share * weight(k, m)) as f32;
                 let planes = [of(before), of(after), turn.re as f32, turn.im as f32];
@@ -107,28 +106,28 @@ impl DopplerProduct {
         }
     }
 
-    /// Bytes of the table for a band of `frequencies`.
+    /// Size of the table for a band of `frequencies`, bytes.
     pub fn table_bytes(frequencies: usize, inputs: usize) -> u64 {
         let row = 4 * (frequencies.next_multiple_of(BLOCK) * PLANES) as u64;
         row * pairs(inputs) as u64 + row
     }
 
-    /// Doppler bins out.
+    /// Number of Doppler bins.
     #[inline]
     pub fn outputs(&self) -> usize {
         2 * self.reach + 1
     }
 
-    /// Numbers of [`Self::transform`]'s scratch.
+    /// Length of the scratch of [`Self::transform`].
     pub fn scratch_length(&self) -> usize {
         4 * GROUP * (self.reach + 1)
     }
 
-    /// Transforms block `block` of frequencies, from number `BLOCK block` on: `samples` are `[pulse][real, imaginary][BLOCK]`, of which
-    /// those beyond the band are numbers but otherwise unread. Frequency `k` of bin `d` becomes `(first + k) % length` of its row of `map`.
+    /// Transform block `block` of frequencies, from frequency `BLOCK block` on. `samples` are `[pulse][real, imaginary][BLOCK]`;
+    /// values beyond the band must be finite and are ignored. Frequency `k` of bin `d` is stored at `(first + k) % length` of its row of `map`.
     ///
     /// # Panics
-    /// If a length is wrong.
+    /// If lengths are inconsistent.
     pub fn transform(
         &self,
         instructions: Instructions,
@@ -151,30 +150,30 @@ impl DopplerProduct {
     }
 }
 
-/// Rows of a range-Doppler map before their range transform.
+/// Rows of a range-Doppler map before the range FFT.
 pub struct MapRows<'a> {
     /// `[Doppler bin][real, imaginary][row_length]`.
     pub values: &'a mut [f32],
-    /// Numbers of a row in either plane.
+    /// Length of a row of either plane.
     pub row_length: usize,
-    /// Of a range transform, at most as many.
+    /// Length of the range FFT, at most `row_length`.
     pub length: usize,
-    /// Where in it frequency 0 lies.
+    /// Index of frequency 0 in the range FFT.
     pub first: usize,
 }
 
-/// Rows of the table, some of which may be empty.
+/// Number of pairs in the table, padded.
 fn pairs(inputs: usize) -> usize {
     inputs.div_ceil(2).next_multiple_of(TOGETHER)
 }
 
-/// The pulses of a pair, as far before the middle as after it.
+/// Pulses of a pair, symmetric about the middle; `None` for padding.
 #[inline(always)]
 fn pulses(inputs: usize, pair: usize) -> Option<[usize; 2]> {
     (pair < inputs.div_ceil(2)).then(|| [(inputs - 1) / 2 - pair, inputs / 2 + pair])
 }
 
-/// A block of frequencies.
+/// Kernel of one block of frequencies.
 struct Block<'a, 'b> {
     product: &'a DopplerProduct,
     block: usize,
@@ -183,7 +182,7 @@ struct Block<'a, 'b> {
     map: &'a mut MapRows<'b>,
 }
 
-/// What two pulses bring to a bin, and the phasor of that bin with the one from bin to bin.
+/// Weighted sum and difference of two pulses, phasor of the bin, and its step.
 #[derive(Clone, Copy)]
 struct Pair<L: Lanes> {
     even: [L::Numbers; 2],
@@ -195,7 +194,7 @@ struct Pair<L: Lanes> {
 impl<L: Lanes> Pair<L> {
     #[inline(always)]
     fn new(lanes: L, samples: &[f32], inputs: usize, pair: usize, row: &[f32]) -> Self {
-        // One of the pairs that are none has no weight.
+        // Padding pairs have weight 0.
         let [before, after] = pulses(inputs, pair).unwrap_or([0, 0]);
         let (a, b) = (lanes.load(row), lanes.load(&row[BLOCK..]));
         let [mut even, mut odd] = [[lanes.splat(0.0); 2]; 2];
@@ -213,14 +212,14 @@ impl<L: Lanes> Pair<L> {
         }
     }
 
-    /// On to the next bin.
+    /// Advance to the next bin.
     #[inline(always)]
     fn turn(&mut self, lanes: L) {
         self.at = turned(lanes, self.at, self.step);
     }
 }
 
-/// The product of two complex numbers.
+/// Complex product.
 #[inline(always)]
 fn turned<L: Lanes>(
     lanes: L,
@@ -313,7 +312,7 @@ impl Kernel for Block<'_, '_> {
     }
 }
 
-/// The first `width` of some values, side by side into a row of the map from place `first` on, and around its end.
+/// Store the first `width` values in a row of the map from index `first`, wrapping at its end.
 #[inline(always)]
 fn put<L: Lanes>(
     lanes: L,
@@ -344,12 +343,12 @@ mod tests {
     use crate::trial::{Numbers, turned, wide};
     use num_complex::Complex32;
 
-    /// Shapes of either parity, of one pulse and of one bin, with and without drift, of bands that fill no block.
+    /// Shapes of either parity, one pulse, one bin, with and without drift, bands that fill no block.
     const SHAPES: [(usize, usize, usize, f64, f64); 6] = [
         (1, 0, 5, 0.5, 0.0),
         (2, 7, 64, 0.03, 0.0),
         (39, 11, 77, 1.0 / 78.0, 0.0),
-        (130, MOST_REACH, 3, -1.0 / 256.0, 0.0),
+        (130, MAX_REACH, 3, -1.0 / 256.0, 0.0),
         (33, 5, 130, 1.0 / 70.0, -4e-3),
         (8, 9, 30, -1.0 / 17.0, 0.02),
     ];
@@ -382,7 +381,7 @@ mod tests {
             }
         }
 
-        /// The map, its rows `length` long, frequency 0 at `first`.
+        /// Map with rows of `length`, frequency 0 at `first`.
         fn map(&self, instructions: Instructions, length: usize, first: usize) -> Vec<Complex32> {
             let Self {
                 scales,
@@ -416,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_sum_it_says() {
+    fn doppler_product_agrees_with_defining_sum() {
         for of in SHAPES {
             let trial = Trial::new(of);
             let Trial {
@@ -432,7 +431,7 @@ mod tests {
                 for (place, &got) in row.iter().enumerate() {
                     let k = (place + length - first) % length;
                     if place >= length || k >= count {
-                        // What is no frequency's is left alone.
+                        // Other elements are unchanged.
                         assert_eq!(got, Complex32::ZERO);
                         continue;
                     }
@@ -450,8 +449,8 @@ mod tests {
             }
             let relative = (error / power).sqrt();
             println!("{of:?}: {relative:.1e}");
-            // A phasor of bin d is off by d times its step's rounding, 2.5e-8 RMS, by the roundings of d products, 6e-8 by the root of d, and so, with drift,
-            // is another; sums of M / 4 roundings at a part of their value each: 1.7e-8 by the root of M. Over bins, RMS of d is reach / 1.7.
+            // Phasor error of bin d: d times the step's rounding, 2.5e-8 RMS, plus d product roundings, 6e-8 times the square root of d, and the same again
+            // with drift; sums of M / 4 roundings at a fraction of their value each: 1.7e-8 times the square root of M. RMS of d over bins: reach / 1.7.
             let [reach, inputs] = [of.1, of.0].map(|count| count as f64);
             let drifts = if of.4 == 0.0 { 1.0 } else { 2.0 };
             let phasors = drifts * (2.5e-8 * reach / 1.7 + 6e-8 * reach.sqrt());
@@ -461,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn all_instructions_give_the_same_bits() {
+    fn doppler_product_is_bit_identical_in_all_instruction_sets() {
         for of in SHAPES {
             let trial = Trial::new(of);
             let plain = trial.map(Instructions::Portable, 300, 290);
@@ -473,13 +472,13 @@ mod tests {
     }
 
     #[test]
-    fn it_suits_few_bins_evenly_about_zero() {
+    fn doppler_product_supports_few_bins_evenly_about_zero() {
         let shape = Trial::new(SHAPES[2]).shape;
         assert!(DopplerProduct::suits(&shape));
         for wrong in [
             Shape {
-                outputs: 2 * MOST_REACH + 3,
-                output_centre: MOST_REACH as f64 + 1.0,
+                outputs: 2 * MAX_REACH + 3,
+                output_centre: MAX_REACH as f64 + 1.0,
                 ..shape
             },
             Shape {

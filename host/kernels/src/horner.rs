@@ -1,27 +1,27 @@
-//! A pulse's samples summed at many delays: a polynomial in the phasor from sample to sample, by Horner's rule.
+//! Sum of a pulse's samples at many delays: polynomial in the phasor step, by Horner's rule.
 //!
 //! ```text
 //! sum[i] = sum_k w[k] z[k] step[i]^k
 //! ```
 //!
-//! In float64 ([`sums`]) products and sums are rounded apart; rounding: that of `K` steps of Horner's rule,
-//! `K` times 2^-53 of the sum of magnitudes at most. Narrowly ([`narrow_sums`]) runs of [`RUN`] samples are float32, with fused products,
-//! and joined in float64: the step's rounding turns a sample by up to [`RUN`] times 6e-8, 4e-7 RMS at most ([`NARROW_RMS`]). Either has one
-//! order: the same bits in all instruction sets.
+//! **Accuracy** [`sums`] is float64 without fused operations: `K` Horner steps, an error of at most
+//! `K` times 2^-53 of the sum of magnitudes. [`narrow_sums`] evaluates blocks of [`RUN`] samples in float32 with fused operations
+//! and joins them in float64: the rounded step rotates a sample by up to [`RUN`] times 6e-8, at most 4e-7 RMS ([`NARROW_RMS`]). Both have a fixed
+//! order and are bit-identical in all instruction sets.
 //!
-//! Cost: 8 operations a sample and delay; narrow ones go three to five times as fast.
+//! **Cost** 8 operations per sample and delay; float32 is three to five times as fast.
 
 use num_complex::{Complex32, Complex64};
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
-/// Delays summed side by side: enough to hide the latency of Horner's chain.
+/// Delays evaluated together, to hide the latency of Horner's chain.
 pub const TOGETHER: usize = 16;
 
-/// The sums of `samples` with their `weights` for each of `steps`.
+/// Sum weighted `samples` for each phasor step, in float64.
 ///
 /// # Panics
-/// If there are not as many weights as samples.
+/// If the numbers of weights and samples differ.
 pub fn sums(
     instructions: Instructions,
     samples: &[Complex32],
@@ -45,7 +45,7 @@ struct Sums<'a> {
 impl Kernel for Sums<'_> {
     type Output = [Complex64; TOGETHER];
 
-    /// A plain loop: what the lanes' instructions make of it.
+    /// Scalar loop, vectorised by the compiler.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Self::Output {
         let step_re = self.steps.map(|z| z.re);
@@ -63,17 +63,17 @@ impl Kernel for Sums<'_> {
     }
 }
 
-/// Samples that are summed narrowly.
+/// Samples per float32 block.
 pub const RUN: usize = 16;
-/// Relative RMS error of narrow sums, beside that of samples that add at random.
+/// Relative RMS error of [`narrow_sums`], for samples that add with random phase.
 pub const NARROW_RMS: f64 = 4e-7;
-/// Delays summed side by side narrowly.
+/// Delays evaluated together in float32.
 pub const NARROW_TOGETHER: usize = 4 * GROUP;
 
-/// The sums of `samples` with their `weights` for each of `steps`, good to [`NARROW_RMS`].
+/// Sum weighted `samples` for each phasor step, in float32 blocks, with an error of [`NARROW_RMS`].
 ///
 /// # Panics
-/// If there are not as many weights as samples.
+/// If the numbers of weights and samples differ.
 pub fn narrow_sums(
     instructions: Instructions,
     samples: &[Complex32],
@@ -94,7 +94,7 @@ struct NarrowSums<'a> {
     steps: &'a [Complex64; NARROW_TOGETHER],
 }
 
-/// Vectors that are worked on together: enough to hide the latency of Horner's chain.
+/// Independent vectors, to hide the latency of Horner's chain.
 const VECTORS: usize = 4;
 
 impl Kernel for NarrowSums<'_> {
@@ -113,7 +113,7 @@ impl Kernel for NarrowSums<'_> {
             }
             (power_re[i], power_im[i]) = (power.re, power.im);
         }
-        // What does not fill a run comes first: it is last.
+        // The incomplete last block comes first in Horner's order.
         let whole = self.samples.len() / RUN * RUN;
         let ends = (0..whole).step_by(RUN).map(|first| first..first + RUN);
         let runs = ends.chain(std::iter::once(whole..self.samples.len()));

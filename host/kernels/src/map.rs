@@ -1,15 +1,15 @@
-//! Range-Doppler maps read where many points have their paths and rates: the second half of a type-2 non-uniform transform, with the phase of the
-//! carrier put back.
+//! Interpolation of range-Doppler maps at the path and rate of many points: the second half of a type-2 NUFFT, with the carrier phase
+//! restored.
 //!
 //! ```text
 //! pixel += exp(+j 2 pi cycles_m path) sum_i a_i sum_j b_j map[bin + i][range + j]
 //! ```
 //!
-//! by a Kaiser-Bessel kernel of `W` taps either way ([`subaperture_signal::kaiser_bessel`]), whose weights are polynomials here, good to 1e-6.
-//! Lines go by as many as a register holds, mostly neighbours on the ground: where their ranges lie within 32 bins (or 8, which some processors look up at
-//! a fourth of the cost), and their Doppler within a few, a row's values are looked up in registers, once for all of them, each line giving it the weight
-//! that it has in its own taps, or none; others are fetched one by one, with the same bits. Places are float64, sums float32: 6e-8 for each of `2 W`
-//! additions of the larger values. Cost: `W^2` complex multiply-adds a line, and `W` more for each further Doppler bin that a register's lines begin at.
+//! with a Kaiser-Bessel kernel of `W` by `W` taps ([`subaperture_signal::kaiser_bessel`]), whose weights are polynomials with an error of 1e-6.
+//! One register of lines, usually adjacent on the ground, is processed together. Where their ranges lie within 32 bins (or 8, which some processors look up at
+//! a fourth of the cost) and their Doppler within a few bins, the values of a row are looked up in registers once for all lines, each with its
+//! own weight or 0. Other lines are gathered one by one, with identical bits. **Accuracy** positions are float64, sums float32: 6e-8 for each of `2 W`
+//! additions of the larger values. **Cost** `W^2` complex multiply-adds per line, and `W` more for each additional Doppler bin among the lines of a register.
 
 use std::array;
 
@@ -21,52 +21,52 @@ use crate::paths::Line;
 use crate::phasor::{Polynomials, ROUND};
 use crate::taps::{below, nearest, weights};
 
-/// Lines read at a time: other instructions cannot be entered for a few at no cost.
+/// Lines per call of a kernel, to amortise the switch of instruction sets.
 const RUN: usize = 4 * GROUP;
 
-/// Values of a row that are looked up,
+/// Values of a row in a register lookup.
 const WINDOW: usize = 32;
-/// and where ranges are closer, as those of lines along the track are.
+/// Values of a row in a short register lookup, for close ranges, as of lines along the track.
 const SHORT: usize = 8;
 
-/// Doppler bins that a register's lines begin at, at most, for rows to be looked up.
-const MOST_BINS: usize = 6;
-/// Rows that are, for kernels of at most 6 taps.
-const MOST_ROWS: usize = 6 + MOST_BINS - 1;
+/// Largest number of first Doppler bins among a register's lines for row lookup.
+const MAX_BINS: usize = 6;
+/// Largest number of rows looked up, for kernels of at most 6 taps.
+const MAX_ROWS: usize = 6 + MAX_BINS - 1;
 
-/// Range bins between lines that are not near, and may be as many.
+/// Offset in range bins that stands for distant lines.
 const FAR: f32 = 1e6;
 
-/// A range-Doppler map, to be read with a kernel of `W` taps whose roll-off is divided out of it.
+/// Range-Doppler map for a kernel of `W` taps; the kernel's roll-off is already compensated.
 pub struct Map<'a, const W: usize> {
-    /// `[Doppler bin][real, imaginary][row_length]`: a period of ranges, and its beginning again.
+    /// `[Doppler bin][real, imaginary][row_length]`: one period of range bins and its continuation.
     pub values: &'a [f32],
-    /// Range bins of a period.
+    /// Range bins per period.
     pub length: usize,
-    /// Of `W` taps.
+    /// Kernel of `W` taps.
     pub kernel: &'a KaiserBessel,
-    /// Cycles of the carrier a metre.
+    /// Carrier cycles per metre of path.
     pub cycles_m: f64,
-    /// Doppler bins for a cycle a pulse.
+    /// Doppler bins per cycle per pulse.
     pub bins_per_cycle: f64,
-    /// Doppler bin of a point at rest.
+    /// Doppler bin of zero rate.
     pub zero_bin: f64,
-    /// Range bins a metre.
+    /// Range bins per metre of path.
     pub range_bins_m: f64,
 }
 
-/// Numbers of a row of a map of so many range bins, in either plane: what is beyond a period are its values again, from the first on.
+/// Row length of either plane for `length` range bins: one period and its continuation from the first bin.
 #[inline]
 pub fn row_length(length: usize) -> usize {
     length + WINDOW
 }
 
 impl<const W: usize> Map<'_, W> {
-    /// Adds to each pixel what its line reads, `map(rate, path) exp(+j 2 pi cycles_m path)`; to one whose Doppler is beyond the map what
-    /// `beyond` says of its index. Ranges repeat.
+    /// Add to each pixel `map(rate, path) exp(+j 2 pi cycles_m path)` of its line, or `beyond(index)` where its Doppler is outside the
+    /// map. Ranges are periodic.
     ///
     /// # Panics
-    /// If there are not as many pixels as lines, the kernel has not `W` taps, or the values are not whole rows.
+    /// If the numbers of pixels and lines differ, the kernel does not have `W` taps, or the values are not whole rows.
     pub fn add(
         &self,
         instructions: Instructions,
@@ -100,13 +100,13 @@ impl<const W: usize> Map<'_, W> {
         }
     }
 
-    /// Doppler bins.
+    /// Number of Doppler bins.
     #[inline(always)]
     fn bins(&self) -> usize {
         self.values.len() / (2 * row_length(self.length))
     }
 
-    /// Both planes of a row.
+    /// Real and imaginary plane of a row.
     #[inline(always)]
     fn row(&self, bin: usize) -> [&[f32]; 2] {
         let length = row_length(self.length);
@@ -114,33 +114,33 @@ impl<const W: usize> Map<'_, W> {
         [&row[..length], &row[length..]]
     }
 
-    /// A range bin within the period.
+    /// Range bin modulo the period.
     #[inline(always)]
     fn wrapped(&self, bin: f64) -> usize {
         (bin as i64).rem_euclid(self.length as i64) as usize
     }
 }
 
-/// What some lines read, real and imaginary parts, and which of them lie beyond the map.
+/// Interpolated values, real and imaginary, and lines outside the map.
 struct Read {
     values: [[f32; RUN]; 2],
     missed: [bool; RUN],
 }
 
-/// Up to [`RUN`] lines, to be read from a map of `W` Doppler bins or more.
+/// Interpolation of up to [`RUN`] lines on a map of at least `W` Doppler bins.
 struct At<'a, const W: usize> {
     map: &'a Map<'a, W>,
     lines: &'a [Line],
 }
 
-/// Where lines lie on the map.
+/// Positions of lines on the map.
 struct Places {
-    /// Cycles of the carrier from a whole number.
+    /// Carrier phase modulo one cycle.
     turns: [f32; RUN],
-    /// From the bins before, less a half.
+    /// Fraction above the lower bin, minus a half.
     across: [f32; RUN],
     along: [f32; RUN],
-    /// The first bins that are read: whole numbers, which stay floating point, for conversions would be done one by one.
+    /// First bins: integers kept as floats, because conversions would be scalar.
     bins: [f32; RUN],
     ranges: [f64; RUN],
 }
@@ -166,13 +166,13 @@ impl Places {
             let [bin, whole] = [doppler, range].map(below);
             places.across[i] = (doppler - bin - 0.5) as f32;
             places.along[i] = (range - whole - 0.5) as f32;
-            // Not a number is beyond it, too.
+            // NaN is outside, too.
             missed[i] = !(bin - before >= 0.0 && bin - before <= last_bin);
-            // Those beyond are 0 or the last, and so is what is not a number.
+            // Positions outside, and NaN, are clamped.
             places.bins[i] = (bin - before).max(0.0).min(last_bin) as f32;
             places.ranges[i] = whole - before;
         }
-        // Groups are whole: lines that are not there are where the last one is, and no reason to fetch others one by one.
+        // Missing lines of a group copy the last one, so that they do not cause gathers.
         if let Some(last) = lines.len().checked_sub(1) {
             let end = lines.len().next_multiple_of(GROUP);
             let (bin, range) = (places.bins[last], places.ranges[last]);
@@ -183,7 +183,7 @@ impl Places {
     }
 }
 
-/// The least and the largest of the first `count` numbers of a group, a power of two, by halves, as lanes have them.
+/// Minimum and maximum of the first `count` numbers of a group (`count` a power of two), by pairwise reduction.
 #[inline(always)]
 fn ends(of: &[f32; GROUP], mut count: usize) -> [f32; 2] {
     let (mut least, mut most) = (*of, *of);
@@ -199,53 +199,53 @@ fn ends(of: &[f32; GROUP], mut count: usize) -> [f32; 2] {
     [least[0], most[0]]
 }
 
-/// As many lines as there are lanes, which are to be read.
+/// One register of lines.
 struct Few<'a, L: Lanes, const W: usize> {
     map: &'a Map<'a, W>,
-    /// The first bins that are read, of each line.
+    /// First Doppler bin of each line.
     bins: &'a [f32],
     ranges: &'a [f64],
-    /// Weights of rows and of values along them.
+    /// Weights over Doppler and over range.
     across: [L::Numbers; W],
     along: [L::Numbers; W],
 }
 
 impl<L: Lanes, const W: usize> Few<'_, L, W> {
-    /// Sums of both planes.
+    /// Interpolated values, real and imaginary.
     #[inline(always)]
     fn read(&self, lanes: L) -> [L::Numbers; 2] {
         let [mut offsets, mut bins] = [[0.0; GROUP]; 2];
-        // From the first line's range; those that are far, or not a number, are not near in any case.
+        // Relative to the first line's range; distant ranges and NaN are never near.
         for (offset, range) in offsets.iter_mut().zip(&self.ranges[..L::COUNT]) {
             *offset = ((range - self.ranges[0]) as f32).clamp(-FAR, FAR);
         }
         bins[..L::COUNT].copy_from_slice(&self.bins[..L::COUNT]);
         let [least, most] = ends(&offsets, L::COUNT);
         let [lowest, highest] = ends(&bins, L::COUNT).map(|bin| bin as usize);
-        // What is not a number is not less.
+        // Comparisons with NaN are false.
         let within = |window: usize| most - least <= (window - W) as f32;
-        if !(L::LOOKS_UP && within(WINDOW) && highest - lowest < MOST_BINS) {
+        if !(L::LOOKS_UP && within(WINDOW) && highest - lowest < MAX_BINS) {
             return self.fetch(lanes);
         }
         let base = self.map.wrapped(self.ranges[0] + f64::from(least));
-        // Whole numbers, counted by the lowest bits.
+        // Integers in the lowest mantissa bits.
         let from_base = lanes.sub(lanes.load(&offsets), lanes.splat(least));
         let from_base = lanes.add(from_base, lanes.splat(ROUND));
         let places = array::from_fn(|b| lanes.add(from_base, lanes.splat(b as f32)));
         let rows = highest - lowest + W;
-        let mut weights = [lanes.splat(0.0); MOST_ROWS];
+        let mut weights = [lanes.splat(0.0); MAX_ROWS];
         for bin in lowest..=highest {
             let mut own = [0.0f32; GROUP];
             for (own, &at) in own.iter_mut().zip(&bins[..L::COUNT]) {
                 *own = if at == bin as f32 { 1.0 } else { 0.0 };
             }
             let own = lanes.load(&own);
-            // A line has one bin: what is added to is 0, or what is added.
+            // A line has one first bin: weights are added to 0.
             for (weight, &across) in weights[bin - lowest..].iter_mut().zip(&self.across) {
                 *weight = lanes.mul_add(across, own, *weight);
             }
         }
-        let weights = &weights[..rows.min(MOST_ROWS)];
+        let weights = &weights[..rows.min(MAX_ROWS)];
         if L::LIKES_SHORT && within(SHORT) {
             self.look_up(lanes, lowest, weights, |plane| {
                 let values = plane[base..base + SHORT].first_chunk();
@@ -261,7 +261,7 @@ impl<L: Lanes, const W: usize> Few<'_, L, W> {
         }
     }
 
-    /// By rows from `lowest` on, which count by `weights`.
+    /// Look up rows from `lowest` on, with their `weights`.
     #[inline(always)]
     fn look_up(
         &self,
@@ -279,7 +279,7 @@ impl<L: Lanes, const W: usize> Few<'_, L, W> {
         sums
     }
 
-    /// What a row has about each line's range.
+    /// Interpolate a row at each line's range.
     #[inline(always)]
     fn along_row(
         &self,
@@ -294,7 +294,7 @@ impl<L: Lanes, const W: usize> Few<'_, L, W> {
         sum
     }
 
-    /// Line by line.
+    /// Gather line by line.
     #[inline(always)]
     fn fetch(&self, lanes: L) -> [L::Numbers; 2] {
         let mut starts = [0; GROUP];
@@ -360,7 +360,7 @@ mod tests {
     fn check<const W: usize>() {
         let mut numbers = Numbers::new(W as u64);
         let kernel = KaiserBessel::new(W);
-        // A period may be shorter than the kernel.
+        // The period may be shorter than the kernel.
         for (length, bins) in [(48, 20), (3, 12)] {
             let rows: Vec<Vec<Complex32>> = (0..bins).map(|_| numbers.samples(length)).collect();
             let plane = |row: &[Complex32], of: fn(&Complex32) -> f32| -> Vec<f32> {
@@ -384,7 +384,7 @@ mod tests {
                 zero_bin: (bins / 2) as f64,
                 range_bins_m: 0.83,
             };
-            // Anywhere; and side by side, so that most groups are looked up, some across a period's end.
+            // Random lines, and adjacent lines, mostly in register lookup, some across a period's end.
             let mut lines: Vec<Line> = (0..400)
                 .map(|_| Line {
                     path_m: 300.0 * numbers.signed(),
@@ -410,7 +410,7 @@ mod tests {
             for (i, (line, got)) in lines.iter().zip(&pixels).enumerate() {
                 let doppler = line.rate_m * 31.7 * 3.9 + (bins / 2) as f64;
                 let range = line.path_m * 0.83;
-                // The bins that a kernel of W taps needs: W/2 to either side.
+                // Bins that a kernel of W taps needs: W/2 to either side.
                 let needed = [
                     doppler.floor() - W as f64 / 2.0 + 1.0,
                     doppler.floor() + W as f64 / 2.0,
@@ -437,7 +437,7 @@ mod tests {
                     }
                 }
                 let expected = sum * turned(line.path_m * 31.7) + 1.0;
-                // Weights are off by 5e-7 in either direction by their polynomials, and as much by roundings. Roundings: fractions, products, 2 W sums
+                // Weight error 5e-7 per dimension by the polynomials, and the same by rounding. Rounding: fractions, products, 2 W sums
                 // and the phasor (3e-7).
                 let allowed =
                     1e-6 * reach + magnitude * (8.5e-8 * (2 * W + 4) as f64 + 3e-7) + 2e-7;
@@ -449,9 +449,9 @@ mod tests {
         }
     }
 
-    /// A line is read alike whatever lines are beside it.
+    /// A line's result is independent of the lines in its register.
     #[test]
-    fn groups_do_not_matter() {
+    fn interpolation_is_independent_of_grouping() {
         const W: usize = 4;
         let kernel = KaiserBessel::new(W);
         let (length, bins) = (100, 20);
@@ -494,7 +494,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_are_read_as_the_sum_says() {
+    fn map_interpolation_agrees_with_defining_sum() {
         check::<4>();
         check::<6>();
     }

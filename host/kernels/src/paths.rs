@@ -1,29 +1,30 @@
-//! Paths from a pulse's antennas to many points.
+//! Path lengths from a pulse's antennas to many points.
 //!
 //! ```text
 //! path[i] = |p_i - t| + |p_i - r| - datum
 //! ```
 //!
-//! and the straight lines through two of them ([`lines`]). In float64, metres. Error: at most 5 roundings of the path, 6e-16 of it, and that of the datum. Of one antenna, whose legs are
+//! and lines through the paths at two times ([`lines`]). Float64, metres. **Accuracy** at most 5 roundings of the path, 6e-16 of it, plus that of the datum. For a monostatic antenna
+//! one leg is computed, with identical bits.
 //! equal, half is computed and the bits are the same.
 
 use std::ops::Range;
 
 use crate::lanes::{Instructions, Kernel, Lanes};
 
-/// Points of space, metres, one coordinate after another.
+/// Points in separate coordinate arrays, metres.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
     coordinates_m: [Vec<f64>; 3],
 }
 
 impl Points {
-    /// Takes all of them out; the memory stays.
+    /// Remove all points; keeps the memory.
     pub fn clear(&mut self) {
         self.coordinates_m.iter_mut().for_each(Vec::clear);
     }
 
-    /// Adds one.
+    /// Append a point.
     #[inline]
     pub fn push(&mut self, point_m: [f64; 3]) {
         for (all, one) in self.coordinates_m.iter_mut().zip(point_m) {
@@ -31,7 +32,7 @@ impl Points {
         }
     }
 
-    /// Some of a row of a grid instead of those that there are, from `row`'s first on.
+    /// Replace all points by `count` points of a grid row, from `row`'s first on.
     pub fn set_row(&mut self, instructions: Instructions, row: &Row, count: usize) {
         for (axis, all) in self.coordinates_m.iter_mut().enumerate() {
             all.resize(count, 0.0);
@@ -39,29 +40,29 @@ impl Points {
         }
     }
 
-    /// How many there are.
+    /// Number of points.
     #[inline]
     pub fn len(&self) -> usize {
         self.coordinates_m[0].len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no points.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Each of them.
+    /// Iterate over the points.
     #[inline]
     pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
         let [x, y, z] = &self.coordinates_m;
         x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z])
     }
 
-    /// Some of them, as [`paths`] takes them: x, y and z.
+    /// Coordinates x, y and z of a range of points, for [`paths`].
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If the range is out of bounds.
     #[inline(always)]
     pub fn part(&self, range: Range<usize>) -> [&[f64]; 3] {
         let [x, y, z] = &self.coordinates_m;
@@ -69,25 +70,25 @@ impl Points {
     }
 }
 
-/// Points of a grid's row, `(origin_m + x_axis (start_m + column step_m)) + across_m`, from column `first` on. Each is made of its own
-/// column, in this order of operations, so that it has the same bits wherever a run of points begins.
+/// Points of a grid row, `(origin_m + x_axis (start_m + column step_m)) + across_m`, from column `first` on. Each is computed from its own
+/// column in this order of operations, so that its bits are independent of the block that contains it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// The grid's origin, metres.
+    /// Origin of the grid, metres.
     pub origin_m: [f64; 3],
     /// Unit vector along the row.
     pub x_axis: [f64; 3],
-    /// From the origin across to the row, metres.
+    /// Offset from the origin to the row, metres.
     pub across_m: [f64; 3],
-    /// Of column 0, metres along.
+    /// Position of column 0 along the row, metres.
     pub start_m: f64,
-    /// From column to column, metres.
+    /// Column spacing, metres.
     pub step_m: f64,
-    /// The first point's column; float64 holds all that there may be.
+    /// Column of the first point; exact in float64.
     pub first: usize,
 }
 
-/// A coordinate of points of a row.
+/// One coordinate of a row's points.
 struct Along<'a> {
     row: &'a Row,
     axis: usize,
@@ -107,25 +108,25 @@ impl Kernel for Along<'_> {
         let (origin_m, x) = (of(&self.row.origin_m), of(&self.row.x_axis));
         let (across_m, first) = (of(&self.row.across_m), self.row.first as f64);
         for (i, one) in self.all.iter_mut().enumerate() {
-            // Sums of whole numbers, which are exact.
+            // Integer sum, exact.
             let column = first + i as f64;
             *one = (origin_m + x * (start_m + column * step_m)) + across_m;
         }
     }
 }
 
-/// What the paths of a pulse are measured from.
+/// Antenna positions and path datum of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Antennas {
-    /// The transmitter's phase centre, metres.
+    /// Phase centre of the transmitter, metres.
     pub transmitter_m: [f64; 3],
-    /// The receiver's.
+    /// Phase centre of the receiver, metres.
     pub receiver_m: [f64; 3],
-    /// What is taken off every path, metres.
+    /// Datum subtracted from every path, metres.
     pub datum_m: f64,
 }
 
-/// Paths to points of the coordinates `[x, y, z]`, into `paths_m`.
+/// Compute paths to points with the coordinates `[x, y, z]` into `paths_m`.
 ///
 /// # Panics
 /// If slices differ in length.
@@ -153,23 +154,23 @@ pub fn paths(antennas: &Antennas, [x, y, z]: [&[f64]; 3], paths_m: &mut [f64]) {
     }
 }
 
-/// A path that changes evenly with slow time, `path + rate u`, `u` pulses from a middle.
+/// Path linear in slow time, `path + rate u`, `u` in pulses from a centre.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
-    /// In the middle, metres.
+    /// Path at the centre, metres.
     pub path_m: f64,
-    /// Metres a pulse.
+    /// Rate, metres per pulse.
     pub rate_m: f64,
 }
 
-/// Points whose paths [`lines`] holds at a time: 1 KiB.
+/// Points per block of [`lines`] (1 KiB).
 const RUN: usize = 64;
 
-/// The lines through the paths at two moments, early and late, `between` pulses apart with the middle halfway; 0 for moments that
-/// are one, whose lines are level.
+/// Lines through the paths at an early and a late time, `between` pulses apart with the centre halfway; `between` 0 gives
+/// rate 0.
 ///
 /// # Panics
-/// If there is not as much room as there are points.
+/// If `lines` is shorter than the points.
 pub fn lines(
     instructions: Instructions,
     antennas: &[Antennas; 2],
@@ -222,9 +223,9 @@ mod tests {
     use super::*;
     use crate::trial::Numbers;
 
-    /// By nested hypotenuses: another formula, good to 5 roundings itself.
+    /// Oracle: nested hypotenuses, with an error of 5 roundings.
     #[test]
-    fn paths_are_the_sums_of_distances() {
+    fn paths_agree_with_sums_of_distances() {
         let mut numbers = Numbers::new(1);
         let mut place = |reach_m: f64| [0; 3].map(|_| numbers.signed() * reach_m);
         for (one, datum_m) in [(true, 0.0), (false, 13_000.0), (false, -1.0)] {
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn one_antenna_is_two_in_one_place() {
+    fn monostatic_path_is_bit_identical_to_two_coincident_antennas() {
         let mut numbers = Numbers::new(2);
         let mut points = Points::default();
         (0..50).for_each(|_| points.push([0; 3].map(|_| numbers.signed() * 1e3)));
@@ -277,9 +278,9 @@ mod tests {
         assert!(points.is_empty());
     }
 
-    /// Far from the origin, where an order of sums is seen: by hand, and from any column on.
+    /// Far from the origin, where the order of summation matters: against hand evaluation, from any column.
     #[test]
-    fn a_point_of_a_row_does_not_depend_on_where_its_run_begins() {
+    fn row_point_is_independent_of_block_start() {
         let row = Row {
             origin_m: [4.1e6, -1.3e6, 4.7e6],
             x_axis: [0.6, -0.64, 0.48],
@@ -305,9 +306,9 @@ mod tests {
         }
     }
 
-    /// An antenna that moves evenly past points on its line has paths that are straight: by hand.
+    /// An antenna in uniform motion along the line of points has linear paths, evaluated by hand.
     #[test]
-    fn lines_go_through_both_paths() {
+    fn lines_pass_through_paths_at_both_times() {
         let at = |x_m: f64| Antennas {
             transmitter_m: [x_m, 0.0, 0.0],
             receiver_m: [x_m, 0.0, 0.0],
@@ -324,7 +325,7 @@ mod tests {
             &mut got,
         );
         for (line, i) in got.iter().zip(0..) {
-            // 2 (1000 + i - x) - 2000 in the middle, x = 1; 16 m less in 16 pulses. Exact in float64.
+            // 2 (1000 + i - x) - 2000 at the centre, x = 1; 16 m less in 16 pulses. Exact in float64.
             let expected = Line {
                 path_m: 2.0 * f64::from(i) - 2.0,
                 rate_m: -1.0,

@@ -1,24 +1,24 @@
-//! Sine and cosine of a phase in turns, by polynomials.
+//! Sine and cosine of a phase in cycles, by polynomials.
 
 use crate::lanes::Lanes;
 
-/// Root of the mean square error of phasors of tiles: of what rounding adds where one is turned 16 times.
+/// RMS error of phasors in tiles, including 16 steps of phasor recurrence.
 pub const PHASOR_RMS: f64 = 2e-6;
 
-/// Added to a number below 2^22 and taken off again, it leaves the nearest whole number.
+/// Rounding constant: added to and subtracted from a number below 2^22, it rounds to the nearest integer.
 pub(crate) const ROUND: f32 = 12_582_912.0;
 
-/// The same for float64 below 2^51.
+/// Rounding constant for float64 below 2^51.
 pub(crate) const ROUND_F64: f64 = 6_755_399_441_055_744.0;
 
-/// Less whole turns: half a turn at most, of fewer than 2^22.
+/// Phase modulo one cycle, within half a cycle, for phases below 2^22.
 #[inline(always)]
 pub(crate) fn reduced<L: Lanes>(lanes: L, turns: L::Numbers) -> L::Numbers {
     let round = lanes.splat(ROUND);
     lanes.sub(turns, lanes.sub(lanes.add(turns, round), round))
 }
 
-/// Polynomials in the square of the phase over half a turn either way, of least largest error: 4e-7 and 4e-8, beside roundings.
+/// Minimax polynomials in the squared phase over half a cycle to either side: errors 4e-7 (sine) and 4e-8 (cosine), plus rounding.
 const SIN: [f32; 6] = [
     6.283_182_6,
     -41.341_423,
@@ -37,7 +37,7 @@ const COS: [f32; 7] = [
     6.529_62,
 ];
 
-/// Phasors by polynomials.
+/// Evaluator of phasors.
 #[derive(Clone, Copy)]
 pub(crate) struct Polynomials<L: Lanes> {
     sin: [L::Numbers; SIN.len()],
@@ -60,7 +60,7 @@ impl<L: Lanes> Polynomials<L> {
         constants
     }
 
-    /// Cosine and sine of `2 pi turns`, for at most half a turn: good to 3e-7.
+    /// Cosine and sine of `2 pi turns` for at most half a cycle; error 3e-7.
     #[inline(always)]
     pub(crate) fn at(&self, lanes: L, turns: L::Numbers) -> [L::Numbers; 2] {
         let square = lanes.mul(turns, turns);
@@ -81,7 +81,7 @@ mod tests {
     use super::*;
     use crate::lanes::Portable;
 
-    /// RMS error of phasors over `turns` to either side, against float64.
+    /// RMS error of phasors within `turns` cycles, against float64.
     fn rms(turns: f64, of: impl Fn(f32) -> [f32; 2]) -> f64 {
         let count = 100_000;
         let squares = (0..count).map(|i| {
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_the_stated_ones() {
+    fn phasor_errors_are_as_documented() {
         let lanes = Portable;
         let polynomials = Polynomials::new(lanes);
         let got = rms(0.5, |turns| {

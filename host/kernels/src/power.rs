@@ -1,15 +1,15 @@
-//! The power of a pulse: its samples' squares summed.
+//! Power of a pulse: sum of squared magnitudes.
 
 use num_complex::Complex32;
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
-/// The sum of the squares of `samples` times `weights`.
+/// Sum of squared magnitudes of weighted `samples`.
 ///
-/// In float64, of any float32: good to 1e-7 for the weights' products.
+/// Summed in float64; relative error 1e-7 by the weights' float32 products.
 ///
 /// # Panics
-/// If there are not as many weights as samples.
+/// If the numbers of weights and samples differ.
 pub fn power(instructions: Instructions, samples: &[Complex32], weights: &[f32]) -> f64 {
     assert_eq!(samples.len(), weights.len());
     instructions.run(Power { samples, weights })
@@ -43,7 +43,7 @@ mod tests {
     use crate::trial::{Numbers, wide};
 
     #[test]
-    fn power_is_the_squares_sum() {
+    fn power_agrees_with_sum_of_squares() {
         let mut numbers = Numbers::new(3);
         for count in [0, 1, 77, 1000] {
             let samples = numbers.samples(count);

@@ -1,18 +1,18 @@
-//! Rasters read between their elements: `W x W` values by weights of rows and of columns.
+//! Separable interpolation of a raster from `W` by `W` elements.
 //!
 //! ```text
 //! value = sum_i a[i] sum_j b[j] values[i][j]
 //! ```
 //!
-//! Sums are float32: 6e-8 for each of `2 W` additions of the larger values. Kernels' weights come from tables good to
-//! 2e-6 ([`subaperture_signal::kaiser_bessel`]). Cost: `W^2` complex multiply-adds a value.
+//! **Accuracy** float32 sums: 6e-8 for each of `2 W` additions of the larger values. Kernel weights come from tables with an error of
+//! 2e-6 ([`subaperture_signal::kaiser_bessel`]). **Cost** `W^2` complex multiply-adds per value.
 
 use num_complex::Complex32;
 
-/// The weighted sum of the `W x W` elements of `values`, rows of `row_length`, from a row and column on.
+/// Weighted sum of `W` x `W` elements of `values` (rows of `row_length`) from a row and column on.
 ///
 /// # Panics
-/// If they are not there.
+/// If the elements are out of bounds.
 #[inline(always)]
 pub fn weighted<const W: usize>(
     values: &[Complex32],
@@ -20,7 +20,7 @@ pub fn weighted<const W: usize>(
     [row, column]: [usize; 2],
     [row_weights, column_weights]: [&[f32; W]; 2],
 ) -> Complex32 {
-    // Rows first: their elements lie beside each other.
+    // Rows first: their elements are contiguous.
     let mut columns = [Complex32::ZERO; W];
     for (i, &row_weight) in (row..).zip(row_weights) {
         let start = i * row_length + column;
@@ -43,7 +43,7 @@ mod tests {
     use num_complex::Complex64;
 
     #[test]
-    fn weighted_is_the_double_sum() {
+    fn weighted_agrees_with_double_sum() {
         let mut numbers = Numbers::new(1);
         let values = numbers.samples(11 * 9);
         let [rows, columns] = [0; 2].map(|_| [0; 5].map(|_| numbers.signed() as f32));
@@ -56,7 +56,7 @@ mod tests {
                     expected += wide(values[(first[0] + i) * 9 + first[1] + j]) * weight;
                 }
             }
-            // 25 terms of magnitude 1 at most, each through two products and ten sums.
+            // 25 terms of magnitude at most 1, each with two products and ten sums.
             assert!((wide(got) - expected).norm() < 25.0 * 12.0 * 8.5e-8);
         }
     }

@@ -1,24 +1,24 @@
-//! The taps of a Kaiser-Bessel kernel around places between elements.
+//! Kaiser-Bessel kernel weights at fractional positions.
 
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 use crate::lanes::Lanes;
 use crate::phasor::ROUND_F64;
 
-/// The nearest whole number, of those below 2^51.
+/// Nearest integer, for magnitudes below 2^51.
 #[inline(always)]
 pub(crate) fn nearest(x: f64) -> f64 {
     (x + ROUND_F64) - ROUND_F64
 }
 
-/// The largest whole number that is not larger.
+/// Floor.
 #[inline(always)]
 pub(crate) fn below(x: f64) -> f64 {
     let near = nearest(x);
     if near > x { near - 1.0 } else { near }
 }
 
-/// The weights of a kernel's taps at some places: `u` from the element before, less a half.
+/// Kernel weights; `u` is the fraction above the lower element, minus a half.
 #[inline(always)]
 pub(crate) fn weights<L: Lanes, const W: usize>(
     lanes: L,

@@ -1,8 +1,8 @@
-//! Numbers for tests: the same in every run, on every machine.
+//! Deterministic test data.
 
 use num_complex::{Complex32, Complex64};
 
-/// A generator of numbers that look random: Weyl's sequence, hashed.
+/// Pseudo-random generator: hashed Weyl sequence.
 pub(crate) struct Numbers(u64);
 
 impl Numbers {
@@ -10,7 +10,7 @@ impl Numbers {
         Self(seed << 32)
     }
 
-    /// Evenly in 0 to 1.
+    /// Uniform in 0 to 1.
     pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut bits = self.0;
@@ -19,12 +19,12 @@ impl Numbers {
         (bits >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Evenly in -1 to 1.
+    /// Uniform in -1 to 1.
     pub(crate) fn signed(&mut self) -> f64 {
         2.0 * self.unit() - 1.0
     }
 
-    /// Complex values of magnitude 1 at most.
+    /// Complex values of magnitude at most 1.
     pub(crate) fn samples(&mut self, count: usize) -> Vec<Complex32> {
         let one = |_| {
             let magnitude = self.unit();
@@ -35,17 +35,17 @@ impl Numbers {
     }
 }
 
-/// `exp(j 2 pi turns)`, plainly.
+/// `exp(j 2 pi turns)` in float64.
 pub(crate) fn turned(turns: f64) -> Complex64 {
     Complex64::from_polar(1.0, std::f64::consts::TAU * turns.fract())
 }
 
-/// In float64.
+/// Convert to float64.
 pub(crate) fn wide(z: Complex32) -> Complex64 {
     Complex64::new(z.re.into(), z.im.into())
 }
 
-/// The Kaiser-Bessel kernel of `taps` taps at `t` samples, for an oversampling of 2, by the series of `I0`.
+/// Kaiser-Bessel kernel of `taps` taps at `t` samples, oversampling 2, by the series of `I0`.
 pub(crate) fn kaiser_bessel(taps: usize, t: f64) -> f64 {
     let i0 = |x: f64| {
         let mut term = 1.0;

@@ -1,25 +1,25 @@
-//! The very bits that the kernels make of numbers that are the same everywhere: one sum of each, stated here, in all instructions of every
-//! machine. That they are right is shown by the tests of each kernel; a change of arithmetic on purpose changes them, and is then to be
-//! seen in the tests' messages.
+//! Golden checksums of kernel results on deterministic input, identical in all instruction sets on every
+//! machine. The tests of each kernel show accuracy; an intended change of arithmetic changes the checksums, and the failure message
+//! prints the new ones.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
+use subaperture_kernels::gridding::{self, Band};
 use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, sums};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::Line;
 use subaperture_kernels::power::power;
-use subaperture_kernels::spreading::{self, Band};
 use subaperture_kernels::tile::DEGREES;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::scaled_dft::Shape;
 
-use crate::halving::{Case, WAYS};
+use crate::decimation::{Case, MODES};
 use crate::tile::{Trial, points};
 use crate::trial::Numbers;
 
-/// A sum of bits that depends on their order: FNV-1a's, of whole numbers.
+/// Order-dependent checksum (FNV-1a) over integers.
 struct Sum(u64);
 
 impl Sum {
@@ -29,7 +29,7 @@ impl Sum {
 
     fn add(&mut self, bits: u64) {
         self.0 = (self.0 ^ bits).wrapping_mul(0x0100_0000_01B3);
-        // A product's highest bits depend on all: let the lowest, too.
+        // Fold the highest bits, which depend on all inputs, into the lowest.
         self.0 ^= self.0 >> 29;
     }
 
@@ -51,13 +51,13 @@ fn held(name: &str, stated: u64, of: impl Fn(Instructions, &mut Sum)) {
         let got = sum.0;
         assert!(
             got == stated,
-            "{name} in {instructions:?}: 0x{got:016x}, stated is 0x{stated:016x}"
+            "{name} in {instructions:?}: expected checksum 0x{stated:016x}, found 0x{got:016x}"
         );
     }
 }
 
 #[test]
-fn of_tiles() {
+fn tile_backprojection_keeps_golden_bits() {
     held("tiles", 0x70FE_489A_1691_0085, |instructions, sum| {
         let mut numbers = Numbers::new(11);
         for index in 0..24 {
@@ -68,7 +68,7 @@ fn of_tiles() {
 }
 
 #[test]
-fn of_points() {
+fn point_backprojection_keeps_golden_bits() {
     held("points", 0x4EE9_DF4C_E5D1_CD5A, |instructions, sum| {
         let mut numbers = Numbers::new(12);
         for index in 0..8 {
@@ -79,11 +79,11 @@ fn of_points() {
 }
 
 #[test]
-fn of_halvings() {
+fn decimation_keeps_golden_bits() {
     held("halvings", 0xF66F_0F65_9EB0_B84D, |instructions, sum| {
         let case = Case::new(45, 150);
-        for way in WAYS {
-            for row in case.made(instructions, way, 64, true) {
+        for mode in MODES {
+            for row in case.made(instructions, mode, 64, true) {
                 sum.narrow(&row);
             }
         }
@@ -91,14 +91,14 @@ fn of_halvings() {
 }
 
 #[test]
-fn of_sums() {
+fn horner_sums_keep_golden_bits() {
     held("sums", 0x15E7_597E_D5B2_D830, |instructions, sum| {
         let mut numbers = Numbers::new(13);
         for count in [1, 16, 77, 1000] {
             let samples = numbers.samples(count);
             let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
             let narrow: Vec<f32> = weights.iter().map(|&weight| weight as f32).collect();
-            // Steps of magnitude 1 but for a rounding.
+            // Steps of magnitude 1 within rounding.
             let mut step = || {
                 let (sin, cos) = libm::sincos(7.0 * numbers.unit());
                 Complex64::new(cos, sin)
@@ -112,9 +112,9 @@ fn of_sums() {
     });
 }
 
-/// Lines of samples in all directions, in bands.
+/// Lines in all directions, in bands.
 #[test]
-fn of_spreading() {
+fn gridding_keeps_golden_bits() {
     const W: usize = 6;
     const COLUMNS: usize = 41;
     let kernel = KaiserBessel::new(W);
@@ -123,7 +123,7 @@ fn of_spreading() {
         let mut raster = vec![0.0; 2 * 60 * COLUMNS];
         for _ in 0..9 {
             let samples = numbers.samples(70);
-            let line = spreading::Line {
+            let line = gridding::Line {
                 start: [30.0 + 25.0 * numbers.signed(), 20.0 + numbers.signed()],
                 step: [0; 2].map(|_| 0.2 * numbers.signed()),
             };
@@ -140,9 +140,9 @@ fn of_spreading() {
     });
 }
 
-/// Samples of some pulses compensated, their Doppler bins summed, and lines read from those.
+/// Compensation of several pulses, Doppler transform, and interpolation of lines.
 #[test]
-fn of_maps() {
+fn range_doppler_map_interpolation_keeps_golden_bits() {
     const W: usize = 4;
     let (pulses, reach, count) = (21, 6, 90);
     let shape = Shape {
@@ -189,7 +189,7 @@ fn of_maps() {
             product.transform(instructions, block, &planes, &mut scratch, &mut map);
         }
         values.iter().for_each(|x| sum.add(x.to_bits().into()));
-        // A period of ranges, and its beginning again.
+        // One period of range bins and its continuation.
         for ranges in values.chunks_exact_mut(row) {
             ranges.copy_within(..row - count, count);
         }

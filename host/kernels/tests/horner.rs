@@ -4,7 +4,7 @@ use subaperture_kernels::horner::*;
 use subaperture_kernels::lanes::Instructions;
 
 #[test]
-fn sums_are_what_they_say() {
+fn horner_sums_agree_with_defining_sum() {
     let mut numbers = Numbers::new(1);
     for count in [0, 1, 77, 1000] {
         let samples = numbers.samples(count);
@@ -22,7 +22,7 @@ fn sums_are_what_they_say() {
                 .map(|(k, (&z, w))| wide(z) * w * turned(turns * k as f64))
                 .sum();
             let error = (got - expected).norm();
-            // The step's own rounding, 1e-16, is taken to the power of up to `count`.
+            // The step's rounding, 1e-16, is raised to powers up to `count`.
             assert!(
                 error <= 1e-16 * (3 * count * count) as f64,
                 "{count}: {error}"
@@ -36,7 +36,7 @@ fn sums_are_what_they_say() {
 }
 
 #[test]
-fn narrow_sums_are_as_good_as_they_say() {
+fn narrow_sums_error_is_as_documented() {
     let mut numbers = Numbers::new(2);
     for count in [0, 1, 16, 77, 1000, 4096] {
         let samples = numbers.samples(count);

@@ -1,11 +1,11 @@
-//! The kernels that are written over some numbers at once: against the sums that define them, and bit for bit in all instructions
-//! that the processor has. Of the library as it is used, so that its kernels, which take long to compile, are compiled once.
+//! SIMD kernels against their defining sums, and bit for bit in all instruction sets
+//! of the processor. They use the library as built, so that its kernels, which compile slowly, are compiled once.
 
 mod bits;
-mod halving;
+mod decimation;
 mod horner;
 mod tile;
-// The rest of it is used by the tests beside the code.
+// Unit tests use the rest of this module.
 #[allow(dead_code)]
 #[path = "../src/trial.rs"]
 mod trial;

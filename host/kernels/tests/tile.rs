@@ -8,7 +8,7 @@ use subaperture_kernels::tile::*;
 
 use crate::trial::{Numbers, turned, wide};
 
-/// The cardinal B-spline of degree `d`, by its recurrence.
+/// Cardinal B-spline of degree `d`, by recurrence.
 fn spline(d: usize, x: f64) -> f64 {
     match d {
         0 => f64::from(u8::from((-0.5..0.5).contains(&x))),
@@ -20,7 +20,7 @@ fn spline(d: usize, x: f64) -> f64 {
     }
 }
 
-/// A profile of these coefficients at a place in bins, and its carrier.
+/// Profile with carrier at a position in bins, from spline coefficients.
 fn value(profile: &[Complex32], degree: usize, kappa: f64, t: f64) -> Complex64 {
     let reach = degree as i64 / 2 + 2;
     let first = t.floor() as i64;
@@ -45,7 +45,7 @@ fn pixel(raster: &Raster, row: usize, column: usize) -> [f64; 3] {
     std::array::from_fn(|d| raster.centre_m[d] + i * raster.along_m[d] + j * raster.across_m[d])
 }
 
-/// A scene to form: pulses from `distance_m` away, over an arc.
+/// Test case: pulses at `distance_m` over an arc.
 pub(crate) struct Trial {
     raster: Raster,
     pulses: Vec<TilePulse>,
@@ -54,7 +54,7 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
-    /// At random: near or far, of one antenna or two, across, along or askew, fine or coarse pixels.
+    /// Random case: near or far, monostatic or bistatic, any orientation, fine or coarse pixels.
     pub(crate) fn new(numbers: &mut Numbers, degree: usize) -> Self {
         let distance_m = libm::pow(10.0, 2.0 + 3.0 * numbers.unit());
         let bin_m = 0.02 + 0.2 * numbers.unit();
@@ -118,7 +118,7 @@ impl Trial {
         self.form_from(instructions, 0)
     }
 
-    /// With what is read and written that many numbers into the memory that holds it.
+    /// Form with inputs and outputs at an offset of `shift` numbers in memory.
     fn form_from(&self, instructions: Instructions, shift: usize) -> Vec<Complex32> {
         let mut all_pieces = vec![0.0; shift + self.pulses.len() * self.layout.values()];
         let pieces = &mut all_pieces[shift..];
@@ -152,18 +152,18 @@ impl Trial {
         pixels.collect()
     }
 
-    /// Bound on a pixel's error: phases that paths and places turn, phasors, and roundings; for values up to 1, which are half that on
-    /// the average.
+    /// Bound on a pixel's error: phase errors of paths and positions, phasors, and rounding; for values up to 1, half that on
+    /// average.
     fn allowed(&self) -> f64 {
         let mut scratch = TileScratch::default();
         let off_m = scratch.look(self.layout.length(), &self.pulses, &self.raster);
-        // The largest are some 4 times the RMS: at the ends of runs.
+        // The largest phasor errors, at the ends of blocks, are about 4 times the RMS.
         let phasor = 4.0 * PHASOR_RMS;
         let terms = self.pulses.iter().map(|pulse| {
             let bins_m = (pulse.turns_m * self.layout.length() as f64).abs();
-            // At corners up to 3 times the RMS of each of the polynomials' terms, of which there are two kinds.
+            // At corners up to 3 times the RMS of each of the two kinds of polynomial terms.
             let bins = 4.0 * off_m * bins_m + 5.0 * PLACE_RMS;
-            // Of a place the carrier's phase, and the slope of values that change by 2 a bin at most, the pieces' more.
+            // A position error changes the carrier phase, and the value by a slope of at most 2 per bin, more for pieces.
             0.75 * (0.5 * bins * (TAU * pulse.cycles_a_bin.abs() + 4.0) + phasor + 3e-6)
         });
         terms.sum()
@@ -171,13 +171,13 @@ impl Trial {
 }
 
 #[test]
-fn tiles_are_the_sums_that_define_them() {
+fn tile_backprojection_agrees_with_defining_sum() {
     let mut numbers = Numbers::new(1);
     let (mut formed, mut worst) = (0, 0.0f64);
     for index in 0..120 {
         let trial = Trial::new(&mut numbers, DEGREES[index % 2]);
         let allowed = trial.allowed();
-        // Where so much is left out, nobody forms a tile.
+        // Tiles with so large a truncation error are not used.
         if allowed.is_nan() || allowed > 0.02 {
             continue;
         }
@@ -189,11 +189,11 @@ fn tiles_are_the_sums_that_define_them() {
             worst = worst.max(error / allowed);
         }
     }
-    // The bound is a bound, and not far from what happens.
+    // The bound holds and is not loose.
     assert!(formed > 60 && worst > 0.2, "{formed} {worst}");
 }
 
-/// The pixels of a trial, each as a point by itself.
+/// Pixels of a test case as separate points.
 pub(crate) fn points(trial: &Trial, instructions: Instructions) -> Vec<Complex32> {
     let Trial { raster, layout, .. } = trial;
     let pixels = (0..raster.rows).flat_map(|j| (0..raster.columns).map(move |i| (j, i)));
@@ -209,25 +209,25 @@ pub(crate) fn points(trial: &Trial, instructions: Instructions) -> Vec<Complex32
 }
 
 #[test]
-fn points_are_the_sums_that_define_them() {
+fn point_backprojection_agrees_with_defining_sum() {
     let mut numbers = Numbers::new(4);
     for index in 0..24 {
-        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let trial = Trial::new(&mut numbers, 1 + index % MAX_DEGREE);
         let portable = points(&trial, Instructions::Portable);
         for instructions in Instructions::available() {
             assert!(points(&trial, instructions) == portable, "{index}");
         }
         for (got, expected) in portable.iter().zip(trial.expected()) {
-            // Paths of up to 1e5 m are float64: 1e-10 m turn a carrier of 30 cycles by 2e-8. A sum is rounded five times.
+            // Paths up to 1e5 m in float64: 1e-10 m change a carrier of 30 cycles per metre by 2e-8. A sum is rounded five times.
             let error = (wide(*got) - expected).norm();
             assert!(error < 5.0 * 0.75 * 2e-6 + 2e-6, "{index}: {error}");
         }
     }
 }
 
-/// Every operation is rounded alike, wherever its numbers lie in memory.
+/// Results are independent of memory alignment.
 #[test]
-fn all_instructions_give_the_same_bits() {
+fn backprojection_is_bit_identical_in_all_instruction_sets() {
     let mut numbers = Numbers::new(2);
     for index in 0..120 {
         let trial = Trial::new(&mut numbers, DEGREES[index % 2]);
@@ -239,9 +239,9 @@ fn all_instructions_give_the_same_bits() {
     }
 }
 
-/// Samples that are infinite, none, or too small for a mantissa of full length, among the others: the same bits, and what is none is none in all.
+/// Infinite, NaN and denormal samples give the same bits, and NaN in the same places.
 #[test]
-fn wild_samples_do_the_same_in_all_instructions() {
+fn non_finite_samples_give_same_result_in_all_instruction_sets() {
     let mut numbers = Numbers::new(6);
     let wild = [
         f32::NAN,
@@ -254,7 +254,7 @@ fn wild_samples_do_the_same_in_all_instructions() {
     ];
     let bits = |sums: Vec<Complex32>| -> Vec<u32> {
         let parts = sums.into_iter().flat_map(|z| [z.re, z.im]);
-        // One pattern of many for what is none.
+        // One representative NaN.
         let one = |x: f32| if x.is_nan() { f32::NAN } else { x };
         parts.map(|x| one(x).to_bits()).collect()
     };
@@ -283,7 +283,7 @@ fn wild_samples_do_the_same_in_all_instructions() {
 }
 
 #[test]
-fn antennas_that_are_nowhere_are_told() {
+fn antennas_at_nan_give_infinite_error_bound() {
     let mut trial = Trial::new(&mut Numbers::new(5), 2);
     trial.pulses[3].antennas.receiver_m[1] = f64::NAN;
     let off_m = TileScratch::default().look(trial.layout.length(), &trial.pulses, &trial.raster);

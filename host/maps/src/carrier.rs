@@ -1,14 +1,14 @@
-//! An image's spectrum: the carrier that is taken away before pixels are read between, and the band that is left.
+//! Carrier removal before an image is interpolated, and the bandwidth that remains.
 //!
-//! In an image the phase of a point at `q` is that of its echo at the pixel `p = q`, and near it `2 pi (path(p) - path(q)) / lambda`: many turns a
-//! pixel, that is, a band anywhere among the aliases. The image times
+//! The phase of a point at `q` near the pixel `p` is `2 pi (path(p) - path(q)) / lambda`. It turns many times per pixel, so the image spectrum is an
+//! aliased band. The image times
 //!
 //! ```text
 //! exp(-2 pi i (path(p) / lambda + o_r row + o_c column)),   path(p) = |p - t| + |p - r|
 //! ```
 //!
-//! with the antennas `t` and `r` of the middle look, has its band about zero; the offsets `o` centre it in the middle of the scene. It is then read
-//! between pixels by a windowed sinc, and the phase put back where it was read: complex values on the map are those that a former would have given there.
+//! with the antennas `t` and `r` of the middle look, is at baseband; the offsets `o` centre it at the scene centre. A windowed sinc
+//! interpolates it, and the carrier is restored at the interpolated position: complex values on the map equal those that the image former would compute there.
 
 use std::f64::consts::TAU;
 
@@ -21,26 +21,26 @@ use subaperture_resolution::support::{Looks, path_gradient};
 
 use crate::MapError;
 
-/// Places a side of a grid at which the slopes of a relief are looked at.
+/// Samples per side of a grid at which the slope of a relief is evaluated.
 const SLOPES_SEEN: usize = 33;
 
-/// How far an image's phase turns, and how much of its spectrum is left beside that.
+/// Carrier of an image, and its baseband extent.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Carrier {
     transmitter_m: DVec3,
     receiver_m: DVec3,
     wavelength_m: f64,
-    /// Cycles a row and a column.
+    /// Centre frequency after removal of the path phase, cycles per row and per column.
     offset: [f64; 2],
-    /// What is left of the band: at most so many cycles a row and a column either way.
+    /// Half-width of the baseband spectrum, cycles per row and per column.
     pub(crate) band: [f64; 2],
 }
 
 impl Carrier {
-    /// That of an image on `grid`, seen so. Bands are the widest of nine places of the grid, and of [`SLOPES_SEEN`] each way where a relief rises and falls.
+    /// Carrier of an image on `grid` with these looks. The band is the widest at 3 x 3 positions of the grid, or at [`SLOPES_SEEN`] per side on a relief.
     ///
     /// # Errors
-    /// [`MapError::Unseen`], [`MapError::Folded`].
+    /// [`MapError::Unseen`] if the looks give no band; [`MapError::Folded`] if the band exceeds the pixels' sampling rate.
     pub(crate) fn of(grid: &ImageGrid, looks: &Looks) -> Result<Self, MapError> {
         let middle = looks
             .looks()
@@ -54,7 +54,7 @@ impl Carrier {
             offset: [0.0; 2],
             band: [0.0; 2],
         };
-        // Of rows and columns, the least and greatest cycles a pixel beside the carrier at a place.
+        // Per axis, lowest and highest frequency relative to the carrier, cycles per pixel.
         let left = |carrier: &Self, parts: [f64; 2]| -> Result<[[f64; 2]; 2], MapError> {
             let at = |axis: &subaperture_model::geometry::Axis, part: f64| {
                 axis.start + part * (axis.count - 1) as f64 * axis.step
@@ -105,7 +105,7 @@ impl Carrier {
         Ok(carrier)
     }
 
-    /// Its phase at a point of the scene that has this row and column, as a number of length one.
+    /// Carrier phasor at a point of the scene, which has this row and column.
     #[inline]
     pub(crate) fn at(&self, point_m: DVec3, [row, column]: [f64; 2]) -> Complex32 {
         let path_m = point_m.distance(self.transmitter_m) + point_m.distance(self.receiver_m);

@@ -1,23 +1,23 @@
-//! Cloud-optimised GeoTIFF: a map in tiles with overviews, its directories before all data, so that any part is read by few requests.
+//! Writer of cloud-optimised GeoTIFF (COG): tiles and overview levels, all directories before the data, so that HTTP range requests read any part.
 //!
-//! | layout | band | elsewhere than on the image |
+//! | layout | bands | outside the image |
 //! |---|---|---|
-//! | decibels | uint8: `dB = offset + scale * value`, as the bands' metadata say | 0 |
-//! | amplitude | float32: root of the mean power; a unit scatterer reads 1 | NaN |
-//! | complex | two of float32: real and imaginary part, the phase that of the place's own path | NaN |
+//! | decibels | uint8: `dB = offset + scale * value`, in the band metadata | 0 |
+//! | amplitude | float32: square root of the mean power; a unit scatterer reads 1 | NaN |
+//! | complex | two float32: real and imaginary part, phase relative to the pixel's own path | NaN |
 //!
-//! Tiles of 512 x 512 pixels, deflated with a predictor (2 for bytes, 3 for floats). Overviews are half as fine each and averaged in power, but those of
-//! complex values, of which they take every second pixel. The smallest lies first, the map last, as GDAL's driver has them. Files above 4 GiB are BigTIFF.
+//! Tiles of 512 x 512 pixels, Deflate with predictor 2 (bytes) or 3 (floats). Each overview level halves the resolution: power is averaged,
+//! complex values are decimated. The smallest level is stored first, full resolution last, as GDAL's COG driver does. Files above 4 GiB are BigTIFF.
 //!
-//! Tiles are made once and wait, deflated, in files without names on the same disk until all are there; memory does not grow with the
-//! map, but for 24 bytes a tile.
+//! Compressed tiles are kept in anonymous files on the same disk until all are complete. **Memory** does not grow with the map, except for 24 bytes per
+//! tile.
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use serde_json::json;
 
-use subaperture_io::atomic::Beside;
+use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
@@ -27,7 +27,7 @@ use crate::pyramid::{Pyramid, TILE, Tile, Values, tiles};
 use crate::tiff::{Directory, File, Spool, Value, bytes_differenced, floats_differenced};
 use crate::{MapError, Ortho, Projection, Raster};
 
-/// What a map's bands are.
+/// Bands of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Layout {
     /// Levels in dB, 8 bits.
@@ -38,8 +38,8 @@ pub enum Layout {
     Complex,
 }
 
-/// Files of more bytes are BigTIFF.
-const MOST_SMALL_BYTES: u64 = u32::MAX as u64 - (1 << 20);
+/// Size above which a file is BigTIFF, bytes.
+const MAX_SMALL_BYTES: u64 = u32::MAX as u64 - (1 << 20);
 
 impl Layout {
     pub(crate) fn values(&self) -> Values {
@@ -63,7 +63,7 @@ impl Layout {
         }
     }
 
-    /// The bands as STAC's raster extension describes them.
+    /// Bands in the STAC raster extension.
     pub(crate) fn to_json(self) -> serde_json::Value {
         match self {
             Self::Decibels(levels) => {
@@ -78,7 +78,7 @@ impl Layout {
         }
     }
 
-    /// GDAL's metadata of the bands, XML.
+    /// `GDAL_METADATA` of the bands, XML.
     fn metadata(&self) -> String {
         let item = |name: &str, sample: usize, role: &str, value: &str| {
             format!("<Item name=\"{name}\" sample=\"{sample}\" role=\"{role}\">{value}</Item>")
@@ -103,7 +103,7 @@ impl Layout {
         format!("<GDALMetadata><Item name=\"AREA_OR_POINT\">Area</Item>{items}</GDALMetadata>")
     }
 
-    /// A tile's bytes, before they are deflated.
+    /// Bytes of a tile before compression.
     fn encoded(&self, tile: &Tile) -> Vec<u8> {
         let values = tile.values.iter();
         match self {
@@ -124,10 +124,10 @@ impl Layout {
     }
 }
 
-/// Writes a map, complete or not at all. `title` says what it is of.
+/// Write a map atomically. `title` becomes the TIFF image description.
 ///
 /// # Errors
-/// [`MapError`].
+/// [`MapError`] if the image cannot be read or resampled, the file cannot be written, or the monitor cancels.
 pub fn write(
     path: &Path,
     ortho: &Ortho,
@@ -135,10 +135,10 @@ pub fn write(
     title: &str,
     monitor: &dyn Monitor,
 ) -> Result<(), MapError> {
-    write_as(path, ortho, layout, title, monitor, MOST_SMALL_BYTES)
+    write_as(path, ortho, layout, title, monitor, MAX_SMALL_BYTES)
 }
 
-/// The same, BigTIFF above so many bytes.
+/// As [`write`]; the file is BigTIFF above `most_small_bytes`.
 fn write_as(
     path: &Path,
     ortho: &Ortho,
@@ -147,7 +147,7 @@ fn write_as(
     monitor: &dyn Monitor,
     most_small_bytes: u64,
 ) -> Result<(), MapError> {
-    let mut beside = Beside::create(path, 0, ".part")?;
+    let mut beside = AtomicFile::create(path, 0, ".part")?;
     let mut pyramid = Pyramid::new(ortho, layout.values(), monitor);
     let levels = pyramid.levels().to_vec();
     let absolute = std::path::absolute(path).map_err(|e| beside.failed(e))?;
@@ -171,7 +171,7 @@ fn write_as(
         directories: Vec::new(),
     };
     let fill = |file: &mut File, first: u64| {
-        // The smallest level lies first.
+        // Smallest level first.
         let mut at = first;
         let mut begins = vec![0; levels.len()];
         for (level, spool) in spools.iter().enumerate().rev() {
@@ -211,7 +211,7 @@ fn write_as(
     Ok(beside.commit()?)
 }
 
-/// By which GDAL knows how the file is laid out: of its driver for such files (COG), one text.
+/// `GDAL_STRUCTURAL_METADATA` of a COG, by which GDAL recognises the layout.
 fn note() -> Vec<u8> {
     let text = "LAYOUT=IFDS_BEFORE_DATA\nBLOCK_ORDER=ROW_MAJOR\nBLOCK_LEADER=SIZE_AS_UINT4\n\
                 BLOCK_TRAILER=LAST_4_BYTES_REPEATED\nKNOWN_INCOMPATIBLE_EDITION=NO\n ";
@@ -238,7 +238,7 @@ fn directory(
         _ => (32, 3, 3),
     };
     if level > 0 {
-        to.set(254, Value::Long(vec![1])); // NewSubfileType: a smaller one.
+        to.set(254, Value::Long(vec![1])); // NewSubfileType: reduced resolution.
     } else {
         to.set(270, Value::Text(format!("{title} ({TEXT_MARK})")));
         to.set(305, Value::Text(PROGRAM.to_owned()));
@@ -249,9 +249,9 @@ fn directory(
     to.set(257, Value::Long(vec![rows as u32]));
     to.set(258, Value::Short(vec![bits; bands]));
     to.set(259, Value::Short(vec![8])); // Deflate.
-    to.set(262, Value::Short(vec![1])); // Black is zero.
+    to.set(262, Value::Short(vec![1])); // BlackIsZero.
     to.set(277, Value::Short(vec![bands as u16]));
-    to.set(284, Value::Short(vec![1])); // Bands pixel by pixel.
+    to.set(284, Value::Short(vec![1])); // Bands interleaved by pixel.
     to.set(317, Value::Short(vec![predictor]));
     to.set(322, Value::Short(vec![TILE as u16]));
     to.set(323, Value::Short(vec![TILE as u16]));
@@ -261,20 +261,20 @@ fn directory(
         Value::Long(spool.tiles.iter().map(|[_, bytes]| *bytes as u32).collect()),
     );
     if bands > 1 {
-        to.set(338, Value::Short(vec![0; bands - 1])); // Neither alpha nor colour.
+        to.set(338, Value::Short(vec![0; bands - 1])); // Unspecified extra samples.
     }
     to.set(339, Value::Short(vec![format; bands]));
     to.set(42113, Value::Text(layout.no_data().to_owned()));
     to
 }
 
-/// Where the map is: GeoTIFF 1.1.
+/// Georeference by GeoTIFF 1.1.
 fn geography(to: &mut Directory, raster: &Raster) {
     let [east, south] = raster.step;
     to.set(33550, Value::Double(vec![east, south, 0.0]));
     let corner = vec![0.0, 0.0, 0.0, raster.west, raster.north, 0.0];
     to.set(33922, Value::Double(corner));
-    // Keys: model, pixels as areas, and the system of coordinates with its unit.
+    // Keys: model type, PixelIsArea, coordinate system and its unit.
     let keys: &[[u16; 2]] = match raster.projection {
         Projection::Utm(zone) => &[[1024, 1], [1025, 1], [3072, zone.epsg()], [3076, 9001]],
         Projection::Geographic { .. } => &[[1024, 2], [1025, 1], [2048, 4326], [2054, 9102]],

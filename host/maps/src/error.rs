@@ -1,24 +1,24 @@
-//! Why an image is not put on a map.
+//! Errors of map making.
 
 use subaperture_io::atomic::WriteError;
 use subaperture_model::geometry::UtmError;
-use subaperture_model::image::PartsError;
+use subaperture_model::image::ImageSourceError;
 
-/// Why an image is not put on a map.
+/// Error of orthorectifying an image or writing a map.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MapError {
-    /// Nobody said where on the Earth the scene is.
-    #[error("the scene is tied to no place on the Earth")]
+    /// The scene's position on the Earth is unknown.
+    #[error("the scene has no position on the Earth; state the scene origin")]
     Local,
-    /// The grid's plane stands upright: a map shows it as a line.
+    /// The grid's plane is vertical; its orthographic projection is a line.
     #[error(
-        "the image's plane stands upright, so that a map sees it edge on: form the image on a plane that lies flatter"
+        "the image plane is upright (vertical) and projects to a line on a map; form the image on a flatter plane"
     )]
     Upright,
-    /// The image's own metadata put a pixel nowhere.
+    /// The image's projection metadata place a pixel outside the Earth.
     #[error(
-        "the image's metadata put row {row:.1}, column {column:.1} nowhere on the Earth: its geometry contradicts itself, or its edge lies beyond the horizon"
+        "the image's metadata place row {row:.1}, column {column:.1} nowhere on the Earth: the geometry is inconsistent, or the edge lies beyond the horizon"
     )]
     Nowhere {
         /// Row, from 0.
@@ -26,58 +26,58 @@ pub enum MapError {
         /// Column, from 0.
         column: f64,
     },
-    /// Nothing is known of the image's spectrum.
+    /// The record does not contain the image's spectral support.
     #[error(
-        "the image's record does not say from where it was seen (support), without which it cannot be read between pixels"
+        "the image's record contains no antenna positions (support); interpolation between pixels needs them"
     )]
     Unseen,
-    /// The pixels are too far apart for the image's band.
+    /// The image is undersampled.
     #[error(
-        "the image's band is {cycles:.2} cycles a pixel along its {axis}, where one is the most that pixels can hold: form it \
+        "the image's bandwidth along {axis} is {cycles:.2} cycles per pixel, expected less than 1; form it \
          on a finer grid"
     )]
     Folded {
-        /// Width of the band, cycles a pixel.
+        /// Bandwidth, cycles per pixel.
         cycles: f64,
         /// `rows` or `columns`.
         axis: &'static str,
     },
-    /// The map's pixels are too far apart for complex values.
+    /// Map pixels are too coarse for complex values.
     #[error(
-        "pixels of {pixel_m:.4} m are too coarse for complex values, which need {needed_m:.4} m or less: give smaller ones, or \
-         choose amplitudes, which are averaged"
+        "pixels of {pixel_m:.4} m are too coarse for complex values: expected {needed_m:.4} m or less; use smaller pixels, or \
+         amplitudes, which are averaged"
     )]
     Coarse {
-        /// The map's, metres.
+        /// Pixel spacing of the map, metres.
         pixel_m: f64,
-        /// The image's, metres.
+        /// Pixel spacing of the image, metres.
         needed_m: f64,
     },
-    /// The map has too many pixels, or too few.
+    /// The number of pixels is out of range.
     #[error("a map of {rows} x {columns} pixels of {pixel_m:.3e} m: {what}")]
     Size {
         /// Rows.
         rows: f64,
         /// Columns.
         columns: f64,
-        /// Of one pixel, metres.
+        /// Pixel spacing, metres.
         pixel_m: f64,
-        /// What is possible.
+        /// Allowed range.
         what: &'static str,
     },
-    /// The place has no such coordinates.
+    /// The position has no UTM coordinates.
     #[error(transparent)]
     Utm(#[from] UtmError),
-    /// A part of the image could not be read.
+    /// The image could not be read.
     #[error(transparent)]
-    Parts(PartsError),
-    /// The file was not written.
+    ImageSource(ImageSourceError),
+    /// The file could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// There is nothing in the image.
-    #[error("the image is zero or not finite everywhere: there is nothing to show")]
+    /// The image has no finite pixel other than 0.
+    #[error("expected at least one finite non-zero pixel, found none in the image")]
     Empty,
-    /// The caller asked to stop.
+    /// Cancelled by the monitor.
     #[error("cancelled")]
     Cancelled,
 }

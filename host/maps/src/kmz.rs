@@ -1,10 +1,10 @@
-//! KMZ: a map for Google Earth and its like, by ground overlays.
+//! Writer of KMZ ground overlays, for Google Earth and similar viewers.
 //!
-//! The map is one in longitude and latitude, so that an overlay's box is exactly its pixels' outer edges. One of up to 1024 pixels a side is one
-//! overlay. A larger one is a super-overlay: tiles of 512 x 512 pixels, each in a document of its own with the region in which it is shown, and links to the
-//! four that are twice as fine, so that a viewer loads what it shows alone. Where the image is not, pixels are transparent.
+//! The map is in longitude and latitude, so that an overlay's box is the outer edge of its pixels. A map of up to 1024 pixels per side is one
+//! overlay. A larger one is a super-overlay: tiles of 512 x 512 pixels, each a document with its region and links to the
+//! four tiles of the next finer level, so that a viewer loads only what it displays. Pixels outside the image are transparent.
 //!
-//! The archive begins with `doc.kml`; pictures are PNG, grey with alpha.
+//! The archive begins with `doc.kml`; pictures are PNG, grey and alpha.
 
 use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
@@ -14,7 +14,7 @@ use png::{BitDepth, ColorType};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use subaperture_io::atomic::Beside;
+use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
 use subaperture_model::monitor::Monitor;
 
@@ -22,19 +22,19 @@ use crate::levels::Levels;
 use crate::pyramid::{Pyramid, TILE, Tile, Values, tiles};
 use crate::{MapError, Ortho, Raster};
 
-/// Pixels a side up to which a map is one picture.
+/// Largest side of a map in one overlay, pixels.
 const ONE_PICTURE: usize = 1024;
 
-/// Pixels on the screen from which on a tile is shown: below that the one above it will do.
+/// Size on screen from which a tile is displayed (`minLodPixels`), pixels.
 const SHOWN_FROM: usize = TILE / 2;
 
-/// Writes a map in longitude and latitude, complete or not at all.
+/// Write a map in longitude and latitude atomically.
 ///
 /// # Errors
-/// [`MapError`].
+/// [`MapError`] if the image cannot be read or resampled, the file cannot be written, or the monitor cancels.
 ///
 /// # Panics
-/// If the map is in other coordinates.
+/// If the map is not in longitude and latitude (EPSG 4326).
 pub fn write(
     path: &Path,
     ortho: &Ortho,
@@ -48,7 +48,7 @@ pub fn write(
         4326,
         "overlays are in longitude and latitude"
     );
-    let mut beside = Beside::create(path, 0, ".part")?;
+    let mut beside = AtomicFile::create(path, 0, ".part")?;
     let mut archive = Archive::new(BufWriter::new(
         beside.file().try_clone().map_err(|e| beside.failed(e))?,
     ));
@@ -99,7 +99,7 @@ impl Archive {
         }
     }
 
-    /// Adds a file as it is: pictures are deflated already, and a document says in its first bytes whose it is.
+    /// Add a file uncompressed: PNG is compressed already, and the text mark of a document stays readable in its first bytes.
     fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let how = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
         self.zip.start_file(name, how)?;
@@ -201,7 +201,7 @@ impl Archive {
     }
 }
 
-/// A box in longitude and latitude, degrees.
+/// Bounding box in longitude and latitude, degrees.
 struct Bounds {
     north: f64,
     south: f64,
@@ -210,7 +210,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// Outer edges of some pixels of an overview whose pixels are `coarser` times the map's: from row and column `first` on.
+    /// Outer edges of `size` pixels from row and column `first` on, in an overview decimated by `coarser`.
     fn of(raster: &Raster, first: [usize; 2], size: [usize; 2], coarser: usize) -> Self {
         let corner = |at: [usize; 2]| raster.coordinates(at.map(|i| (i * coarser) as f64));
         let [west, north] = corner(first);
@@ -242,7 +242,7 @@ impl Bounds {
         )
     }
 
-    /// The first is shown however small it is.
+    /// `Region` element; the coarsest tile (`first`) is displayed at any size.
     fn region(&self, first: bool) -> String {
         let least = if first { 0 } else { SHOWN_FROM };
         format!(
@@ -271,7 +271,7 @@ fn document(title: &str, body: &str) -> String {
     text
 }
 
-/// Grey and alpha, pixel by pixel, as a PNG file.
+/// Encode interleaved grey and alpha as PNG.
 pub(crate) fn picture([rows, columns]: [usize; 2], greys: &[u8]) -> std::io::Result<Vec<u8>> {
     let mut out = Vec::new();
     let mut encoder = png::Encoder::new(&mut out, columns as u32, rows as u32);

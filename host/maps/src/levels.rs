@@ -1,48 +1,48 @@
-//! From levels to the greys of an 8-bit picture.
+//! Remap of image magnitude to 8-bit grey.
 
-use subaperture_model::image::{Parts, power};
+use subaperture_model::image::{ImageSource, power};
 
 use crate::MapError;
 
-/// How an image's magnitudes become greys.
+/// Remap from magnitude to grey.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Remap {
-    /// Decibels, from the darkest to the brightest grey: the top is the image's peak unless it is given, and the bottom 6 dB below its median, within
-    /// 40 to 60 dB of it.
+    /// Linear in decibels. Upper level: the image's peak unless given. Lower level: 6 dB below the median, which gives a dynamic range limited to 40 to 60 dB.
+    /// Default.
     #[default]
     Decibels,
-    /// The logarithm of the magnitude about its mean `m`, as NGA's and sarpy's Density has it with 30 and 40: 0.8 `m` is at 30 of 255 and 40 times that
-    /// is white. Bright points do not make the rest dark. Zeros are no part of the mean.
+    /// Logarithmic about the mean magnitude `m` (NGA Density remap, parameters 30 and 40 as in sarpy): 0.8 `m` maps to 30 of 255, 40 times that
+    /// to white. Bright points do not darken the rest. Zeros are excluded from the mean.
     Density,
 }
 
-/// Levels of black and white, dB of magnitude.
+/// Levels of black and white, dB of magnitude (0 dB: a unit scatterer).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Levels {
-    /// Of the darkest grey.
+    /// Level of the darkest grey, dB.
     pub bottom_db: f64,
-    /// Of the brightest.
+    /// Level of the brightest grey, dB.
     pub top_db: f64,
 }
 
-/// Density's grey of its lower limit, of 255.
+/// Density: grey of the lower limit, of 255.
 const DENSITY_GREY: f64 = 30.0;
-/// Its lower limit, in means.
+/// Density: lower limit over the mean.
 const DENSITY_LOW: f64 = 0.8;
-/// Its upper limit, in lower ones.
+/// Density: upper limit over the lower limit.
 const DENSITY_SPAN: f64 = 40.0;
 
-/// Cells of the histogram, of 0.1 dB, from -400 dB on.
+/// Histogram bins of 0.1 dB, from [`LOWEST_DB`] on.
 const CELLS: usize = 8000;
 const LOWEST_DB: f64 = -400.0;
 
 impl Levels {
-    /// Those of an image, which is read once; `top_db` and `span_db` in place of its own.
+    /// Levels of an image, which is read once. `top_db` and `span_db` (dynamic range) replace the automatic values.
     ///
     /// # Errors
-    /// [`MapError::Empty`], [`MapError::Parts`].
+    /// [`MapError::Empty`] if no pixel is finite and non-zero; [`MapError::ImageSource`] if the image cannot be read.
     pub fn of(
-        pixels: &dyn Parts,
+        pixels: &dyn ImageSource,
         remap: Remap,
         top_db: Option<f64>,
         span_db: Option<f64>,
@@ -57,7 +57,7 @@ impl Levels {
         let (mut peak, mut sum, mut count) = (0.0f64, 0.0, 0u64);
         let mut histogram = vec![0u64; CELLS];
         for place in pixels.places() {
-            let window = pixels.window(&place).map_err(MapError::Parts)?;
+            let window = pixels.window(&place).map_err(MapError::ImageSource)?;
             for &z in &window.pixels {
                 let power = power(z);
                 if power.is_finite() && power > 0.0 {
@@ -98,13 +98,13 @@ impl Levels {
         }))
     }
 
-    /// The part of the way from black to white at which a power is; NaN of none.
+    /// Position of a power between black (0) and white (1); NaN for NaN.
     pub(crate) fn part(&self, power: f32) -> f64 {
         let db = 10.0 * libm::log10(f64::from(power));
         ((db - self.bottom_db) / (self.top_db - self.bottom_db)).clamp(0.0, 1.0)
     }
 
-    /// A grey from 1 to 255, and 0 where there is nothing.
+    /// Grey from 1 to 255; 0 is no data.
     pub(crate) fn marked(&self, power: f32) -> u8 {
         match power.is_finite() {
             true => (1.5 + 254.0 * self.part(power)) as u8,
@@ -112,18 +112,18 @@ impl Levels {
         }
     }
 
-    /// By what such a grey is to be multiplied, and what to be added, to have decibels.
+    /// Scale and offset that convert such a grey to decibels.
     pub(crate) fn decibels(&self) -> [f64; 2] {
         let step = (self.top_db - self.bottom_db) / 254.0;
         [step, self.bottom_db - step]
     }
 
-    /// A grey from black to white; black where there is nothing.
+    /// Grey of a power, 0 to 255; 0 for NaN.
     pub fn grey(&self, power: f32) -> u8 {
         self.grey_alpha(power)[0]
     }
 
-    /// A grey and how opaque it is.
+    /// Grey and alpha of a power.
     pub(crate) fn grey_alpha(&self, power: f32) -> [u8; 2] {
         match power.is_finite() {
             true => [(0.5 + 255.0 * self.part(power)) as u8, 255],
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn density_is_that_of_sarpy() {
+    fn density_remap_agrees_with_sarpy_formula() {
         let amplitudes = [0.25f32, 1.0, 2.0, 0.5, 30.0, 0.015625];
         let levels = Levels::of(&image(&amplitudes), Remap::Density, None, None).unwrap();
         let mean = amplitudes.iter().sum::<f32>() / 6.0;
@@ -157,7 +157,7 @@ mod tests {
         for amplitude in amplitudes {
             let grey = slope * (amplitude / (0.8 * mean)).log10() + 30.0;
             let [got, alpha] = levels.grey_alpha(amplitude * amplitude);
-            // sarpy cuts off where this rounds.
+            // sarpy truncates, this rounds.
             assert!(
                 (f32::from(got) - grey.clamp(0.0, 255.0)).abs() <= 0.51,
                 "{got} {grey}"
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn decibels_are_from_the_peak_to_below_the_median() {
+    fn decibel_levels_span_from_peak_to_below_median() {
         let levels = |amplitudes: &[f32], top, span| {
             let levels = Levels::of(&image(amplitudes), Remap::Decibels, top, span);
             levels.map(|levels| [levels.bottom_db, levels.top_db])
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn marked_greys_are_decibels_again() {
+    fn grey_scale_and_offset_recover_decibels() {
         let levels = Levels {
             bottom_db: -50.0,
             top_db: 0.8,

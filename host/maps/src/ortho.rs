@@ -1,145 +1,127 @@
-//! An image read where a map's pixels are.
+//! Orthorectification: interpolation of an image at the pixels of a map.
 //!
-//! Every part of a map (a pixel, or where pixels are coarser than the image's a share of one) is traced to its place on the focusing surface
-//! ([`crate::surface`]): exactly at nine places of a patch, between them by parabolas, which leaves less than 1e-4 of a pixel on patches of 256; each exactly where the
-//! surface has a relief. There the image, its carrier taken away ([`crate::carrier`]), is read by a windowed sinc of 6 to 16 taps.
+//! Every sample of a map (a pixel, or a sub-pixel where map pixels are coarser than the image's) is projected to the focusing surface
+//! ([`crate::surface`]): exactly at 3 x 3 positions of a patch and by parabolas between them, with an error below 1e-4 pixel on patches of 256; on a relief
+//! every sample exactly. A windowed sinc of 6 to 16 taps interpolates the image there after carrier removal ([`crate::carrier`]).
 //!
-//! **Error** of complex values, relative RMS: as many taps are taken as make it less than -60 dB for the image's own band, by
-//! [`WindowedSinc::error`]; where 16 are too few, it is more. [`Ortho::error_db`] says it. Within the kernel's reach of the image's edge, zeros are read beyond
-//! it. **Cost** a pixel: 72 to 512 products with sums, and of the image the carrier once for each pixel read.
+//! **Error** of complex values, relative RMS: below -60 dB for the image's own bandwidth, by the number of taps ([`crate::reader`]); more where 16 taps are too few.
+//! [`Ortho::error_db`] gives it. Within the kernel's half-length of the edge the image is extended with zeros.
+//! **Cost** per pixel: 72 to 512 multiply-adds, and one carrier phasor per image pixel.
 
-use std::f64::consts::TAU;
-use std::ops::{Mul, Range};
+use std::ops::Range;
 
 use num_complex::Complex32;
 use rayon::prelude::*;
 
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
-use subaperture_model::image::{Parts, Place, power};
+use subaperture_model::image::{ImageSource, PixelBlock, power};
 use subaperture_resolution::support::Looks;
-use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
 use crate::carrier::Carrier;
+use crate::reader::{NOTHING, Reader, Traced};
 use crate::surface::Surface;
-use crate::{Lying, MapError, Raster};
+use crate::{MapError, ProjectionModel, Raster};
 
-/// Parts of a patch's side.
+/// Samples per side of a patch.
 const PATCH: usize = 256;
-/// The smallest, where an image turns fast, as near a pole.
-const LEAST_PATCH: usize = 8;
-/// Pixels of the image that a patch may need, for each of its own, before it is cut in smaller ones.
-const MOST_READ: usize = 16;
-/// Error below which no more taps are taken, -60 dB.
-const ERROR: f64 = 1e-3;
+/// Smallest patch, used where the projection changes quickly, as near the pole of a polar grid.
+const MIN_PATCH: usize = 8;
+/// Image pixels per sample above which a patch is subdivided.
+const MAX_READ: usize = 16;
 
-/// An image and where it was seen from.
+/// Image with its geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
-    /// Its pixels.
-    pub pixels: &'a dyn Parts,
-    /// Where they are.
+    /// Complex pixels.
+    pub pixels: &'a dyn ImageSource,
+    /// Grid of the pixels.
     pub grid: &'a ImageGrid,
-    /// Where that is.
+    /// Frame of the grid.
     pub frame: &'a SceneFrame,
-    /// From where it was seen.
+    /// Antenna positions and bands of the aperture.
     pub looks: &'a Looks,
 }
 
-/// An image read on a raster.
+/// Image resampled to a map raster.
 #[derive(Debug)]
 pub struct Ortho<'a> {
-    pixels: &'a dyn Parts,
+    reader: Reader<'a>,
     pub(crate) raster: Raster,
-    pub(crate) surface: Surface<'a>,
-    spectrum: Spectrum<'a>,
-    /// Half of what the spectrum fills, cycles a row and a column.
-    band: [f64; 2],
-    kernel: WindowedSinc,
-    /// Parts of a pixel's side.
+    /// Samples per side of a map pixel.
     fine: usize,
 }
 
 impl<'a> Ortho<'a> {
-    /// Plans it.
+    /// Prepare the resampling of an image to a raster.
     ///
     /// # Errors
-    /// [`MapError`].
+    /// [`MapError`] if the grid is vertical or not on the Earth, or the image's bandwidth is unknown or undersampled.
     pub fn new(source: Source<'a>, raster: Raster) -> Result<Self, MapError> {
         let surface = Surface::of_grid(source.grid, source.frame)?;
         let carrier = Carrier::of(source.grid, source.looks)?;
-        let band = carrier.band;
-        let spectrum = Spectrum::Carried(carrier, source.grid);
-        Ok(Self::of(source.pixels, surface, spectrum, band, raster))
+        let reader = Reader::carried(source.pixels, surface, carrier, source.grid);
+        Ok(Self::of(reader, raster))
     }
 
-    /// The same of an image whose pixels lie as its own metadata say; complex values are then those of its samples between pixels, whatever their phase refers to.
-    pub fn told(pixels: &'a dyn Parts, lying: &'a dyn Lying, raster: Raster) -> Self {
-        let (rows, columns) = pixels.size();
-        let surface = Surface::Told(lying, [rows, columns]);
-        // Wider ones leave no kernel anything to do.
-        let band = lying.widths().map(|width| (0.5 * width).clamp(0.0, 0.499));
-        Self::of(pixels, surface, Spectrum::Told(lying), band, raster)
-    }
-
-    fn of(
-        pixels: &'a dyn Parts,
-        surface: Surface<'a>,
-        spectrum: Spectrum<'a>,
-        band: [f64; 2],
+    /// Prepare the resampling of an image that its own metadata project. Complex values are then interpolated samples; their phase reference stays that of the image.
+    pub fn with_projection(
+        pixels: &'a dyn ImageSource,
+        model: &'a dyn ProjectionModel,
         raster: Raster,
     ) -> Self {
-        let wider = band[0].max(band[1]);
-        let kernel = TAPS
-            .into_iter()
-            .map(|taps| WindowedSinc::new(taps, wider))
-            .find(|kernel| error_of(kernel, band) < ERROR)
-            .unwrap_or_else(|| WindowedSinc::new(TAPS[TAPS.len() - 1], wider));
+        let (rows, columns) = pixels.size();
+        let surface = Surface::Projected(model, [rows, columns]);
+        Self::of(Reader::projected(pixels, surface, model), raster)
+    }
+
+    fn of(reader: Reader<'a>, raster: Raster) -> Self {
         Self {
-            fine: raster.fine(&surface) as usize,
-            pixels,
+            fine: raster.fine(&reader.surface) as usize,
+            reader,
             raster,
-            surface,
-            spectrum,
-            band,
-            kernel,
         }
+    }
+
+    /// Surface of the image's pixels.
+    pub(crate) fn surface(&self) -> &Surface<'a> {
+        &self.reader.surface
     }
 
     /// Relative RMS error of complex values, dB, for an image that fills its band.
     pub fn error_db(&self) -> f64 {
-        20.0 * libm::log10(error_of(&self.kernel, self.band))
+        self.reader.error_db()
     }
 
-    /// By how much rows and columns of the image are finer than its band needs.
+    /// Oversampling factor of rows and columns: pixel rate over bandwidth.
     pub fn oversampling(&self) -> [f64; 2] {
-        self.band.map(|band| 0.5 / band)
+        self.reader.oversampling()
     }
 
-    /// Values of the image, averaged in one of the map's pixels.
+    /// Samples averaged per map pixel.
     pub fn averaged(&self) -> usize {
         self.fine * self.fine
     }
 
-    /// The image.
-    pub fn pixels(&self) -> &'a dyn Parts {
-        self.pixels
+    /// Source image.
+    pub fn pixels(&self) -> &'a dyn ImageSource {
+        self.reader.pixels
     }
 
-    /// The raster.
+    /// Target raster.
     pub fn raster(&self) -> &Raster {
         &self.raster
     }
 
-    /// Complex values of some pixels of the map, row-major; NaN where the image is not.
+    /// Complex values of a window of the map, row-major; NaN outside the image.
     ///
     /// # Errors
-    /// [`MapError::Coarse`], [`MapError::Parts`].
-    pub(crate) fn complex(&self, place: &Place) -> Result<Vec<Complex32>, MapError> {
+    /// [`MapError::Coarse`] if map pixels are coarser than the image's; [`MapError::ImageSource`] if the image cannot be read.
+    pub fn complex(&self, place: &PixelBlock) -> Result<Vec<Complex32>, MapError> {
         if self.fine > 1 {
             return Err(MapError::Coarse {
                 pixel_m: self.raster.pixel_m,
                 needed_m: self
-                    .surface
+                    .surface()
                     .steps_m()
                     .into_iter()
                     .fold(f64::INFINITY, f64::min),
@@ -156,11 +138,11 @@ impl<'a> Ortho<'a> {
         Ok(out)
     }
 
-    /// Mean power of some pixels of the map, likewise.
+    /// Mean power of a window of the map, row-major; NaN outside the image.
     ///
     /// # Errors
-    /// [`MapError::Parts`].
-    pub(crate) fn powers(&self, place: &Place) -> Result<Vec<f32>, MapError> {
+    /// [`MapError::ImageSource`] if the image cannot be read.
+    pub fn powers(&self, place: &PixelBlock) -> Result<Vec<f32>, MapError> {
         let columns = place[1].len();
         let fine = self.fine;
         let mut sums = vec![[0.0f64; 2]; place[0].len() * columns];
@@ -177,7 +159,7 @@ impl<'a> Ortho<'a> {
                 }
             }
         })?;
-        // A pixel that lies on the image by less than half is none of it.
+        // At least half of a pixel's samples must lie on the image.
         let least = 0.5 * self.averaged() as f64;
         let mean = |[sum, count]: [f64; 2]| match count >= least {
             true => (sum / count) as f32,
@@ -186,8 +168,8 @@ impl<'a> Ortho<'a> {
         Ok(sums.into_iter().map(mean).collect())
     }
 
-    /// Hands over the values of all parts of a place, patch by patch.
-    fn patches(&self, place: &Place, side: usize, each: &mut Each) -> Result<(), MapError> {
+    /// Pass the samples of a window to `each`, patch by patch.
+    fn patches(&self, place: &PixelBlock, side: usize, each: &mut Each) -> Result<(), MapError> {
         for row in place[0].clone().step_by(side) {
             for column in place[1].clone().step_by(side) {
                 let patch = [
@@ -195,23 +177,23 @@ impl<'a> Ortho<'a> {
                     column..(column + side).min(place[1].end),
                 ];
                 let at = self.pixels_of(&patch);
-                let Some(window) = self.window(&at) else {
+                let Some(window) = self.reader.window(&at) else {
                     continue;
                 };
-                let most = MOST_READ * at.len() + PATCH * PATCH;
-                if window[0].len() * window[1].len() > most && side > LEAST_PATCH {
-                    self.patches(&patch, (side / 2).max(LEAST_PATCH), each)?;
+                let most = MAX_READ * at.len() + PATCH * PATCH;
+                if window[0].len() * window[1].len() > most && side > MIN_PATCH {
+                    self.patches(&patch, (side / 2).max(MIN_PATCH), each)?;
                 } else {
-                    each(&patch, &self.read(&at, &window)?);
+                    each(&patch, &self.reader.read(&at, &window)?);
                 }
             }
         }
         Ok(())
     }
 
-    /// Rows, columns and places on the plane of a patch's parts, row-major.
-    fn pixels_of(&self, patch: &Place) -> Vec<Traced> {
-        if !self.surface.is_smooth() {
+    /// Image pixel and surface coordinates of a patch's samples, row-major.
+    fn pixels_of(&self, patch: &PixelBlock) -> Vec<Traced> {
+        if !self.surface().is_smooth() {
             return self.each_pixel_of(patch);
         }
         let side = 1.0 / self.fine as f64;
@@ -223,7 +205,7 @@ impl<'a> Ortho<'a> {
         let known = rows.map(|row| {
             columns.map(|column| {
                 let at = self.raster.coordinates([row * side, column * side]);
-                self.surface.on_plane(&self.raster.projection.place(at))
+                self.surface().on_plane(&self.raster.projection.place(at))
             })
         });
         let weights = |range: &Range<usize>, i: usize| {
@@ -231,14 +213,14 @@ impl<'a> Ortho<'a> {
             parabola(if last > 0.0 { i as f64 / last } else { 0.0 })
         };
         let along: Vec<[f64; 3]> = (0..patch[1].len()).map(|i| weights(&patch[1], i)).collect();
-        let surface = &self.surface;
+        let surface = self.surface();
         let mut traced = vec![Traced::default(); patch[0].len() * patch[1].len()];
         traced
             .par_chunks_mut(patch[1].len())
             .enumerate()
             .for_each(|(i, line)| {
                 let down = weights(&patch[0], i);
-                // At this row, at the three columns.
+                // Values of this row at the three columns.
                 let three = [0, 1, 2].map(|c| {
                     [0, 1].map(|axis| (0..3).map(|r| down[r] * known[r][c][axis]).sum::<f64>())
                 });
@@ -252,12 +234,12 @@ impl<'a> Ortho<'a> {
         traced
     }
 
-    /// The same, each traced for itself.
-    fn each_pixel_of(&self, patch: &Place) -> Vec<Traced> {
+    /// As [`Self::pixels_of`], each sample projected exactly.
+    fn each_pixel_of(&self, patch: &PixelBlock) -> Vec<Traced> {
         let side = 1.0 / self.fine as f64;
         let columns = patch[1].len();
-        // What is shared by threads; the image's file is not.
-        let (raster, surface) = (&self.raster, &self.surface);
+        // Shared by threads; the image's file handle is not.
+        let (raster, surface) = (&self.raster, self.surface());
         let mut traced = vec![Traced::default(); patch[0].len() * columns];
         let lines = traced.par_chunks_mut(columns).zip(patch[0].clone());
         lines.for_each(|(line, row)| {
@@ -270,184 +252,18 @@ impl<'a> Ortho<'a> {
         });
         traced
     }
-
-    /// What of the image is needed for these places, if any of them is on it.
-    fn window(&self, traced: &[Traced]) -> Option<Place> {
-        let counts = self.surface.counts();
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for Traced { pixel, .. } in traced.iter().filter(|traced| inside(traced.pixel, counts)) {
-            for i in 0..2 {
-                low[i] = low[i].min(pixel[i]);
-                high[i] = high[i].max(pixel[i]);
-            }
-        }
-        if low[0] > high[0] {
-            return None;
-        }
-        let half = self.kernel.taps() / 2;
-        Some([0, 1].map(|i| {
-            let first = (low[i].floor().max(0.0) as usize).saturating_sub(half);
-            let last = high[i].ceil() as usize + half + 1;
-            first..last.min(counts[i])
-        }))
-    }
-
-    /// Values at these places, of which this window of the image has all that lie on it.
-    fn read(&self, traced: &[Traced], window: &Place) -> Result<Vec<Complex32>, MapError> {
-        // What is shared by threads; the image's file is not.
-        let (surface, spectrum, kernel) = (&self.surface, &self.spectrum, &self.kernel);
-        let mut image = self.pixels.window(window).map_err(MapError::Parts)?.pixels;
-        let [rows, columns] = window;
-        if let Spectrum::Carried(carrier, grid) = spectrum {
-            image
-                .par_chunks_mut(columns.len())
-                .zip(rows.clone())
-                .for_each(|(line, row)| {
-                    for (z, column) in line.iter_mut().zip(columns.clone()) {
-                        let point = grid.position_m(row, column);
-                        *z *= carrier.at(point, [row as f64, column as f64]).conj();
-                    }
-                });
-        }
-        let counts = surface.counts();
-        let values = |traced: &Traced| {
-            if !inside(traced.pixel, counts) {
-                return NOTHING;
-            }
-            let local = [0, 1].map(|i| traced.pixel[i] - window[i].start as f64);
-            let turns = match spectrum {
-                Spectrum::Carried(..) => None,
-                Spectrum::Told(lying) => Some(lying.middle(traced.pixel)),
-            };
-            let read = match kernel.taps() {
-                6 => interpolate::<6>,
-                8 => interpolate::<8>,
-                10 => interpolate::<10>,
-                12 => interpolate::<12>,
-                14 => interpolate::<14>,
-                _ => interpolate::<16>,
-            };
-            let value = read(kernel, &image, columns.len(), local, turns);
-            match (spectrum, surface) {
-                (Spectrum::Carried(carrier, _), Surface::Grid(own)) => {
-                    value * carrier.at(own.point_m(traced.plane), traced.pixel)
-                }
-                _ => value,
-            }
-        };
-        Ok(traced.par_iter().with_min_len(256).map(values).collect())
-    }
 }
 
-/// Where an image's spectrum is.
-#[derive(Debug)]
-enum Spectrum<'a> {
-    /// About a carrier, of an image on this grid.
-    Carried(Carrier, &'a ImageGrid),
-    /// Where the image's metadata say.
-    Told(&'a dyn Lying),
-}
+/// Receiver of a patch's values.
+type Each<'e> = dyn FnMut(&PixelBlock, &[Complex32]) + 'e;
 
-/// What takes the values of a patch.
-type Each<'e> = dyn FnMut(&Place, &[Complex32]) + 'e;
-
-const NOTHING: Complex32 = Complex32::new(f32::NAN, f32::NAN);
-
-/// Where a part of the map is: row and column of the image, and on its plane.
-#[derive(Clone, Copy, Debug, Default)]
-struct Traced {
-    pixel: [f64; 2],
-    plane: [f64; 2],
-}
-
-/// Whether a place is on the image's pixels, as areas.
-fn inside(pixel: [f64; 2], counts: [usize; 2]) -> bool {
-    (0..2).all(|i| pixel[i] >= -0.5 && pixel[i] < counts[i] as f64 - 0.5)
-}
-
-/// Weights of values at 0, 1/2 and 1, for the parabola through them at `t`.
+/// Lagrange weights at `t` of the parabola through values at 0, 1/2 and 1.
 fn parabola(t: f64) -> [f64; 3] {
     [
         2.0 * (t - 0.5) * (t - 1.0),
         -4.0 * t * (t - 1.0),
         2.0 * t * (t - 0.5),
     ]
-}
-
-/// Of both axes.
-fn error_of(kernel: &WindowedSinc, band: [f64; 2]) -> f64 {
-    let [rows, columns] = band.map(|band| kernel.error(band));
-    libm::hypot(rows, columns)
-}
-
-/// The value at a row and column of these pixels, beyond which are zeros; of samples that turn by so many cycles a row and a column.
-#[inline]
-fn interpolate<const W: usize>(
-    kernel: &WindowedSinc,
-    image: &[Complex32],
-    columns: usize,
-    at: [f64; 2],
-    turns: Option<[f64; 2]>,
-) -> Complex32 {
-    let parts = at.map(|x| x - x.floor());
-    let weights = parts.map(|part| kernel.weights::<W>(part as f32));
-    let reach = W as isize / 2 - 1;
-    let first = at.map(|x| x.floor() as isize - reach);
-    match turns {
-        None => sum(image, columns, first, weights),
-        Some(turns) => {
-            let turned = [0, 1].map(|axis| {
-                std::array::from_fn::<_, W, _>(|k| {
-                    let away = parts[axis] + (reach - k as isize) as f64;
-                    let turn = turns[axis] * away;
-                    let (sin, cos) = libm::sincos(TAU * (turn - turn.floor()));
-                    Complex32::new(cos as f32, sin as f32) * weights[axis][k]
-                })
-            });
-            sum(image, columns, first, turned)
-        }
-    }
-}
-
-/// The weighed sum of `W` rows and columns of these pixels from `first` on, beyond which are zeros.
-#[inline]
-fn sum<const W: usize, T: Copy>(
-    image: &[Complex32],
-    columns: usize,
-    [first_row, first_column]: [isize; 2],
-    [down, along]: [[T; W]; 2],
-) -> Complex32
-where
-    Complex32: Mul<T, Output = Complex32>,
-{
-    let rows = (image.len() / columns) as isize;
-    let mut sum = Complex32::ZERO;
-    for (i, weight) in down.into_iter().enumerate() {
-        let row = first_row + i as isize;
-        if row < 0 || row >= rows {
-            continue;
-        }
-        let line = &image[row as usize * columns..][..columns];
-        let mut part = Complex32::ZERO;
-        match first_column >= 0 && first_column as usize + W <= columns {
-            true => {
-                let line = &line[first_column as usize..][..W];
-                for (z, w) in line.iter().zip(along) {
-                    part += *z * w;
-                }
-            }
-            false => {
-                for (k, w) in along.into_iter().enumerate() {
-                    let column = first_column + k as isize;
-                    if (0..columns as isize).contains(&column) {
-                        part += line[column as usize] * w;
-                    }
-                }
-            }
-        }
-        sum += part * weight;
-    }
-    sum
 }
 
 #[cfg(test)]

@@ -1,32 +1,32 @@
-//! A map as a picture: PNG, grey with alpha, and beside it the world file and the system of coordinates by which others place it.
+//! Writer of PNG maps with world file and projection file.
 //!
-//! The world file (`.pgw`) has the pixel's size and the middle of the north-western pixel; `.prj` the system of coordinates as WKT. Rows are made and
-//! written band by band.
+//! The world file (`.pgw`) contains the pixel spacing and the centre of the north-western pixel; `.prj` contains the coordinate system as WKT. Rows are
+//! computed and written in bands.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use png::{BitDepth, ColorType};
 
-use subaperture_io::atomic::{Beside, write_atomically};
+use subaperture_io::atomic::{AtomicFile, write_atomically};
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
 
 use crate::levels::Levels;
 use crate::{MapError, Ortho, Projection};
 
-/// Rows made at once.
+/// Rows per band.
 const BAND: usize = 256;
 
-/// The files beside a picture: its world file, and its coordinates' system.
+/// Paths of a picture's world file (`.pgw`) and projection file (`.prj`).
 pub fn beside(path: &Path) -> [PathBuf; 2] {
     ["pgw", "prj"].map(|ending| path.with_extension(ending))
 }
 
-/// Writes picture and world file, each complete or not at all.
+/// Write picture, world file and projection file, each atomically.
 ///
 /// # Errors
-/// [`MapError`].
+/// [`MapError`] if the image cannot be read or resampled, a file cannot be written, or the monitor cancels.
 pub fn write(
     path: &Path,
     ortho: &Ortho,
@@ -34,7 +34,7 @@ pub fn write(
     monitor: &dyn Monitor,
 ) -> Result<(), MapError> {
     let raster = ortho.raster();
-    let mut file = Beside::create(path, 0, ".part")?;
+    let mut file = AtomicFile::create(path, 0, ".part")?;
     let mut failed = None;
     let written = (|| -> std::io::Result<()> {
         let mut out = BufWriter::new(file.file());
@@ -83,7 +83,7 @@ pub fn write(
     Ok(())
 }
 
-/// The system of coordinates, as most programs read it (ESRI's WKT).
+/// Coordinate system in ESRI WKT, which most programs read.
 fn well_known_text(projection: &Projection) -> String {
     let earth = "GEOGCS[\"GCS_WGS_1984\",DATUM[\"D_WGS_1984\",SPHEROID[\"WGS_1984\",6378137.0,298.257223563]],\
                  PRIMEM[\"Greenwich\",0.0],UNIT[\"Degree\",0.0174532925199433]]";

@@ -1,39 +1,39 @@
-//! Map projections: which place of the Earth a map's coordinates are.
+//! Map projections on WGS 84.
 
 use subaperture_model::geometry::{Geodetic, Utm, Zone};
 
 use crate::MapError;
 
-/// A projection, on WGS 84.
+/// Map projection on WGS 84.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
-    /// Easting and northing of a zone, metres.
+    /// UTM easting and northing, metres.
     Utm(Zone),
-    /// Longitude and latitude, degrees (EPSG:4326), the former within half a turn of a meridian, so that a map may lie
-    /// across the antimeridian.
+    /// Longitude and latitude, degrees (EPSG 4326). Longitudes are within 180 degrees of a reference meridian, so that a map may
+    /// cross the antimeridian.
     Geographic {
-        /// That meridian, degrees.
+        /// Reference meridian, degrees.
         near_deg: f64,
     },
 }
 
 impl Projection {
-    /// The zone in which a place lies.
+    /// UTM in the zone of a position.
     ///
     /// # Errors
-    /// [`MapError::Utm`] near the poles.
+    /// [`MapError::Utm`] north of 84 or south of -80 degrees.
     pub fn utm(place: &Geodetic) -> Result<Self, MapError> {
         Ok(Self::Utm(Zone::of(place)?))
     }
 
-    /// Longitude and latitude around a place.
+    /// Longitude and latitude about a position's meridian.
     pub fn geographic(place: &Geodetic) -> Self {
         Self::Geographic {
             near_deg: place.longitude_deg,
         }
     }
 
-    /// Its code in the EPSG registry.
+    /// EPSG code.
     pub fn epsg(&self) -> u16 {
         match self {
             Self::Utm(zone) => zone.epsg(),
@@ -41,7 +41,7 @@ impl Projection {
         }
     }
 
-    /// Coordinates of a place: to the east and to the north.
+    /// East and north coordinate of a position, in the projection's unit.
     ///
     /// # Errors
     /// [`MapError::Utm`] far from the zone.
@@ -58,7 +58,7 @@ impl Projection {
         }
     }
 
-    /// The place on the ellipsoid of such coordinates. The inverse of [`Self::coordinates`].
+    /// Position on the ellipsoid of east and north coordinates. The inverse of [`Self::coordinates`].
     pub fn place(&self, [east, north]: [f64; 2]) -> Geodetic {
         match *self {
             Self::Utm(zone) => Utm {
@@ -75,7 +75,7 @@ impl Projection {
         }
     }
 
-    /// Metres on the ground for one unit to the east and to the north, at a place; of UTM within its scale, 0.9996 to 1.001.
+    /// Ground distance of one unit to the east and to the north at a position, metres. UTM: 1, exact within its scale factor, 0.9996 to 1.001.
     pub fn metres(&self, place: &Geodetic) -> [f64; 2] {
         match self {
             Self::Utm(_) => [1.0; 2],

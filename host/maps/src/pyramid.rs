@@ -1,8 +1,8 @@
-//! A map's tiles and those of its overviews, each once, in memory that grows with the number of overviews alone.
+//! Tiles of a map and of its overview levels, each computed once.
 //!
-//! Overviews are half as fine each, down to one that is a single tile. They are made depth first: four tiles are made, and theirs above of them, so that of
-//! each level one tile is held. Detected ones are averaged in power over what lies on the image; complex ones take every second pixel, for
-//! the mean of complex values is none of their level.
+//! Each overview level halves the resolution, down to a single tile. Tiles are computed depth first, four tiles and then their parent, so that one tile per level is
+//! in memory. Power is averaged over the pixels inside the image. Complex values are decimated by two, because a mean of complex values would not keep
+//! their level.
 
 use num_complex::Complex32;
 
@@ -10,27 +10,27 @@ use subaperture_model::monitor::Monitor;
 
 use crate::{MapError, Ortho};
 
-/// Pixels of a tile's side.
+/// Tile side, pixels.
 pub(crate) const TILE: usize = 512;
 
-/// What a tile's values are.
+/// Kind of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Values {
-    /// Mean powers, in the real part.
+    /// Mean power, in the real part.
     Powers,
     /// Complex values.
     Complex,
 }
 
-/// A tile, its values NaN beyond the image.
+/// Tile of a level; values outside the image are NaN.
 pub(crate) struct Tile {
-    /// Rows and columns that lie on the map.
+    /// Rows and columns inside the map.
     pub(crate) size: [usize; 2],
-    /// [`TILE`] rows of as many columns.
+    /// [`TILE`] x [`TILE`] values, row-major.
     pub(crate) values: Vec<Complex32>,
 }
 
-/// Sizes of a map and of its overviews, rows first.
+/// Rows and columns of a map and of its overview levels.
 pub(crate) fn levels(rows: usize, columns: usize) -> Vec<[usize; 2]> {
     let mut levels = vec![[rows, columns]];
     while let Some(&last) = levels.last()
@@ -41,12 +41,12 @@ pub(crate) fn levels(rows: usize, columns: usize) -> Vec<[usize; 2]> {
     levels
 }
 
-/// Rows and columns of tiles of such a level.
+/// Rows and columns of tiles of a level.
 pub(crate) fn tiles(level: [usize; 2]) -> [usize; 2] {
     level.map(|n| n.div_ceil(TILE))
 }
 
-/// Makes all tiles. `put` has a tile's level, 0 the finest, and its row and column of tiles.
+/// Producer of all tiles.
 pub(crate) struct Pyramid<'a> {
     ortho: &'a Ortho<'a>,
     values: Values,
@@ -55,7 +55,7 @@ pub(crate) struct Pyramid<'a> {
     made: usize,
 }
 
-/// What takes tiles.
+/// Receiver of a tile: its level (0 is full resolution), its row and column of tiles, its values.
 pub(crate) type Put<'p> = dyn FnMut(usize, [usize; 2], &Tile) -> Result<(), MapError> + 'p;
 
 impl<'a> Pyramid<'a> {
@@ -79,7 +79,7 @@ impl<'a> Pyramid<'a> {
         Ok(())
     }
 
-    /// Makes a tile and all below it.
+    /// Compute a tile and all finer tiles under it.
     fn tile(&mut self, level: usize, at: [usize; 2], put: &mut Put) -> Result<Tile, MapError> {
         let size = [0, 1].map(|i| (self.levels[level][i] - at[i] * TILE).min(TILE));
         let mut tile = Tile {
@@ -94,7 +94,7 @@ impl<'a> Pyramid<'a> {
                 let of = [2 * at[0] + down, 2 * at[1] + right];
                 if of[0] < below[0] && of[1] < below[1] {
                     let finer = self.tile(level - 1, of, put)?;
-                    self.halve(&finer, [down, right], &mut tile);
+                    self.decimate(&finer, [down, right], &mut tile);
                 }
             }
         }
@@ -125,8 +125,8 @@ impl<'a> Pyramid<'a> {
         Ok(())
     }
 
-    /// Fills a quarter of a tile.
-    fn halve(&self, finer: &Tile, quarter: [usize; 2], tile: &mut Tile) {
+    /// Fill one quarter of a tile from a finer tile, decimated by two.
+    fn decimate(&self, finer: &Tile, quarter: [usize; 2], tile: &mut Tile) {
         let half = TILE / 2;
         let size = finer.size.map(|n| n.div_ceil(2));
         for row in 0..size[0] {
@@ -143,7 +143,7 @@ impl<'a> Pyramid<'a> {
     }
 }
 
-/// Of those that are numbers; NaN of none.
+/// Mean of the finite values; NaN if there are none.
 fn mean(of: [f32; 4]) -> f32 {
     let (sum, count) = of
         .iter()

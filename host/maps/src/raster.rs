@@ -1,41 +1,41 @@
-//! The pixels of a map: north up, rows from the north, pixels as areas.
+//! Pixel raster of a map: north up, rows from north to south, pixels as areas.
 
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 
 use crate::surface::Surface;
-use crate::{Lying, MapError, Projection};
+use crate::{MapError, Projection, ProjectionModel};
 
-/// Most pixels of a side.
+/// Largest number of pixels per side.
 const MOST: f64 = (1u64 << 30) as f64;
 
-/// Most of the image's pixels that a side of the map's may cover.
-const MOST_FINE: f64 = 1024.0;
+/// Largest ratio of a map pixel's side to an image pixel's side.
+const MAX_FINE: f64 = 1024.0;
 
-/// A map's pixels.
+/// Pixel raster of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raster {
-    /// What its coordinates are.
+    /// Projection of the coordinates.
     pub projection: Projection,
-    /// Coordinate of the western edge.
+    /// Coordinate of the western edge, in the projection's unit.
     pub west: f64,
-    /// Coordinate of the northern edge.
+    /// Coordinate of the northern edge, in the projection's unit.
     pub north: f64,
-    /// From pixel to pixel to the east and, southwards, to the south; both positive.
+    /// Pixel spacing eastwards and southwards, in the projection's unit; both positive.
     pub step: [f64; 2],
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns.
+    /// Number of columns.
     pub columns: usize,
-    /// On the ground, metres.
+    /// Pixel spacing on the ground, metres.
     pub pixel_m: f64,
 }
 
 impl Raster {
-    /// The raster that covers an image. `pixel_m` is the distance of pixels on the ground; if it is not given, the image's own, the lesser of its
-    /// rows' and columns'. Edges are at whole multiples of pixels, so that maps of one pixel fit together.
+    /// Raster that covers an image. `pixel_m` is the pixel spacing on the ground; default: the smaller of the image's row and column spacing. Edges are
+    /// multiples of the pixel spacing, so that maps of equal spacing align.
     ///
     /// # Errors
-    /// [`MapError`].
+    /// [`MapError`] if the image has no position on the Earth, its plane is vertical, or the number of pixels is out of range.
     pub fn covering(
         grid: &ImageGrid,
         frame: &SceneFrame,
@@ -45,17 +45,21 @@ impl Raster {
         Self::around(&Surface::of_grid(grid, frame)?, projection, pixel_m)
     }
 
-    /// The raster that covers an image whose pixels lie as its metadata say, of so many rows and columns; as [`Self::covering`].
+    /// Raster that covers an image of `(rows, columns)` pixels that its own metadata project; see [`Self::covering`].
     ///
     /// # Errors
-    /// [`MapError`].
-    pub fn covering_told(
-        lying: &dyn Lying,
+    /// [`MapError`] if the outline does not project to the Earth, or the number of pixels is out of range.
+    pub fn covering_projected(
+        model: &dyn ProjectionModel,
         (rows, columns): (usize, usize),
         projection: impl FnOnce(&Geodetic) -> Result<Projection, MapError>,
         pixel_m: Option<f64>,
     ) -> Result<Self, MapError> {
-        Self::around(&Surface::Told(lying, [rows, columns]), projection, pixel_m)
+        Self::around(
+            &Surface::Projected(model, [rows, columns]),
+            projection,
+            pixel_m,
+        )
     }
 
     fn around(
@@ -84,7 +88,7 @@ impl Raster {
             what,
         };
         if !(pixel_m > 0.0 && count.iter().all(|n| (1.0..=MOST).contains(n))) {
-            return Err(size("1 to 1e9 a side are possible"));
+            return Err(size("expected 1 to 1e9 pixels per side"));
         }
         let raster = Self {
             projection,
@@ -95,28 +99,28 @@ impl Raster {
             columns: count[0] as usize,
             pixel_m,
         };
-        match raster.fine(surface) <= MOST_FINE {
+        match raster.fine(surface) <= MAX_FINE {
             true => Ok(raster),
             false => Err(size(
-                "a pixel may cover 1024 of the image's a side at the most: give smaller ones",
+                "a map pixel may cover at most 1024 image pixels per side; use smaller pixels",
             )),
         }
     }
 
-    /// The lesser of an image's steps.
+    /// Smaller of an image's row and column spacing, metres.
     fn own_pixel_m(surface: &Surface) -> f64 {
         let [rows, columns] = surface.steps_m();
         rows.min(columns)
     }
 
-    /// Into how many parts a pixel's side is cut, so that they are no coarser than the image.
+    /// Samples per pixel side such that they are no coarser than the image.
     pub(crate) fn fine(&self, surface: &Surface) -> f64 {
         (self.pixel_m / Self::own_pixel_m(surface) - 1e-6)
             .ceil()
             .max(1.0)
     }
 
-    /// Coordinates at a row and a column of the raster: the north-western corner of that pixel is at whole numbers.
+    /// Coordinates of a fractional row and column; whole numbers are the north-western corners of pixels.
     pub fn coordinates(&self, [row, column]: [f64; 2]) -> [f64; 2] {
         [
             self.west + column * self.step[0],
@@ -124,7 +128,7 @@ impl Raster {
         ]
     }
 
-    /// Row and column at which a place is, the inverse of that.
+    /// Fractional row and column of a position. The inverse of [`Self::coordinates`].
     ///
     /// # Errors
     /// [`MapError::Utm`] far from the map.

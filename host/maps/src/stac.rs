@@ -1,4 +1,4 @@
-//! What a map is of, as an item of a SpatioTemporal Asset Catalog (STAC 1.0.0) beside it.
+//! Writer of STAC 1.0.0 items of maps.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,24 +11,24 @@ use subaperture_io::ours::ITEM_SCHEMA;
 use crate::cog::Layout;
 use crate::{MapError, Ortho};
 
-/// Places along each side of an image in its outline.
+/// Outline points per side of an image.
 const SIDE_PLACES: usize = 4;
 
-/// What an item says beside where its map is.
+/// Properties of an item that the map does not give.
 #[derive(Clone, Debug)]
 pub struct About<'a> {
-    /// Its name in a catalogue.
+    /// Item id in a catalogue.
     pub id: &'a str,
-    /// When the image was recorded, or made where that is not known: RFC 3339, UTC.
+    /// Time of recording, or of processing where that is unknown: RFC 3339, UTC.
     pub datetime: &'a str,
-    /// Further properties; an object.
+    /// Further properties, a JSON object.
     pub properties: Value,
 }
 
-/// Writes the item of the map at `map`, in its folder or elsewhere, complete or not at all.
+/// Write the item of the map at `map` atomically. The map's link is relative: same folder.
 ///
 /// # Errors
-/// [`MapError`].
+/// [`MapError`] if the outline does not project to the Earth, or the file cannot be written.
 pub fn write(
     path: &Path,
     map: &Path,
@@ -46,9 +46,9 @@ pub fn write(
 
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {
     let raster = ortho.raster();
-    let outline = ortho.surface.outline(SIDE_PLACES)?;
+    let outline = ortho.surface().outline(SIDE_PLACES)?;
     let first_deg = outline[0].longitude_deg;
-    // The nearest way around the Earth from the first, so that the ring closes wherever it lies.
+    // Longitude difference from the first point in -180 to 180, so that the ring closes.
     let mut ring: Vec<[f64; 2]> = outline
         .iter()
         .map(|place| {
@@ -56,7 +56,7 @@ fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Valu
             [first_deg + away, place.latitude_deg]
         })
         .collect();
-    // Counter-clockwise, as GeoJSON has it, whichever way the image's axes run.
+    // GeoJSON needs a counter-clockwise ring.
     let area: f64 = (0..ring.len())
         .map(|i| {
             let ([a, b], [c, d]) = (ring[i], ring[(i + 1) % ring.len()]);
@@ -106,8 +106,8 @@ fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Valu
     }))
 }
 
-/// Geometry and box of a ring of longitudes and latitudes, which may lie across the antimeridian: then it is cut there, and its box has its west east of its east (RFC 7946, 3.1.9
-/// and 5.2).
+/// Geometry and bounding box of a ring of longitudes and latitudes. A ring across the antimeridian is split there, and the western bound exceeds the eastern (RFC 7946,
+/// 3.1.9 and 5.2).
 fn on_the_globe(ring: &[[f64; 2]]) -> (Value, [f64; 4]) {
     let extent = |axis: usize| {
         let values = ring.iter().map(|place| place[axis]);
@@ -128,7 +128,7 @@ fn on_the_globe(ring: &[[f64; 2]]) -> (Value, [f64; 4]) {
         (true, _) => -180.0,
         (false, true) => 180.0,
     };
-    // What lies beyond has longitudes of the other sign.
+    // The part beyond the antimeridian has longitudes of the other sign.
     let shift = |by: f64, part: Vec<[f64; 2]>| {
         let moved = part.into_iter().map(|[x, y]| [x + by, y]);
         closed(moved.collect())
@@ -145,7 +145,7 @@ fn on_the_globe(ring: &[[f64; 2]]) -> (Value, [f64; 4]) {
     (geometry, [west + to_west, south, east + to_east, north])
 }
 
-/// The part of a convex ring that lies west (`side` -1) or east (1) of a meridian.
+/// Part of a convex ring west (`side` -1) or east (1) of a meridian.
 fn cut(ring: &[[f64; 2]], meridian_deg: f64, side: f64) -> Vec<[f64; 2]> {
     let mut part = Vec::with_capacity(ring.len() + 2);
     for (i, &[x, y]) in ring.iter().enumerate() {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rings_across_the_antimeridian_are_cut_there() {
+    fn ring_across_antimeridian_becomes_multipolygon() {
         let square = |west: f64| {
             [
                 [west, 10.0],
@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(geometry["type"], "Polygon");
         assert_eq!(geometry["coordinates"][0][4], json!([100.0, 10.0]));
         assert_eq!(bounds, [100.0, 10.0, 102.0, 12.0]);
-        // Told from either side it is the same: half a degree west of the antimeridian, one and a half east.
+        // Both longitude conventions give the same geometry: half a degree west of the antimeridian, one and a half east.
         for west in [179.5, -180.5] {
             let (geometry, bounds) = on_the_globe(&square(west));
             assert_eq!(bounds, [179.5, 10.0, -178.5, 12.0]);

@@ -1,8 +1,8 @@
-//! Where on an image a place of the map is.
+//! Projection of map positions into an image.
 //!
-//! An image shows the points of the surface on which it was focused: of its grid's plane, or of the relief over it. A map shows each straight above or
-//! below where it is: the place of the map is the point where the ellipsoid's normal there meets the surface. What stands above the surface, or lies
-//! below it, is displaced by layover, here as in the image; what lies on it is where it stands.
+//! An image shows the points of the surface on which it was focused: its grid's plane, or the relief over it. A map position shows the point where the
+//! ellipsoid's normal intersects that surface. Objects above or below the surface are displaced by layover, as in the image; objects on the surface
+//! are at their true position.
 
 use std::f64::consts::PI;
 
@@ -10,27 +10,27 @@ use glam::DVec3;
 
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 
-use crate::{Lying, MapError};
+use crate::{MapError, ProjectionModel};
 
-/// Least sine of the angle between a plane and the vertical.
-const LEAST_SINE: f64 = 0.05;
+/// Smallest supported sine of the angle between a plane and the vertical.
+const MIN_SINE: f64 = 0.05;
 
-/// Places along each side of a grid by which its outline is followed.
+/// Outline points per side of a grid.
 const SIDE_PLACES: usize = 256;
 
-/// Steps of the search for a relief's point along a vertical, of which each leaves the relief's slope times the tilt between normal and vertical.
-const MOST_STEPS: usize = 60;
+/// Largest number of iterations for a relief's point on a vertical. Each multiplies the error by the relief's slope times the tilt between normal and vertical.
+const MAX_STEPS: usize = 60;
 
-/// Where that search ends, metres.
+/// Convergence threshold, metres.
 const NEAR_M: f64 = 1e-6;
 
-/// Where an image's pixels are.
+/// Surface of an image's pixels.
 #[derive(Clone, Debug)]
 pub(crate) enum Surface<'a> {
-    /// On a grid's surface.
+    /// Surface of a grid.
     Grid(Box<OnGrid>),
-    /// Where the image's own metadata say: rows and columns of so many.
-    Told(&'a dyn Lying, [usize; 2]),
+    /// Projection of the image's own metadata, and its rows and columns.
+    Projected(&'a dyn ProjectionModel, [usize; 2]),
 }
 
 impl Surface<'_> {
@@ -38,15 +38,20 @@ impl Surface<'_> {
         Ok(Self::Grid(Box::new(OnGrid::new(grid, frame)?)))
     }
 
-    /// Rows and columns.
+    /// Surface of a grid in a scene that may have no position on the Earth: points, but no ground positions.
+    pub(crate) fn in_scene(grid: &ImageGrid, frame: &SceneFrame) -> Self {
+        Self::Grid(Box::new(OnGrid::unchecked(grid, frame)))
+    }
+
+    /// Rows and columns of the image.
     pub(crate) fn counts(&self) -> [usize; 2] {
         match self {
             Self::Grid(own) => [own.grid.rows.count, own.grid.columns.count],
-            Self::Told(_, counts) => *counts,
+            Self::Projected(_, counts) => *counts,
         }
     }
 
-    /// The middle of the image.
+    /// Position of the image centre.
     pub(crate) fn centre(&self) -> Result<Geodetic, MapError> {
         self.place(self.counts().map(|count| 0.5 * (count - 1) as f64))
     }
@@ -55,14 +60,14 @@ impl Surface<'_> {
     pub(crate) fn place(&self, pixel: [f64; 2]) -> Result<Geodetic, MapError> {
         match self {
             Self::Grid(own) => own.place(pixel),
-            Self::Told(lying, _) => lying.place(pixel).ok_or(MapError::Nowhere {
+            Self::Projected(model, _) => model.place(pixel).ok_or(MapError::Nowhere {
                 row: pixel[0],
                 column: pixel[1],
             }),
         }
     }
 
-    /// The outline of the image, along the outer edges of its pixels: from the first row and column along the row, and around.
+    /// Outline along the outer pixel edges, `along` points per side, from the first row and column along the row.
     pub(crate) fn outline(&self, along: usize) -> Result<Vec<Geodetic>, MapError> {
         let end = |count: usize| count as f64 - 0.5;
         let [bottom, left] = [-0.5; 2];
@@ -85,66 +90,76 @@ impl Surface<'_> {
         self.outline(SIDE_PLACES)
     }
 
-    /// Metres from pixel to pixel along rows' and columns' axes; of a polar grid in the middle of its ranges.
+    /// Row and column spacing, metres; of a polar grid at its middle range.
     pub(crate) fn steps_m(&self) -> [f64; 2] {
         match self {
             Self::Grid(own) => own.steps_m(),
-            Self::Told(lying, _) => lying.steps_m(),
+            Self::Projected(model, _) => model.steps_m(),
         }
     }
 
-    /// Whether what [`Self::on_plane`] tells follows the places of a map so smoothly that parabolas have it.
+    /// Whether [`Self::on_plane`] is smooth enough for interpolation by parabolas.
     pub(crate) fn is_smooth(&self) -> bool {
         match self {
             Self::Grid(own) => own.grid.relief.is_none(),
-            Self::Told(..) => true,
+            Self::Projected(..) => true,
         }
     }
 
-    /// Coordinates in which a place's pixel follows simply: of the foot in the grid's plane, or row and column themselves.
+    /// Plane coordinates of a position: foot in the grid's plane, metres, or fractional row and column.
     pub(crate) fn on_plane(&self, place: &Geodetic) -> [f64; 2] {
         match self {
             Self::Grid(own) => own.on_plane(place),
-            Self::Told(lying, _) => lying.pixel(place).unwrap_or([f64::NAN; 2]),
+            Self::Projected(model, _) => model.pixel(place).unwrap_or([f64::NAN; 2]),
         }
     }
 
-    /// Row and column, from 0 and with fractions, of such coordinates.
+    /// Fractional row and column of plane coordinates.
     #[inline]
     pub(crate) fn pixel(&self, coordinates: [f64; 2]) -> [f64; 2] {
         match self {
             Self::Grid(own) => own.pixel(coordinates),
-            Self::Told(..) => coordinates,
+            Self::Projected(..) => coordinates,
         }
     }
 }
 
-/// A grid's surface on the Earth.
+/// Surface of a grid in a frame.
 #[derive(Clone, Debug)]
 pub(crate) struct OnGrid {
     pub(crate) grid: ImageGrid,
-    frame: SceneFrame,
+    pub(crate) frame: SceneFrame,
     normal: DVec3,
-    /// Of a polar grid.
+    /// Middle angle of a polar grid, radians.
     middle_rad: f64,
 }
 
 impl OnGrid {
     fn new(grid: &ImageGrid, frame: &SceneFrame) -> Result<Self, MapError> {
+        let surface = Self::unchecked(grid, frame);
+        let half = |count: usize| 0.5 * (count - 1) as f64;
+        let centre = surface.place([half(grid.rows.count), half(grid.columns.count)])?;
+        let up = frame.direction_from_ecf(centre.east_north_up()[2]);
+        match up.dot(surface.normal).abs() > MIN_SINE {
+            true => Ok(surface),
+            false => Err(MapError::Upright),
+        }
+    }
+
+    fn unchecked(grid: &ImageGrid, frame: &SceneFrame) -> Self {
         let columns = &grid.columns;
-        let surface = Self {
+        Self {
             grid: grid.clone(),
             frame: *frame,
             normal: grid.normal(),
             middle_rad: columns.start + 0.5 * (columns.count - 1) as f64 * columns.step,
-        };
-        let half = |count: usize| 0.5 * (count - 1) as f64;
-        let centre = surface.place([half(grid.rows.count), half(grid.columns.count)])?;
-        let up = frame.direction_from_ecf(centre.east_north_up()[2]);
-        match up.dot(surface.normal).abs() > LEAST_SINE {
-            true => Ok(surface),
-            false => Err(MapError::Upright),
         }
+    }
+
+    /// Foot of a point of the scene in the plane, metres along the plane's axes from the grid's origin.
+    pub(crate) fn foot(&self, point_m: DVec3) -> [f64; 2] {
+        let from = point_m - self.grid.origin_m;
+        [from.dot(self.grid.x_axis), from.dot(self.grid.y_axis)]
     }
 
     /// Where a pixel is, rows and columns from 0.
@@ -165,13 +180,13 @@ impl OnGrid {
         [rows.step, self.grid.columns.step * across]
     }
 
-    /// The foot in the plane of the surface's point above or below a place, metres along the plane's axes from the grid's origin.
+    /// Foot in the plane of the surface point on a position's vertical, metres along the plane's axes from the grid's origin.
     fn on_plane(&self, place: &Geodetic) -> [f64; 2] {
         let point = self.frame.from_ecf_m(place.to_ecf_m());
         let up = self.frame.direction_from_ecf(place.east_north_up()[2]);
         let from = point - self.grid.origin_m;
         let (depth, rise) = (from.dot(self.normal), up.dot(self.normal));
-        // Where the vertical is this high over the plane.
+        // Foot of the vertical's point at this height over the plane.
         let at = |height_m: f64| {
             let there = from + up * ((height_m - depth) / rise);
             [there.dot(self.grid.x_axis), there.dot(self.grid.y_axis)]
@@ -179,7 +194,7 @@ impl OnGrid {
         let mut found = at(0.0);
         if let Some(relief) = &self.grid.relief {
             let mut height_m = 0.0;
-            for _ in 0..MOST_STEPS {
+            for _ in 0..MAX_STEPS {
                 let next_m = relief.height_m(found[0], found[1]);
                 found = at(next_m);
                 if (next_m - height_m).abs() < NEAR_M {
@@ -191,7 +206,7 @@ impl OnGrid {
         found
     }
 
-    /// The point of the surface over such a place.
+    /// Surface point over plane coordinates.
     pub(crate) fn point_m(&self, [x, y]: [f64; 2]) -> DVec3 {
         let flat = self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y;
         match &self.grid.relief {
@@ -200,7 +215,7 @@ impl OnGrid {
         }
     }
 
-    /// Row and column, from 0 and with fractions, of such a place.
+    /// Fractional row and column of plane coordinates.
     #[inline]
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (row_value, column_value) = match self.grid.polar {

@@ -1,8 +1,8 @@
-//! Telling the caller how far long work is and what it is at, and being told to stop.
+//! Progress reports of long work and its cancellation.
 
-/// Watches long work. Called from many threads.
+/// Observer of long work, called from many threads.
 pub trait Monitor: Sync {
-    /// A fraction of the work, 0 to 1, is done.
+    /// Report the finished fraction of the work, 0 to 1.
     fn progress(&self, fraction: f64);
 
     /// Whether the work should stop as soon as it can.
@@ -10,14 +10,14 @@ pub trait Monitor: Sync {
         false
     }
 
-    /// A thread begins with some of a stage of the work, in the middle of no other.
+    /// Report that a thread begins a part of `stage`; parts on a thread do not nest.
     fn begins(&self, _stage: &'static str) {}
 
-    /// It has done what it began.
+    /// Report that a thread has finished its part of `stage`.
     fn ends(&self, _stage: &'static str) {}
 }
 
-/// Says nothing, never stops.
+/// Monitor that ignores reports and never cancels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
@@ -25,7 +25,7 @@ impl Monitor for Silent {
     fn progress(&self, _fraction: f64) {}
 }
 
-/// Some of a stage of the work, for as long as this is held.
+/// Guard of a part of a stage; the part ends when the guard is dropped.
 pub struct During<'a> {
     monitor: &'a dyn Monitor,
     stage: &'static str,

@@ -7,7 +7,7 @@
 
 use crate::nearest::nearest;
 
-/// What a unit measures, and the SI unit in which it is handed on.
+/// Physical quantity of a unit, and the SI unit of its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// Metres.
@@ -251,7 +251,7 @@ impl Dimension {
     /// The quantity `text`, in SI units.
     ///
     /// # Errors
-    /// What is wrong with it, and how it is written.
+    /// Description of the fault and of the expected form.
     pub fn parse(self, text: &str) -> Result<f64, String> {
         Ok(self.parse_list(text, 1)?[0])
     }
@@ -259,7 +259,7 @@ impl Dimension {
     /// `count` quantities of one dimension, parted by commas, in SI units.
     ///
     /// # Errors
-    /// What is wrong with them, and how they are written.
+    /// Description of the fault and of the expected form.
     pub fn parse_list(self, text: &str, count: usize) -> Result<Vec<f64>, String> {
         parse_row(text, &vec![self; count])
     }

@@ -1,11 +1,9 @@
-//! Where a target lies, of one pulse: its range, and the angle at which its echo arrives (C 7.3.4).
+//! Direction of arrival and position of a target from one pulse (C 7.3.4).
 //!
-//! The two nearest receivers tell the angle without doubt. Channels farther apart tell it better, once it is known well enough that
-//! their whole turns follow from it (the target regions of C 7.3.4, whose corrections (7.11) are whole turns, `2 pi`, not `pi`):
-//! one by one they are taken in, those first of which the phase is surest.
+//! The two nearest receivers give an unambiguous angle. Channels farther apart refine it as soon as their whole turns follow from it: they are added one by one, the most certain phase first. These are the target
+//! regions of C 7.3.4, whose corrections (7.11) are whole turns, `2 pi`, not `pi`.
 //!
-//! Path lengths are the true ones, so that no correction for near targets is wanted. Of one transmitter and receivers `B`
-//! apart, far away, the phases differ by `2 pi B sin(theta) / wavelength`: (7.3) has twice that.
+//! Path lengths are exact and need no correction for near targets. In the far field, receivers `B` apart differ in phase by `2 pi B sin(theta) / wavelength`; (7.3) has twice that.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,23 +11,23 @@ use glam::DVec2;
 
 use crate::model::{Array, Pose, Sighting};
 
-/// Standard deviations of doubt that whole turns must be told through.
+/// Standard deviations that must fit into half a turn to unwrap a channel.
 const SURE: f64 = 3.0;
 
-/// A target's place as one pulse tells it.
+/// Position of a target from one pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrival {
-    /// In the array's frame: x along it, y where it looks. Metres.
+    /// Position in the array's frame, metres: x along the array, y along boresight.
     pub at_m: DVec2,
-    /// Standard deviation of the direction, seen from [`Array::centre_m`].
+    /// Standard deviation of the direction as seen from [`Array::centre_m`], radians.
     pub bearing_sigma_rad: f64,
-    /// Of each channel, without wraps between them.
+    /// Phase of each channel, radians, unwrapped between channels.
     pub phases_rad: Vec<f64>,
-    /// Channels whose whole turns are in doubt, and that tell nothing of the angle.
+    /// Number of channels with ambiguous whole turns: they do not contribute to the angle.
     pub doubtful: usize,
 }
 
-/// Phases of channels that fit a bearing, as a line: `phase = offset + value + lever (bearing - about)`.
+/// Sums of a linear fit of a bearing to channel phases: `phase = offset + value + lever (bearing - about)`.
 struct Bearing {
     sum: f64,
     levers: f64,
@@ -39,7 +37,7 @@ struct Bearing {
 }
 
 impl Bearing {
-    /// Of the channels that are told, their errors against the model, and their levers.
+    /// Sums over the unwrapped channels of their phase errors against the model and their levers.
     fn new(told: impl Iterator<Item = (f64, f64)>) -> Self {
         let zero = Self {
             sum: 0.0,
@@ -57,30 +55,30 @@ impl Bearing {
         })
     }
 
-    /// Squared levers about their mean.
+    /// Sum of squared levers about their mean.
     fn spread(&self) -> f64 {
         self.squares - self.levers * self.levers / self.sum
     }
 
-    /// By how much the bearing is off.
+    /// Correction of the bearing.
     fn step(&self) -> f64 {
         (self.products - self.values * self.levers / self.sum) / self.spread()
     }
 
-    /// What all phases have in common, at a bearing that is off by this.
+    /// Offset common to all phases after this correction of the bearing.
     fn offset(&self, step: f64) -> f64 {
         (self.values - self.levers * step) / self.sum
     }
 }
 
-/// Where a target lies.
+/// Position of a target from one sighting.
 pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
     let ([first, second], baseline) = array.shortest_baseline().expect("there are two receivers");
     let centre_m = array.centre_m();
     let turns = (sighting.phases_rad[second] - sighting.phases_rad[first]) / TAU;
-    // Nearer to the target the phase is larger, for the path is shorter.
+    // The phase is larger at the receiver nearer to the target, where the path is shorter.
     let along = (turns - turns.round()) * array.wavelength_m / baseline.length();
-    // Along the array nothing tells the angle: what noise puts there is a little off it.
+    // Endfire has no sensitivity to the angle: noise beyond it is clamped.
     let along = along.clamp(-0.999, 0.999);
     let direction = baseline.normalize();
     let ahead = match direction.perp() {
@@ -97,7 +95,7 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
     let k = array.rad_m();
     loop {
         let mut fit = None;
-        // The first step leaves a curvature's share, the second next to nothing.
+        // The first step leaves the curvature's error, the second next to none.
         for _ in 0..3 {
             let (sin, cos) = libm::sincos(bearing_rad);
             let u = DVec2::new(cos, sin);
@@ -110,7 +108,7 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
                 .collect();
             let known = errors.iter().zip(&told).filter(|(_, told)| **told);
             let bearing = Bearing::new(known.map(|(error, _)| *error));
-            // A beam's width at most: near the array's own line levers are short.
+            // At most about a beam width: levers are short near endfire.
             let step = bearing.step().clamp(-0.3, 0.3);
             bearing_rad += step;
             fit = Some((errors, bearing, step));
@@ -156,7 +154,7 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
 mod tests {
     use super::*;
 
-    /// Plain distances, wrapped; receivers up to eight wavelengths apart, told one after another.
+    /// Wrapped exact distances; receivers up to eight wavelengths apart, unwrapped one after another.
     #[test]
     fn a_place_is_found_whose_far_channels_wrap() {
         let wavelength_m = 0.004;
@@ -189,7 +187,7 @@ mod tests {
             };
             let arrival = look(&array, &sighting);
             assert_eq!(arrival.doubtful, 0);
-            // A range is half the mean path; from the middle it is less by (spread of the antennas)^2 / (2 range): 0.3 mm at 0.5 m.
+            // A range is half the mean path, less by (antenna spacing)^2 / (2 range) from the phase centre: 0.3 mm at 0.5 m.
             let allowed = 2e-4 / place[1];
             assert!(
                 arrival.at_m.distance(at_m) < allowed,
@@ -223,7 +221,7 @@ mod tests {
             phases_rad: vec![0.0, 0.3, 1.0],
             phase_sigma_rad: 0.1,
         };
-        // An angle by half a wavelength is good to 0.14 rad of phase, which is 80 times that at 40 wavelengths.
+        // The angle of a half-wavelength baseline is good to 0.14 rad of phase, 80 times that at 40 wavelengths.
         assert_eq!(look(&array, &sighting).doubtful, 1);
     }
 }

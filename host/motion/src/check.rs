@@ -1,65 +1,65 @@
-//! What is refused before anything is computed, and all that can be wrong.
+//! Validation of arrays and sightings, and the errors of this crate.
 
 use crate::joint::NoEstimate;
 use crate::model::{Array, Sighting};
 
-/// Why a pulse told nothing.
+/// Reason why a pulse or an array is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// The array has not two receivers and a transmitter.
+    /// The array has fewer than two receivers or no transmitter.
     #[error(
-        "an angle of arrival takes a transmitter and two receivers, and the array has {transmitters} and {receivers}"
+        "direction of arrival needs a transmitter and two receivers, the array has {transmitters} and {receivers}"
     )]
     Antennas {
-        /// Transmitters.
+        /// Number of transmitters.
         transmitters: usize,
-        /// Receivers.
+        /// Number of receivers.
         receivers: usize,
     },
-    /// An array that is none.
-    #[error("the array's {0} is no number, or not above 0")]
+    /// The wavelength or an antenna's position is invalid.
+    #[error("expected a finite {0} of the array, lengths above 0")]
     Array(&'static str),
-    /// Receivers are too far apart for angles to be told.
+    /// The nearest receivers are too far apart for an unambiguous direction of arrival.
     #[error(
-        "the nearest receivers are {baseline_m:.6} m apart: angles of arrival are told without doubt up to half a wavelength, {half_m:.6} m"
+        "the nearest receivers are {baseline_m:.6} m apart: direction of arrival is unambiguous up to half a wavelength, {half_m:.6} m"
     )]
     Baseline {
-        /// Between them.
+        /// Distance of the nearest receivers, metres.
         baseline_m: f64,
-        /// Half a wavelength.
+        /// Half a wavelength, metres.
         half_m: f64,
     },
-    /// A sighting that is none.
+    /// Invalid sighting.
     #[error("target {target}: {what}")]
     Sighting {
-        /// The target's number.
+        /// Number of the target.
         target: usize,
-        /// What is wrong.
+        /// What was expected.
         what: &'static str,
     },
-    /// There is not a known heading of each pulse.
-    #[error("{headings} known headings are given of {pulses} pulses, or one is no number")]
+    /// There is not one finite heading a pulse.
+    #[error("expected {pulses} finite headings, one a pulse, got {headings}")]
     Headings {
-        /// Headings.
+        /// Number of headings.
         headings: usize,
-        /// Pulses.
+        /// Number of pulses.
         pulses: usize,
     },
-    /// Time does not go on.
-    #[error("a pulse at {time_s} s comes after one at {last_s} s")]
+    /// Times do not ascend.
+    #[error("expected ascending finite times: a pulse at {time_s} s follows one at {last_s} s")]
     Time {
-        /// When it was.
+        /// Time of the pulse, seconds.
         time_s: f64,
-        /// When the one before was.
+        /// Time of the pulse before, seconds.
         last_s: f64,
     },
-    /// The least squares.
+    /// The least squares have no solution.
     #[error(transparent)]
     NoEstimate(#[from] NoEstimate),
 }
 
-/// Whether angles of arrival can be told by an array.
+/// Check that the array determines directions of arrival.
 ///
 /// # Errors
 /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
@@ -79,14 +79,14 @@ pub(crate) fn array(array: &Array) -> Result<(), MotionError> {
         return Err(MotionError::Array("antennas' place"));
     }
     let (baseline_m, half_m) = (baseline.length(), 0.5 * array.wavelength_m);
-    // To a ten-thousandth: half a wavelength is often what is meant.
+    // Within a ten-thousandth: half a wavelength is often intended.
     if baseline_m > half_m * 1.0001 || baseline_m == 0.0 {
         return Err(MotionError::Baseline { baseline_m, half_m });
     }
     Ok(())
 }
 
-/// Whether what is seen in a pulse is of this array.
+/// Check that the sightings of a pulse fit the array.
 ///
 /// # Errors
 /// [`MotionError::Sighting`].
@@ -95,15 +95,15 @@ pub(crate) fn sightings(array: &Array, sightings: &[Sighting]) -> Result<(), Mot
         let target = sighting.target;
         let is_known = |x: f64| x.is_finite() && x > 0.0;
         let what = if sighting.phases_rad.len() != array.num_channels() {
-            "a phase of each channel is wanted"
+            "expected one phase a channel"
         } else if !sighting.phases_rad.iter().all(|x| x.is_finite()) {
-            "a phase is no number"
+            "expected finite phases"
         } else if !is_known(sighting.range_m) {
-            "its range is no distance"
+            "expected a finite range above 0"
         } else if !is_known(sighting.range_sigma_m) || !is_known(sighting.phase_sigma_rad) {
-            "a standard deviation is above 0"
+            "expected finite standard deviations above 0"
         } else if sightings[..i].iter().any(|other| other.target == target) {
-            "it is seen twice in a pulse"
+            "it appears twice in the pulse"
         } else {
             continue;
         };

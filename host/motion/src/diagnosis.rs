@@ -1,17 +1,15 @@
-//! What is wrong with what a radar sees, before a track is made of it: channels, whole turns, too few targets.
+//! Diagnosis of sightings before a track is estimated: channels, whole turns, too few targets.
 //!
-//! **Channels.** Of a channel that follows, phases go on from pulse to pulse as they went: second differences are noise and a little motion. Where the mean of
-//! `exp(j second difference)` of all targets is no longer than chance makes it (3 over the root of their number), phases are random: the channel is *dead*. Where phases do not
-//! change though those of other channels do, it *stands still*: it is saturated, or its samples are. Both are told of each channel by itself.
+//! **Channels.** Phases of a working channel continue from pulse to pulse: second differences are noise and a little motion. Where the mean of `exp(j second difference)` over all targets is within chance (3 over the
+//! root of their number), phases are random and the channel is *dead*. Where phases do not change although those of other channels do, the channel *stands still*: it is saturated, or its samples repeat. Both are
+//! reported of each channel by itself.
 //!
-//! Channels that follow, of three receivers or more, are held to one angle of arrival a target: squared errors of channels about it, as many as channels less two, have a
-//! mean of one. Where they have not, and have it with two receivers exchanged, those are *swapped*; where they have it without one receiver, that one is *off*: not where it is said to be, or of
-//! another phase. Swapping what mirrors the array is not told: of two receivers alone, or of the first and the last of three at one distance, the world is a mirror image that agrees with all that is measured, but
-//! for the transmitter's place.
+//! Working channels of three receivers or more must agree with one direction of arrival a target: squared errors about it, of as many degrees of freedom as channels less two, have mean 1. If they do so only with two
+//! receivers exchanged, these are *swapped*. If they do so only without one receiver, that one is *off*: its position or phase is wrong. A swap that mirrors the array cannot be detected: with two receivers alone,
+//! or the first and the last of three equidistant ones, a mirrored scene agrees with all measurements but for the place of the transmitter.
 //!
-//! **Whole turns.** Phases tell how a range changes from pulse to pulse but for half wavelengths. Over many pulses the ranges tell those: `whole = (slope of range + phase / 2k) / (wavelength / 2)`. Where
-//! they are not 0 the radar moves by more than a quarter of a wavelength a pulse towards a target, and whoever takes the nearest whole turn ([`crate::Pairwise`], [`crate::Robust`] and
-//! [`crate::Tracker`] at their first pulses) is wrong.
+//! **Whole turns.** Phase differences between pulses are ambiguous by half wavelengths of range. Ranges over many pulses resolve that: `whole = (slope of range + phase / 2k) / (wavelength / 2)`. If it is not 0, the radar
+//! moves by more than a quarter of a wavelength a pulse towards a target, and algorithms that take the nearest whole turn fail ([`crate::Pairwise`], [`crate::Robust`], and [`crate::Tracker`] at its first pulses).
 //!
 //! **Units** as in [`crate::model`]. **Cost** pulses times targets times channels, and pairs of receivers times that where channels are off. **Accuracy** `tests/diagnosis.rs`.
 //! **Errors** [`MotionError`].
@@ -23,60 +21,60 @@ use crate::check::{self, MotionError};
 use crate::model::{Array, Pose, Sighting};
 use crate::series::Series;
 
-/// Second differences that are wanted before phases are called random.
+/// Least number of second differences to call phases random.
 const ENOUGH: usize = 30;
 /// Standard deviations of chance.
 const CHANCE: f64 = 3.0;
-/// A channel's changes against those of others, below which it stands still.
+/// Ratio of a channel's phase changes to those of the others, below which it stands still.
 const STILL: f64 = 0.2;
-/// Sightings that angles are held to, at most.
-const MOST_SIGHTINGS: usize = 400;
+/// Largest number of sightings that directions of arrival are checked with.
+const MAX_SIGHTINGS: usize = 400;
 
-/// What is wrong, and what can be trusted all the same.
+/// Fault of the sightings, and what stays reliable.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Finding {
-    /// Nothing is seen.
+    /// Pulses without a target.
     #[error("{pulses} of {all} pulses see no target: they tell nothing")]
     Nothing {
-        /// So many.
+        /// Number of pulses without a target.
         pulses: usize,
-        /// Of so many.
+        /// Number of pulses.
         all: usize,
     },
-    /// One target is.
+    /// Pulses with one target.
     #[error(
         "{pulses} of {all} pulses see one target: its range and radial speed can be trusted, neither a motion across its direction nor a turn is told"
     )]
     OneTarget {
-        /// So many.
+        /// Number of pulses with one target.
         pulses: usize,
-        /// Of so many.
+        /// Number of pulses.
         all: usize,
     },
-    /// A channel without signal.
+    /// Channel with random phases.
     #[error(
         "phases of channel {channel} are random from pulse to pulse: it is dead. The others can be trusted"
     )]
     Dead {
-        /// Which.
+        /// Number of the channel.
         channel: usize,
     },
-    /// All of them.
+    /// All channels have random phases.
     #[error(
         "phases of all channels are random from pulse to pulse: nothing is received, or the radar jumps by parts of a wavelength. Ranges can be trusted"
     )]
     AllDead,
-    /// A channel that does not follow.
+    /// Channel whose phases do not change.
     #[error(
         "phases of channel {channel} change by {changes_rad:.3} rad a pulse, those of the others by {others_rad:.3} rad: it is saturated, or stands still. The others can be trusted"
     )]
     Still {
-        /// Which.
+        /// Number of the channel.
         channel: usize,
-        /// Root mean square.
+        /// RMS change a pulse, radians.
         changes_rad: f64,
-        /// The same of the others.
+        /// The same of the other channels, radians.
         others_rad: f64,
     },
     /// Two receivers are exchanged.
@@ -84,46 +82,46 @@ pub enum Finding {
         "receivers {} and {} are swapped: squared errors are {swapped:.1} times what they should be once they are exchanged, {as_told:.1} times as they are", receivers[0], receivers[1]
     )]
     Swapped {
-        /// Which.
+        /// Numbers of the receivers.
         receivers: [usize; 2],
-        /// Mean squared error in standard deviations, as the array is described.
+        /// Mean squared error over its expectation, for the array as described.
         as_told: f64,
-        /// With these exchanged.
+        /// The same with the receivers exchanged.
         swapped: f64,
     },
-    /// A receiver is not where it is said to be, or of another phase.
+    /// Receiver with a wrong position or phase.
     #[error(
         "receiver {receiver} does not agree with the others: squared errors are {as_told:.1} times what they should be with it, {without:.1} times without. The others can be trusted"
     )]
     Off {
-        /// Which.
+        /// Number of the receiver.
         receiver: usize,
-        /// Mean squared error in standard deviations with it.
+        /// Mean squared error over its expectation with the receiver.
         as_told: f64,
-        /// Without.
+        /// The same without.
         without: f64,
     },
-    /// Channels do not agree, and no one of them is why.
+    /// Channels disagree, and no single receiver explains it.
     #[error(
         "channels do not agree with one angle of arrival: squared errors are {as_told:.1} times what they should be. Motion towards targets can be trusted, turns cannot"
     )]
     Disagree {
-        /// Mean squared error in standard deviations.
+        /// Mean squared error over its expectation.
         as_told: f64,
     },
-    /// Too much motion a pulse.
+    /// Motion between pulses exceeds the unambiguous phase.
     #[error(
         "target {target} comes nearer by {turns} half wavelengths a pulse more than its phases tell, which wrap: pulses are too far apart. Ranges can be trusted"
     )]
     Wrapped {
-        /// Which.
+        /// Number of the target.
         target: usize,
-        /// More or, below 0, less.
+        /// Half wavelengths a pulse: positive if the target approaches faster than its phases show.
         turns: i64,
     },
 }
 
-/// What is wrong with what these pulses see; nothing if nothing is.
+/// Check sightings before a track is estimated. An empty list means no fault.
 ///
 /// # Errors
 /// [`MotionError`], and the pulse's number.
@@ -149,7 +147,7 @@ pub fn examine(
     let before = findings.len();
     channels.faults(&mut findings);
     if findings.len() > before {
-        // Nothing more is known of angles and phases.
+        // Angles and phases are unusable.
         return Ok(findings);
     }
     angles(array, pulses, &mut findings);
@@ -161,7 +159,7 @@ pub fn examine(
         if sigma < 0.1 && turns.round() != 0.0 {
             findings.push(Finding::Wrapped {
                 target: series.name,
-                // Phases that grow are paths that shorten.
+                // Phases grow where paths shorten.
                 turns: turns.round() as i64,
             });
         }
@@ -169,14 +167,14 @@ pub fn examine(
     Ok(findings)
 }
 
-/// How each channel's phases go from pulse to pulse.
+/// Statistics of each channel's phases from pulse to pulse.
 struct Channels {
-    /// The mean of unit phasors of second differences, its length.
+    /// Magnitude of the mean phasor of second differences.
     steadiness: Vec<f64>,
     second_differences: usize,
-    /// Root mean square of first differences.
+    /// RMS of first differences.
     changes_rad: Vec<f64>,
-    /// Of noise alone.
+    /// RMS of first differences by noise alone.
     noise_rad: f64,
 }
 
@@ -238,7 +236,7 @@ impl Channels {
         if seconds < ENOUGH {
             return;
         }
-        // One look is in three second differences, so that their number is a third of theirs.
+        // A sighting enters three second differences: a third of their number is independent.
         let chance = CHANCE / libm::sqrt(seconds as f64 / 3.0);
         let is_random = |c: usize| self.steadiness[c] < chance;
         let count = self.steadiness.len();
@@ -260,7 +258,7 @@ impl Channels {
                 continue;
             };
             let changes_rad = self.changes_rad[channel];
-            // A radar that stands still moves no channel.
+            // A radar that stands still changes no phase.
             let moves = others_rad > 3.0 * self.noise_rad;
             let still = libm::hypot(STILL * others_rad, self.noise_rad);
             if moves && changes_rad < still {
@@ -274,11 +272,11 @@ impl Channels {
     }
 }
 
-/// Mean squared error in standard deviations of channels about one angle a target, of these receivers in this order, and how many there are beyond what is found.
+/// Mean squared error of channels about one direction of arrival a target over its expectation, for receivers in this order, and the degrees of freedom.
 fn misfit(array: &Array, sightings: &[&Sighting], order: &[usize]) -> [f64; 2] {
     let receivers = array.receivers_m.len();
     let mut used = array.clone();
-    // In another order, receiver i of the description has the phases that are told of receiver order[i]; some of them are where they are.
+    // In another order, receiver i of the description has the phases of receiver order[i]; receivers left out are removed from the description.
     if order.len() < receivers {
         used.receivers_m = order.iter().map(|&r| array.receivers_m[r]).collect();
     }
@@ -314,18 +312,18 @@ fn misfit(array: &Array, sightings: &[&Sighting], order: &[usize]) -> [f64; 2] {
     [squares.iter().sum::<f64>() / free as f64, free as f64]
 }
 
-/// Holds channels to one angle a target.
+/// Check that channels agree with one direction of arrival a target.
 fn angles(array: &Array, pulses: &[Vec<Sighting>], findings: &mut Vec<Finding>) {
     let receivers = array.receivers_m.len();
     let all: Vec<&Sighting> = pulses.iter().flatten().collect();
     if array.num_channels() < 3 || all.is_empty() {
         return;
     }
-    let every = all.len().div_ceil(MOST_SIGHTINGS);
+    let every = all.len().div_ceil(MAX_SIGHTINGS);
     let some: Vec<&Sighting> = all.into_iter().step_by(every).collect();
     let told: Vec<usize> = (0..receivers).collect();
     let [as_told, free] = misfit(array, &some, &told);
-    // As many standard deviations of a mean of squares, and what is left of geometry.
+    // Chance of a mean of squares, and model errors of the geometry.
     let fits = |[mean, free]: [f64; 2]| mean < 1.5 + 5.0 * libm::sqrt(2.0 / free);
     if fits([as_told, free]) {
         return;

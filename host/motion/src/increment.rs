@@ -1,33 +1,33 @@
-//! Motion from one pulse to the next, and tracks of such.
+//! Increments of motion from pulse to pulse, and tracks composed of them.
 
 use glam::{DVec2, DVec3};
 
 use crate::model::{Array, Pose};
 
-/// How a radar moved from a pulse to the next.
+/// Motion of the radar from one pulse to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increment {
-    /// Of the array's origin, in the array's frame at the former pulse: x along the array, y where it looks. Metres.
+    /// Displacement of the array's origin in the array's frame at the former pulse, metres: x along the array, y along boresight.
     pub moved_m: DVec2,
-    /// Counterclockwise, radians.
+    /// Turn, radians, counterclockwise.
     pub turn_rad: f64,
 }
 
-/// What is known of the heading beforehand.
+/// Prior knowledge of the heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Heading {
-    /// Nothing: turns are found.
+    /// Unknown: turns are estimated.
     #[default]
     Found,
-    /// It is known: what was told of it, or on a rail always the same.
+    /// Known: given from outside, or constant as on a rail.
     Held,
 }
 
-/// A phase so far from where it was expected, in parts of half a turn, may be one that wrapped.
+/// Distance of a phase from its prediction, as a fraction of half a turn, beyond which its whole turns are in doubt.
 pub(crate) const WRAPPED: f64 = 0.6;
 
 impl Pose {
-    /// Where the radar is after an increment.
+    /// Pose after an increment.
     #[must_use]
     pub fn after(&self, increment: &Increment) -> Self {
         let (sin, cos) = libm::sincos(self.heading_rad);
@@ -39,7 +39,7 @@ impl Pose {
 }
 
 impl Increment {
-    /// From one pose to another, in the axes of the first.
+    /// Increment between two poses, in the axes of the first.
     pub(crate) fn between(from: &Pose, to: &Pose) -> Self {
         let (sin, cos) = libm::sincos(from.heading_rad);
         Self {
@@ -48,24 +48,24 @@ impl Increment {
         }
     }
 
-    /// Changes it by so much of x, y and turn.
+    /// Add a correction of x, y and turn.
     pub(crate) fn step(&mut self, by: DVec3) {
         self.moved_m += by.truncate();
         self.turn_rad += by.z;
     }
 
-    /// A pose after this, of one that was the frame's.
+    /// Pose after this increment from the origin.
     pub(crate) fn pose(&self) -> Pose {
         Pose::default().after(self)
     }
 
-    /// A place that does not move, in the array's frame after this.
+    /// Position of a standing target in the array's frame after this increment.
     pub(crate) fn seen_after(&self, at_m: DVec2) -> DVec2 {
         let (sin, cos) = libm::sincos(self.turn_rad);
         DVec2::new(cos, -sin).rotate(at_m - self.moved_m)
     }
 
-    /// By how much phases of a place change, channel by channel.
+    /// Phase changes of a standing target, channel by channel.
     pub(crate) fn phases_rad(&self, array: &Array, at_m: DVec2) -> impl Iterator<Item = f64> {
         let k = array.rad_m();
         let before = array.paths(&Pose::default(), at_m);
@@ -75,7 +75,7 @@ impl Increment {
     }
 }
 
-/// Poses that increments lead to, from the origin with heading 0: one more than there are increments.
+/// Poses after each increment, from the origin at heading 0: one more than increments.
 pub fn chain(increments: impl IntoIterator<Item = Increment>) -> Vec<Pose> {
     let start = Pose::default();
     let next = |pose: &mut Pose, increment: Increment| {
@@ -99,7 +99,7 @@ mod tests {
         let poses = chain([side; 4]);
         assert_eq!(poses.len(), 5);
         assert!(poses[4].at_m.length() < 1e-15 && poses[1].at_m == DVec2::new(2.0, 1.0));
-        // Forth by a side, and seen from there.
+        // One side on, and seen from there.
         let place = DVec2::new(3.0, -1.0);
         let seen = side.seen_after(place);
         assert!((poses[1].at_m + DVec2::Y.rotate(seen)).distance(place) < 1e-15);

@@ -1,15 +1,14 @@
-//! A radar's own motion, and the places of what it sees, from the phases of its echoes (MPGA).
+//! Radar motion and target positions from echo phases (MPGA, motion by phase gradients of arrays).
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `motion`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation: module `motion` of the crate `subaperture`.
 //!
-//! | | how | drifts | for |
+//! | | method | drift | use |
 //! |---|---|---|---|
-//! | (a) [`pairwise`] | from one pulse to the next by two least squares, as Chim 2018, chapter 7 | yes; too short where angles err | what a module can compute: the core has it too |
-//! | (b) [`robust`] | the same by true path lengths, unbiased, without what does not belong | yes | increments with covariance, of scenes that change |
-//! | (c) [`tracker`], [`joint`] | poses and places together over all pulses | least | tracks: to the bound of Cramer and Rao |
+//! | (a) [`pairwise`] | two linear least squares between neighbouring pulses (Chim 2018, chapter 7) | yes; biased short by errors of the angles | embedded module: the core implements it too |
+//! | (b) [`robust`] | nonlinear, exact path lengths, unbiased, outliers excluded | yes | increments with covariance in changing scenes |
+//! | (c) [`tracker`], [`joint`] | least squares of all poses and targets together | least | tracks at the Cramer-Rao bound |
 //!
-//! Root mean square error of the distance from the first pose to the last, in times that bound: 77 GHz, a metre in 1000 pulses, 4 reflectors at 2 to 5 m, receivers half a wavelength apart, 50 seeds
+//! RMS error of the distance from the first pose to the last, over its Cramer-Rao bound: 77 GHz, 1 m in 1000 pulses, 4 reflectors at 2 to 5 m, receivers half a wavelength apart, 50 seeds
 //! (`tests/increments.rs`, `tests/main.rs`):
 //!
 //! | receivers | SNR, dB | bound, mm | (a) | (b) | (c) | mean of (b) over its spread |
@@ -23,12 +22,12 @@
 //! | 4 | 30 | 0.020 | 8.4 | 9.0 | 0.99 | -0.04 |
 //! | 4 | 40 | 0.0063 | 8.6 | 8.9 | 0.98 | -0.04 |
 //!
-//! What is wrong with what is seen is told beforehand by [`diagnosis`]; which targets move, and how fast, by [`movers`], pulse by pulse by [`live`]; how the array is mounted, where that can be told, by [`squint`].
+//! [`diagnosis`] checks sightings before a track is estimated. [`movers`] finds moving targets and their velocities, [`live`] does so pulse by pulse. [`squint`] estimates how the array is mounted.
 //!
-//! **Frame.** A plane, whose origin is where the radar was first; it is turned such that the first target lies in the direction at which it
-//! was seen first, by a heading of 0. What lies out of the plane is taken for farther away.
+//! **Frame.** A plane with its origin at the first position of the radar. Its orientation is such that the first target lies in its first direction of arrival at a heading of 0. Height
+//! differences are not modelled: they appear as additional range.
 //!
-//! **Phase.** Of an echo it falls by `2 pi / wavelength` a metre of path, as everywhere here.
+//! **Phase.** The phase of an echo falls by `2 pi / wavelength` a metre of path.
 #![forbid(unsafe_code)]
 
 pub mod arrival;
@@ -45,9 +44,10 @@ mod series;
 pub mod squint;
 mod steps;
 pub mod tracker;
+mod wraps;
 
-/// A pivot that is less of what stood there is none: of some hundred unknowns some hundred roundings are left.
-pub(crate) const LEAST_PIVOT: f64 = 1e-13;
+/// Smallest pivot of a factorisation, relative to the diagonal: a smaller one is rounding of some hundred terms.
+pub(crate) const MIN_PIVOT: f64 = 1e-13;
 
 pub use check::MotionError;
 pub use increment::{Heading, Increment, chain};
@@ -55,4 +55,4 @@ pub use live::Live;
 pub use model::{Array, Pose, Sighting, Target};
 pub use pairwise::Pairwise;
 pub use robust::Robust;
-pub use tracker::{Step, Track, Tracker, track, track_turned};
+pub use tracker::{Residual, Step, Track, Tracker, track, track_numbered, track_turned};

@@ -1,69 +1,68 @@
-//! A radar followed pulse by pulse among targets that move.
+//! Online track among moving targets.
 //!
-//! A [`Tracker`] takes all that is seen for still. Here it is given only what stands: after each stretch of pulses it is told which targets agree with one motion of the radar
-//! ([`crate::movers`]), and those whose errors against that grow beyond noise, in one stretch or little by little, are dropped. The stretch is then followed once more without them, from the tracker as it
-//! was before it, so that a target that moves from its first sight on leaves nothing behind; one that is found late, for it is slow or began to move, is taken out of what is known
-//! with all that it told, and what it bent before stays. Targets that appear later are not used until a whole stretch has told of them, as long as three that
-//! are known to stand are seen.
+//! A [`Tracker`] takes every target for still. Here it is given standing targets only. After each segment of pulses, [`crate::movers`] finds which targets agree with one motion of the radar, and targets whose errors
+//! exceed noise, in one segment or accumulated over many, are dropped. The segment is then repeated without them from the tracker's state before it, so that a target that moves from its first echo on leaves no trace.
+//! A target that is found late, being slow or having started to move, is marginalised out of the prior; its earlier influence on the others stays. New targets are not used until a whole segment has confirmed them,
+//! while three confirmed ones are seen.
 //!
-//! Velocities of what was dropped are found as the batch form finds them, of the last [`MOST_LOOKS`] pulses.
+//! Velocities of dropped targets are estimated as in the batch form, from the last [`MAX_LOOKS`] pulses.
 //!
-//! **Units** metres, radians, seconds. **Cost** a pulse's of the tracker, twice that of a stretch where something is dropped, and the cube of the targets once a stretch. **Memory** the tracker twice, a stretch of sightings,
-//! and [`MOST_LOOKS`] of what moves. **Accuracy** `tests/live.rs`.
+//! **Units** metres, radians, seconds. **Cost** that of the tracker, twice that for a segment in which a target is dropped, and the cube of the targets once a segment. **Memory** two trackers, one segment of
+//! sightings, and [`MAX_LOOKS`] pulses of moving targets. **Accuracy** `tests/live.rs`.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::check::{self, MotionError};
 use crate::model::{Array, Pose, Sighting};
-use crate::movers::{Doubt, LEAST_STRETCH, Mover, Told, stretch, velocity};
+use crate::movers::{Doubt, MIN_STRETCH, Mover, Record, stretch, velocity};
 use crate::series::Series;
 use crate::tracker::{Step, Tracker};
 
-/// Pulses of which a velocity is found, at the most: the first poses of a track, whose headings are not known as well yet, are to be left behind.
-pub const MOST_LOOKS: usize = 500;
+/// Largest number of pulses of which a velocity is estimated: the first poses of a track have uncertain headings and are left behind.
+pub const MAX_LOOKS: usize = 500;
 
-/// Targets that are known to stand: with as many what is new can wait.
+/// Number of confirmed standing targets with which new ones wait for confirmation.
 const ENOUGH: usize = 3;
 
-/// Follows a radar by what stands still.
+/// Online estimator of the radar's track from standing targets.
 pub struct Live {
     array: Array,
     tracker: Tracker,
-    /// As it was before the stretch.
+    /// State before the present segment.
     before: Tracker,
     stretch: usize,
-    /// The stretch so far, all that was seen.
+    /// All sightings of the present segment.
     pulses: Vec<Vec<Sighting>>,
-    /// Number of its first pulse.
+    /// Number of the segment's first pulse.
     first: usize,
-    told: BTreeMap<usize, Told>,
+    told: BTreeMap<usize, Record>,
     moving: BTreeSet<usize>,
     recent: VecDeque<Recent>,
 }
 
-/// A pulse of the last ones.
+/// Recent pulse.
 struct Recent {
     time_s: f64,
     pose: Pose,
-    /// Of what moves.
+    /// Sightings of moving targets.
     sightings: Vec<Sighting>,
 }
 
-/// What a pulse told.
+/// Result of a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
-    /// Of the tracker.
+    /// Result of the tracker.
     pub step: Step,
-    /// Targets that move, as this pulse has shown.
+    /// Targets found to move at this pulse.
     pub dropped: Vec<usize>,
-    /// Poses of the last pulses without these, this one's last; none if nothing was dropped.
+    /// Poses of the last pulses estimated without the dropped targets, this pulse's last; empty if none was dropped.
     pub again: Vec<Pose>,
-    /// Why a stretch that this pulse ends does not tell what moves.
+    /// Reason why a segment that ends with this pulse does not separate moving targets.
     pub doubt: Option<Doubt>,
 }
 
 impl Live {
-    /// With so many pulses that are looked at again (2 at the least), and so many after which it is told what moves (8 at the least).
+    /// Estimator with a fixed-lag window of `window` pulses, at least 2, and segments of `stretch` pulses, at least 8.
     ///
     /// # Errors
     /// As [`Tracker::new`].
@@ -73,7 +72,7 @@ impl Live {
             array,
             before: tracker.clone(),
             tracker,
-            stretch: stretch.max(LEAST_STRETCH),
+            stretch: stretch.max(MIN_STRETCH),
             pulses: Vec::new(),
             first: 0,
             told: BTreeMap::new(),
@@ -82,15 +81,15 @@ impl Live {
         })
     }
 
-    /// The tracker of what stands.
+    /// The tracker of standing targets.
     pub fn tracker(&self) -> &Tracker {
         &self.tracker
     }
 
-    /// Takes the next pulse: when it was, and what is seen in it, each target by a number of its own.
+    /// Take the next pulse: its time in seconds, and one sighting a target.
     ///
     /// # Errors
-    /// [`MotionError`]; the pulse is then as if it had not been.
+    /// [`MotionError`]: the pulse is ignored.
     pub fn push(&mut self, time_s: f64, sightings: &[Sighting]) -> Result<Look, MotionError> {
         check::sightings(&self.array, sightings)?;
         let last_s = self
@@ -110,7 +109,7 @@ impl Live {
             pose: step.pose,
             sightings: sightings.iter().filter(moves).cloned().collect(),
         };
-        if self.recent.len() == MOST_LOOKS {
+        if self.recent.len() == MAX_LOOKS {
             self.recent.pop_front();
         }
         self.recent.push_back(recent);
@@ -128,7 +127,7 @@ impl Live {
         }
     }
 
-    /// What moves, of the last pulses: those of which they tell enough.
+    /// Moving targets with their velocities, from the last pulses.
     pub fn movers(&self) -> Vec<Mover> {
         let each = self.recent.iter();
         let pulses: Vec<Vec<Sighting>> = each.clone().map(|one| one.sightings.clone()).collect();
@@ -136,12 +135,12 @@ impl Live {
         let times_s: Vec<f64> = each.map(|one| one.time_s).collect();
         let all = Series::all(&self.array, &pulses);
         all.iter()
-            .filter(|series| series.looks.len() >= LEAST_STRETCH)
+            .filter(|series| series.looks.len() >= MIN_STRETCH)
             .filter_map(|series| velocity(&self.array, series, &poses, &times_s))
             .collect()
     }
 
-    /// What is given to the tracker.
+    /// Sightings that are given to the tracker.
     fn standing(&self, sightings: &[Sighting]) -> Vec<Sighting> {
         let known = |sighting: &&Sighting| {
             self.told.contains_key(&sighting.target) && !self.moving.contains(&sighting.target)
@@ -154,13 +153,13 @@ impl Live {
         sightings.iter().filter(stands).cloned().collect()
     }
 
-    /// Takes poses of the last pulses as they are understood by now.
+    /// Update the poses of the last pulses.
     fn understand(&mut self, poses: Vec<Pose>) {
         let last = self.recent.iter_mut().rev().zip(poses.into_iter().rev());
         last.for_each(|(recent, pose)| recent.pose = pose);
     }
 
-    /// What a whole stretch tells, and the next begins.
+    /// Evaluate a whole segment and begin the next.
     fn judged(&mut self, mut look: Look) -> Look {
         let pulses = std::mem::take(&mut self.pulses);
         let (changes, by) = stretch(&self.array, &pulses, self.first);
@@ -180,7 +179,7 @@ impl Live {
         if look.dropped.is_empty() {
             return look;
         }
-        // From the last backwards: of a long stretch the first are forgotten.
+        // From the last backwards: of a long segment the first pulses are forgotten.
         for (recent, pulse) in self.recent.iter_mut().rev().zip(pulses.iter().rev()) {
             let moves = |sighting: &&Sighting| self.moving.contains(&sighting.target);
             recent.sightings = pulse.iter().filter(moves).cloned().collect();
@@ -192,7 +191,7 @@ impl Live {
             self.understand(self.tracker.window().to_vec());
             look.again = again;
         } else {
-            // What is left does not follow the stretch: from here on it is followed as it was.
+            // The remaining targets do not determine the segment: keep the track and forget the dropped targets from here on.
             for target in &look.dropped {
                 self.tracker.forget(*target);
             }
@@ -200,7 +199,7 @@ impl Live {
         look
     }
 
-    /// The stretch from its beginning without what was dropped: the tracker, its last step, and all poses. None if that does not tell them.
+    /// Repeat the segment without the dropped targets: the tracker, its last step, and all poses. `None` if they do not determine the poses.
     fn again(
         &self,
         pulses: &[Vec<Sighting>],

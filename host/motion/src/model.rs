@@ -1,4 +1,4 @@
-//! What is measured, and of what it follows.
+//! Measurement model: phases and ranges of targets from poses, target positions and the array.
 //!
 //! ```text
 //! path_c(i, n) = |P_i - T_c| + |P_i - R_c|,      T_c, R_c = p_n + turned(heading_n) (antennas of channel c)
@@ -6,104 +6,102 @@
 //! range        = mean over channels of path_c / 2
 //! ```
 //!
-//! with `path_i` the mean path to the target from a pose at which it was seen, and `beta_i` its phase there: a target that is a little farther
-//! away is not at the same time one of another phase, as it would be with its phase at path 0.
+//! `path_i` is the mean path to the target from a reference pose, and `beta_i` the phase there. Referring phases to that pose decouples the phase of a target from its range, which a phase at path 0 would not.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-/// Antennas on a rigid body, in its own frame: x along the array, y where it looks.
+/// Antenna array on a rigid body, in the body's frame: x along the array, y along boresight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Array {
-    /// Transmitters, metres.
+    /// Positions of the transmitters, metres.
     pub transmitters_m: Vec<DVec2>,
-    /// Receivers, metres.
+    /// Positions of the receivers, metres.
     pub receivers_m: Vec<DVec2>,
-    /// Wavelength at which phases are told.
+    /// Wavelength of the phases, metres.
     pub wavelength_m: f64,
 }
 
-/// Where the body is, and how far it is turned.
+/// Position and heading of the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// Its origin, metres.
+    /// Position of the body's origin, metres.
     pub at_m: DVec2,
-    /// From the frame's x axis to its own, radians, counterclockwise.
+    /// Angle from the frame's x axis to the body's, radians, counterclockwise.
     pub heading_rad: f64,
 }
 
-/// What reflects.
+/// Point target.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
-    /// Its place, metres.
+    /// Position, metres.
     pub at_m: DVec2,
-    /// The mean phase of its echo where it was seen from, radians.
+    /// Mean phase of its echo at the reference pose, radians.
     pub phase_rad: f64,
-    /// A pose from which it was seen.
+    /// Reference pose of the phase.
     pub from: Pose,
 }
 
-/// A target in a pulse.
+/// Measurement of a target in a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sighting {
-    /// Which target.
+    /// Number of the target.
     pub target: usize,
-    /// Half of the mean path, metres, and its standard deviation.
+    /// Range, metres: half of the mean path over channels.
     pub range_m: f64,
-    /// Metres.
+    /// Standard deviation of the range, metres.
     pub range_sigma_m: f64,
-    /// Of each channel, transmitter by transmitter, receiver by receiver; whole turns say nothing.
+    /// Phase of each channel, radians, transmitter by transmitter, receiver by receiver; ambiguous by whole turns.
     pub phases_rad: Vec<f64>,
-    /// Of each of them, radians.
+    /// Standard deviation of each phase, radians.
     pub phase_sigma_rad: f64,
 }
 
-/// A measured number's model, and how it changes with pose (x, y, heading) and target (x, y, phase).
+/// Model value of a measurement with its derivatives by pose (x, y, heading) and target (x, y, phase).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Line {
-    /// The number.
+    /// Model value, radians or metres.
     pub value: f64,
-    /// With the pose.
+    /// Derivatives by the pose.
     pub pose: DVec3,
-    /// With the target.
+    /// Derivatives by the target.
     pub target: DVec3,
 }
 
-/// From a transmitter by way of a place to a receiver.
+/// Path from a transmitter over a target to a receiver.
 pub(crate) struct Path {
     pub(crate) length_m: f64,
-    /// How it changes with the place; with the pose the other way.
+    /// Derivative by the target's position; by the radar's position it is the negative.
     pub(crate) slope: DVec2,
-    /// How it changes as the array turns, metres a radian.
+    /// Derivative by the heading, metres a radian.
     pub(crate) turn_m: f64,
 }
 
 impl Array {
-    /// Channels: each transmitter with each receiver.
+    /// Transmitter and receiver of each channel: every transmitter with every receiver.
     pub fn channels(&self) -> impl Iterator<Item = [DVec2; 2]> {
         let each = self.transmitters_m.iter();
         each.flat_map(|&t| self.receivers_m.iter().map(move |&r| [t, r]))
     }
 
-    /// How many.
+    /// Number of channels.
     pub fn num_channels(&self) -> usize {
         self.transmitters_m.len() * self.receivers_m.len()
     }
 
-    /// The middle between all transmitters' and all receivers' mean places, metres: ranges are from there, to the square of the antennas' spread over
-    /// twice the range.
+    /// Phase centre of the array, metres: the mean of the mean transmitter and the mean receiver. Ranges refer to it, up to the square of the antenna spacing over twice the range.
     pub fn centre_m(&self) -> DVec2 {
         let mean = |places: &[DVec2]| places.iter().sum::<DVec2>() / places.len() as f64;
         0.5 * (mean(&self.transmitters_m) + mean(&self.receivers_m))
     }
 
-    /// Radians a metre of path.
+    /// Wavenumber, radians a metre of path.
     pub fn rad_m(&self) -> f64 {
         TAU / self.wavelength_m
     }
 
-    /// The phases of a target's channels, then its range.
+    /// Model of a sighting: the phases of its channels, then its range.
     pub fn lines(&self, pose: &Pose, target: &Target) -> Vec<Line> {
         let mean = |paths: &[Path]| {
             let share = 1.0 / paths.len() as f64;
@@ -132,7 +130,7 @@ impl Array {
         phases.chain(std::iter::once(range)).collect()
     }
 
-    /// Of each channel.
+    /// Paths of all channels.
     pub(crate) fn paths(&self, pose: &Pose, at_m: DVec2) -> Vec<Path> {
         let (sin, cos) = libm::sincos(pose.heading_rad);
         let turned = |a: DVec2| DVec2::new(cos * a.x - sin * a.y, sin * a.x + cos * a.y);
@@ -141,7 +139,7 @@ impl Array {
             let from = at_m - (pose.at_m + arm);
             let length = from.length();
             let u = from / length;
-            // The arm's end moves across it.
+            // The antenna moves across its lever arm.
             (length, u, -u.dot(arm.perp()))
         };
         let each = self.channels().map(|channel| {
@@ -155,7 +153,7 @@ impl Array {
         each.collect()
     }
 
-    /// Two channels of one transmitter whose receivers are nearest to each other, and from the first receiver to the second.
+    /// The two nearest receivers of one transmitter: their channels, and the baseline from the first to the second, metres.
     pub fn shortest_baseline(&self) -> Option<([usize; 2], DVec2)> {
         let receivers = &self.receivers_m;
         let pairs =

@@ -1,7 +1,6 @@
-//! MPGA pulse by pulse, by two least squares (Chim 2018, 7.3 and 7.3.5): what moves least, and drifts.
+//! MPGA between neighbouring pulses by two linear least squares (Chim 2018, 7.3 and 7.3.5). Least effort, and drift.
 //!
-//! Of channels `i` in a pulse and `j` in the next, with `s_i = T + R` of channel `i` in the array's frame, seen from the frame half way between both pulses,
-//! the path becomes shorter by
+//! For channels `i` of a pulse and `j` of the next, with `s_i = T + R` of channel `i` in the array's frame, the path shortens in the frame half-way between the pulses by
 //!
 //! ```text
 //! path_i - path_j  =  (phase_j - phase_i) / k  =  u . (2 d + turned(s_j, Phi / 2) - turned(s_i, -Phi / 2))  =  sin(theta) c_ij + cos(theta) m_ij
@@ -9,22 +8,19 @@
 //! m_ij = 2 dR + (Y_j - Y_i) cos(Phi / 2) + (X_j + X_i) sin(Phi / 2)           s = (X, Y),   k = 2 pi / wavelength
 //! ```
 //!
-//! (C (7.17)-(7.21), which are in the first pulse's frame.) For each pair of channels the first least squares, over targets, finds `c_ij` and `m_ij`; the second, over pairs,
-//! finds `dx`, `dR` and `Phi`.
+//! (C (7.17)-(7.21), which are in the first pulse's frame.) The first least squares, over targets, finds `c_ij` and `m_ij` of each pair of channels. The second, over pairs, finds `dx`, `dR` and `Phi`.
 //!
-//! **Where the thesis has slips.** A row of its tensor (7.10) is the antenna of the *second* pulse, of its matrices (7.22)-(7.24) that of the first:
-//! these are of the tensor transposed, and agree with it for `i = j` alone. Its turn counts clockwise, ours counterclockwise. For targets that are
-//! near, (7.33) takes `sin(theta) - B / range` for `sin(theta)`, `B` being the transmitter's distance from the receiver of which `theta` is the angle. Two
-//! legs make a path, of which one starts at the transmitter: of `2 dx` it is `B / 2`; and to the first order not only the sine but the direction
-//! changes, by `(B / range) cos(theta)` across it. So `u` is here the direction from the middle of the channel's antennas to the place
-//! ([`crate::arrival`]): what is left is of the second order, `(antennas' distance / range)^2 / 8`.
+//! **Corrections to the thesis.** A row of its tensor (7.10) is the antenna of the *second* pulse; a row of its matrices (7.22)-(7.24) is that of the first. The matrices are those of the transposed tensor and
+//! agree with it only for `i = j`. Its turn counts clockwise, here it counts counterclockwise. For near targets (7.33) replaces `sin(theta)` by `sin(theta) - B / range`, `B` the distance of the
+//! transmitter from the receiver at which `theta` is measured. Only one of the two legs of a path starts at the transmitter, so that `2 dx` takes half of that. To the first order the direction changes too, by
+//! `(B / range) cos(theta)` across it. Here `u` is the direction from the middle of the channel's antennas to the target ([`crate::arrival`]); the remaining error is of second order,
+//! `(antenna spacing / range)^2 / 8`.
 //!
-//! `u` is the mean of both pulses' directions, so that the motion's own curvature is left out to the third order, `d^3 / (24 range^2)`.
+//! `u` is the mean of the directions of both pulses: the curvature of the motion is neglected from the third order on, `d^3 / (24 range^2)`.
 //!
-//! **What is neglected.** That the directions have errors. Of `theta` with standard deviation `e` the normal matrix of the first
-//! least squares is too large by `e^2` a target, and `dx` too small by about `e^2 / (spread of the sines)^2`: the track is too short,
-//! the more the less sure its angles, and nothing averages that ([`crate::robust`] derives and removes it). At 77 GHz, with two receivers half a wavelength apart, a metre in 1000 pulses loses
-//! 0.2 mm at 30 dB beside random errors of 0.6 mm, and 6 mm at 15 dB beside 3.5 mm (`tests/increments.rs`; C 7.5.1 has 2 mm).
+//! **Neglected: errors of the directions.** For `theta` with standard deviation `e`, the normal matrix of the first least squares is too large by `e^2` a target, and `dx` is too small by about
+//! `e^2 / (spread of the sines)^2`. The track is too short, the more the larger the errors of the angles, and averaging does not help ([`crate::robust`] derives and removes this bias). At 77 GHz with two
+//! receivers half a wavelength apart, 1 m in 1000 pulses loses 0.2 mm at 30 dB against random errors of 0.6 mm, and 6 mm at 15 dB against 3.5 mm (`tests/increments.rs`; C 7.5.1 has 2 mm).
 //!
 //! **Units** metres, radians. **Cost** pairs of channels times targets. **Errors** [`MotionError`].
 
@@ -37,30 +33,30 @@ use crate::joint::NoEstimate;
 use crate::model::{Array, Sighting};
 use std::f64::consts::{PI, TAU};
 
-/// What two pulses told.
+/// Motion between two pulses.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
-    /// From the former to the latter.
+pub struct MotionEstimate {
+    /// Motion from the former to the latter.
     pub increment: Increment,
-    /// Targets that both saw.
+    /// Number of targets in both pulses.
     pub targets: usize,
-    /// Phases that may have wrapped.
+    /// Number of phases of which whole turns are in doubt.
     pub doubtful: usize,
 }
 
-/// Takes pulse after pulse.
+/// Estimator of motion, pulse by pulse.
 pub struct Pairwise {
     array: Array,
     heading: Heading,
     before: Vec<(Arrival, usize)>,
-    /// How it moved last: whole turns of the next phases follow from it.
+    /// Last motion: it predicts the whole turns of the next phases.
     last: Increment,
     pulses: usize,
 }
 
-/// A target in two pulses.
+/// Target in two pulses.
 struct Pair {
-    /// In the array's frame half way.
+    /// Position in the array's frame half-way.
     at_m: DVec2,
     before: Vec<f64>,
     after: Vec<f64>,
@@ -81,11 +77,11 @@ impl Pairwise {
         })
     }
 
-    /// Takes the next pulse, and tells how the radar moved since the one before; nothing of the first.
+    /// Take the next pulse and return the motion since the pulse before; `None` for the first pulse.
     ///
     /// # Errors
-    /// [`MotionError::Sighting`]: the pulse is as if it had not been. [`NoEstimate::Pose`]: the next pulse will be compared with this one.
-    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<Moved>, MotionError> {
+    /// [`MotionError::Sighting`]: the pulse is ignored. [`NoEstimate::Pose`]: the next pulse will be compared with this one.
+    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<MotionEstimate>, MotionError> {
         check::sightings(&self.array, sightings)?;
         let number = self.pulses;
         self.pulses += 1;
@@ -109,14 +105,14 @@ impl Pairwise {
         }
         let increment = solve(&self.array, &pairs, self.heading).ok_or(NoEstimate::Pose(number))?;
         self.last = increment;
-        Ok(Some(Moved {
+        Ok(Some(MotionEstimate {
             increment,
             targets: pairs.len(),
             doubtful,
         }))
     }
 
-    /// A target seen in both pulses, whole turns as the last motion makes them expected, and whether they are in doubt.
+    /// Unwrap a target of both pulses against the last motion; `true` if its whole turns are in doubt.
     fn pair(&self, before: &Arrival, after: &Arrival, sigma: f64) -> (Pair, bool) {
         let count = before.phases_rad.len() as f64;
         let expected = self.last.phases_rad(&self.array, before.at_m).sum::<f64>() / count;
@@ -137,14 +133,14 @@ impl Pairwise {
     }
 }
 
-/// The two least squares; none if the targets do not tell the motion.
+/// The two least squares; `None` if the targets do not determine the motion.
 fn solve(array: &Array, pairs: &[Pair], heading: Heading) -> Option<Increment> {
     let channels: Vec<[DVec2; 2]> = array.channels().collect();
     let sums: Vec<DVec2> = channels.iter().map(|[t, r]| *t + *r).collect();
     let count = sums.len() as f64;
     let mean = sums.iter().sum::<DVec2>() / count;
     let k = array.rad_m();
-    // Of (c, m) over pairs: the mean, and what is across their arms, which a turn makes.
+    // Mean of (c, m) over pairs of channels, and the component across their lever arms, which a turn causes.
     let (mut centre, mut across, mut arms) = (DVec2::ZERO, 0.0, 0.0);
     for (i, [t, from_receiver]) in channels.iter().enumerate() {
         for (j, [other, to]) in channels.iter().enumerate() {
@@ -154,14 +150,14 @@ fn solve(array: &Array, pairs: &[Pair], heading: Heading) -> Option<Increment> {
             for pair in pairs {
                 let from = |antenna_m: DVec2| (pair.at_m - antenna_m).normalize_or_zero();
                 let u = from(middle);
-                // Each leg has a direction of its own.
+                // Each leg has its own direction.
                 let apart = (from(transmitter) - u).dot(*other - *t)
                     + (from(receiver) - u).dot(*to - *from_receiver);
                 let shorter = (pair.after[j] - pair.before[i]) / k - apart;
                 matrix += DMat2::from_cols(u * u.x, u * u.y) * pair.weight;
                 right += u * (shorter * pair.weight);
             }
-            // Directions that differ by less than a hundredth or so of a radian are one.
+            // Directions closer than about 0.01 rad do not separate the unknowns.
             let trace = matrix.x_axis.x + matrix.y_axis.y;
             let determinant = matrix.determinant();
             if determinant.is_nan() || determinant <= 1e-5 * trace * trace {
@@ -179,7 +175,7 @@ fn solve(array: &Array, pairs: &[Pair], heading: Heading) -> Option<Increment> {
         Heading::Held => 0.0,
     };
     let (sin, cos) = libm::sincos(half_rad);
-    // The mean of all channels goes where the turn takes it; the rest is the origin's. Then from half way back into the former frame.
+    // The turn moves the mean of all channels; the rest is motion of the origin. Then transform from half-way into the former frame.
     let moved_m = DVec2::new(cos, sin).rotate(0.5 * centre - mean.perp() * sin);
     let turn_rad = 2.0 * half_rad;
     (moved_m.is_finite() && turn_rad.is_finite()).then_some(Increment { moved_m, turn_rad })

@@ -1,87 +1,83 @@
-//! MPGA pulse by pulse, by the true path lengths, of directions that are known to err, and without what does not belong.
+//! MPGA between neighbouring pulses with exact path lengths, unbiased by errors of the directions, and with outliers excluded.
 //!
 //! ```text
 //! y_c  =  phase_c(n) - phase_c(n-1)  =  f_c(x; P) + noise        f_c = -2 pi (path_c(x, P) - path_c(0, P)) / wavelength,     x = (dx, dy, turn)
 //! ```
 //!
-//! of each target that both pulses saw. Its place `P`, in the array's frame at the former pulse, is known of pulses before: angles and ranges of each are taken
-//! in as they come, moved along by what was found, and forgotten over [`Robust::new`]'s `memory` pulses. So `P` errs, by a covariance `Q` that is known.
+//! for each target in both pulses. Its position `P` in the array's frame at the former pulse is known from earlier pulses: angles and ranges are averaged as they come, moved along by the estimated motion, and
+//! forgotten over the `memory` pulses of [`Robust::new`]. `P` has an error of known covariance `Q`.
 //!
-//! **How errors of directions bias the motion.** Least squares set `S(P) = sum of J(P)^T V^-1 (y - f(x; P))` to zero, `J = df/dx`. `S(P)` has mean 0 at the true motion for
-//! the true places. For places with errors `e`, `f` and `J` err *together*: `f` is about `J x`, and `E (dJ e)^T V^-1 (-dJ e) x < 0` for each target: the solution is drawn
-//! to no motion. The mean of `S` over errors is, to the fourth order,
+//! **Bias by errors of the directions.** Least squares set `S(P) = sum of J(P)^T V^-1 (y - f(x; P))` to zero, `J = df/dx`. At the true motion `S(P)` has mean 0 for the true positions. For positions
+//! with errors `e`, `f` and `J` err *together*: `f` is about `J x`, and `E (dJ e)^T V^-1 (-dJ e) x < 0` for each target, so that the estimate is biased towards no motion. The mean of `S` over the errors is, to the
+//! fourth order,
 //!
 //! ```text
 //! E S(P + e)  =  S(P) + 1/2 sum over a of d^2 S / d e_a^2,       e_a along the axes of Q, one standard deviation long
 //! ```
 //!
-//! which differences at `P + e_a` and `P - e_a` tell: what is set to zero here is `S` less that, the corrected score of errors in variables
-//! (Nakamura 1990). It holds the curvature of sines and cosines as well. Differences of channels tell `P`, their mean does not, so that errors of `P` are of other noise than
-//! most of `y`; turns, which differences tell too, share it by a share of one in `memory`.
+//! and follows from differences at `P + e_a` and `P - e_a`. The estimator sets `S` less that mean to zero: the corrected score of errors in variables (Nakamura 1990). It includes the curvature of sines and
+//! cosines. `P` follows from differences between channels, not from their mean, so that its errors are independent of most of `y`; turns follow from these differences too and share one part in `memory`.
 //!
-//! **What does not belong** (a target that moves, two in one range bin, a phase that wrapped): `r^T V^-1 r` of a target beyond what one in ten thousand has
-//! counts less the farther it is off. `V` is the noise of two pulses and what `Q` makes of `f`. Those within count in full, so that the covariance is that of least squares. Where
-//! all together leave one beyond, the start is the motion that two targets tell with which most agree: steps from what all tell would end
-//! at the one whose direction no other has, be it right or wrong. Two pulses tell what is off by several of their standard deviations, no less: at 15 dB a target that moves by 0.5 mm a pulse
-//! made a metre err by 19 mm in place of 3.6; [`crate::movers::sort`] tells of many pulses which to leave out.
+//! **Outliers** (a moving target, two targets in a range cell, a wrapped phase). A target whose `r^T V^-1 r` exceeds the 0.9999 quantile is weighted down, the more the farther it is off. `V` is the noise of two
+//! pulses and the effect of `Q` on `f`. Inliers have full weight, so that the covariance is that of least squares. Where the fit of all targets leaves an outlier, the iteration starts from the motion of that pair of
+//! targets with which most others agree: from the fit of all it would converge to the target whose direction is unique, right or wrong. Two pulses reveal outliers of several standard deviations only: at 15 dB
+//! a target that moves by 0.5 mm a pulse raised the error over 1 m from 3.6 to 19 mm. [`crate::movers::sort`] finds such targets over many pulses.
 //!
-//! **Covariance** of an increment by itself. Errors of increments are not independent: noise of a pulse's phase is in two of them with opposite signs, and what `P` is off by
-//! in `memory` of them with the same sign. A sum's covariance is not the sum of theirs. Where targets are left out now and then, noise does not cancel as it does where
-//! all pulses count alike, and turns drift by it.
+//! **Covariance** of a single increment. Errors of increments are correlated: the phase noise of a pulse enters two increments with opposite signs, and the error of `P` enters `memory` increments with the same sign.
+//! The covariance of a sum is not the sum of covariances. Where targets are excluded now and then, noise does not cancel between increments, and the heading drifts.
 //!
-//! **Units** metres, radians. **Cost** targets times the cube of channels. **Accuracy** `tests/increments.rs`: the mean over seeds is within its own spread of the
-//! truth from 15 dB on. **Errors** [`MotionError`].
+//! **Units** metres, radians. **Cost** targets times the cube of channels. **Accuracy** `tests/increments.rs`: from 15 dB on, the mean over seeds is within its standard deviation of the truth. **Errors** [`MotionError`].
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use subaperture_signal::dense::Factor;
 
-use crate::LEAST_PIVOT;
+use crate::MIN_PIVOT;
 use crate::arrival;
 use crate::check::{self, MotionError};
 use crate::increment::{Heading, Increment, WRAPPED};
 use crate::joint::NoEstimate;
 use crate::model::{Array, Sighting};
 
-/// Steps at most.
-const MOST_STEPS: usize = 12;
-/// Information of a turn that is held.
+/// Largest number of Gauss-Newton steps.
+const MAX_STEPS: usize = 12;
+/// Information of a turn that is held at 0, 1/rad^2.
 const HELD: f64 = 1e16;
 
-/// What two pulses told.
+/// Motion between two pulses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// From the former to the latter.
+    /// Motion from the former to the latter.
     pub increment: Increment,
-    /// Of its x, y and turn.
+    /// Covariance of x, y (metres) and turn (radians).
     pub covariance: DMat3,
-    /// Targets that both saw, and how much each counted: 1 if it agrees.
+    /// Targets in both pulses with their weights: 1 for inliers, less for outliers.
     pub weights: Vec<(usize, f64)>,
-    /// The sum of squared errors in standard deviations, and how many numbers there are beyond those that are found.
+    /// Sum of squared residuals in standard deviations, and its expectation (measurements less unknowns).
     pub chi_square: [f64; 2],
-    /// Phases that may have wrapped.
+    /// Number of phases of which whole turns are in doubt.
     pub doubtful: usize,
 }
 
-/// What is known of a target.
+/// Averaged position of a target.
 #[derive(Clone)]
 struct Place {
     name: usize,
-    /// In the array's frame at the last pulse.
+    /// Position in the array's frame at the last pulse.
     at_m: DVec2,
     information: DMat2,
-    /// As they were when it was seen last.
+    /// Phases of its last sighting.
     phases_rad: Vec<f64>,
     sigma_rad: f64,
     pulse: usize,
 }
 
-/// Takes pulse after pulse.
+/// Estimator of motion, pulse by pulse.
 pub struct Robust {
     array: Array,
     heading: Heading,
-    /// What remains of what is known at each pulse.
+    /// Share of information that remains at each pulse.
     kept: f64,
     memory: usize,
     places: Vec<Place>,
@@ -89,46 +85,46 @@ pub struct Robust {
     pulses: usize,
 }
 
-/// A target in two pulses.
+/// Target in two pulses.
 struct Pair {
     name: usize,
     at_m: DVec2,
-    /// One standard deviation along each axis of its covariance.
+    /// Axes of its covariance, one standard deviation long.
     axes_m: [DVec2; 2],
     differences_rad: Vec<f64>,
-    /// Variance of each difference.
+    /// Variance of each phase difference.
     variance: f64,
 }
 
-/// A target's part of the equations for a motion.
+/// Contribution of a target to the equations of motion.
 struct Part {
     matrix: DMat3,
-    /// Of the place as it is known, and without what its errors are expected to add.
+    /// Score at the estimated position, and the same corrected for its bias.
     score: DVec3,
     unbiased: DVec3,
-    /// Squared error in standard deviations.
+    /// Squared residual in standard deviations.
     square: f64,
 }
 
 impl Part {
-    /// The squared error after a small step.
+    /// Squared residual after a small step.
     fn square_after(&self, step: DVec3) -> f64 {
         self.square - 2.0 * self.score.dot(step) + step.dot(self.matrix * step)
     }
 }
 
-/// The squared error, of so many numbers, that one in ten thousand exceeds.
+/// Quantile 0.9999 of the squared residual of so many numbers.
 fn usual(numbers: usize) -> f64 {
     let n = numbers as f64;
     n + 4.0 * libm::sqrt(2.0 * n) + 8.0
 }
 
-/// Between -pi and pi.
+/// Wrap to -pi to pi.
 fn wrapped(phase: f64) -> f64 {
     phase - TAU * (phase / TAU).round()
 }
 
-/// Columns whose outer products add up to the inverse.
+/// Columns whose outer products sum to the inverse.
 fn axes(information: DMat2) -> [DVec2; 2] {
     // Lower triangle of the covariance (Cholesky).
     let covariance = information.inverse();
@@ -144,7 +140,7 @@ fn axes(information: DMat2) -> [DVec2; 2] {
 }
 
 impl Pair {
-    /// About a motion.
+    /// Contribution at a motion.
     fn part(&self, array: &Array, motion: &Increment) -> Option<Part> {
         let size = self.differences_rad.len();
         let k = array.rad_m();
@@ -166,7 +162,7 @@ impl Pair {
         let around = self
             .axes_m
             .map(|axis| [axis, -axis].map(|axis| line(self.at_m + axis)));
-        // Noise, and what the place's errors make of the model.
+        // Noise, and the effect of position errors on the model.
         let mut variance = vec![0.0; size * size];
         for [(ahead, _), (behind, _)] in &around {
             for i in 0..size {
@@ -177,7 +173,7 @@ impl Pair {
             }
         }
         (0..size).for_each(|i| variance[i * size + i] += self.variance);
-        let factor = Factor::new(size, &variance, LEAST_PIVOT)?;
+        let factor = Factor::new(size, &variance, MIN_PIVOT)?;
         let weighed = |errors: &[f64]| {
             let mut errors = errors.to_vec();
             factor.solve(&mut errors);
@@ -214,7 +210,7 @@ impl Pair {
 }
 
 impl Robust {
-    /// With so many pulses over which what is known of places is forgotten, 2 at the least: a hundred, say, over which the radar moves little against the ranges.
+    /// Estimator whose target positions are averaged over `memory` pulses, at least 2. Around 100 is usual: the radar should move little against the ranges meanwhile.
     ///
     /// # Errors
     /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
@@ -232,10 +228,10 @@ impl Robust {
         })
     }
 
-    /// Takes the next pulse, and tells how the radar moved since the one before; nothing of the first.
+    /// Take the next pulse and return the motion since the pulse before; `None` for the first pulse.
     ///
     /// # Errors
-    /// [`MotionError::Sighting`]: the pulse is as if it had not been. [`NoEstimate::Pose`]: places are forgotten, and the next pulse will be compared with this one.
+    /// [`MotionError::Sighting`]: the pulse is ignored. [`NoEstimate::Pose`]: positions are forgotten, and the next pulse will be compared with this one.
     pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<Found>, MotionError> {
         check::sightings(&self.array, sightings)?;
         let number = self.pulses;
@@ -265,7 +261,7 @@ impl Robust {
         Ok(found)
     }
 
-    /// How the radar moved since the former pulse.
+    /// Motion since the former pulse.
     fn compare(&self, sightings: &[Sighting], number: usize) -> Result<Found, NoEstimate> {
         let mut doubtful = 0;
         let mut pairs = Vec::with_capacity(sightings.len());
@@ -305,7 +301,7 @@ impl Robust {
         let mut motion = self.last;
         motion.step(self.start(&parts(&motion)?, limit).ok_or(nothing)?);
         let mut last = None;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let parts = parts(&motion)?;
             let weight = |part: &Part| (limit / part.square).powi(2).min(1.0);
             let weights: Vec<f64> = parts.iter().map(weight).collect();
@@ -321,7 +317,7 @@ impl Robust {
                 .map(|(part, weight)| part.square * weight)
                 .sum::<f64>();
             last = Some((covariance, weights, sum));
-            // Of squared standard deviations.
+            // In squared standard deviations.
             if step.dot(score).abs() < 1e-8 {
                 break;
             }
@@ -344,17 +340,17 @@ impl Robust {
         })
     }
 
-    /// Of a motion's matrix.
+    /// Inverse of the normal matrix of a motion.
     fn inverse(&self, mut matrix: DMat3) -> Option<DMat3> {
         if self.heading == Heading::Held {
             matrix.z_axis.z += HELD;
         }
         // Symmetric, so that rows are columns.
-        let factor = Factor::new(3, &matrix.to_cols_array(), LEAST_PIVOT)?;
+        let factor = Factor::new(3, &matrix.to_cols_array(), MIN_PIVOT)?;
         Some(DMat3::from_cols_slice(&factor.inverse()))
     }
 
-    /// A step to where most agree: that of all, if all do.
+    /// First step: the fit of all if it leaves no outlier, else that of the pair with which most targets agree.
     fn start(&self, parts: &[Part], limit: f64) -> Option<DVec3> {
         let of = |some: &[&Part]| {
             let inverse = self.inverse(some.iter().map(|part| part.matrix).sum())?;
@@ -365,7 +361,7 @@ impl Robust {
         if squares(all).all(|square| square <= limit) {
             return Some(all);
         }
-        // Two alone are always met, but for a number: who is off has to cost more than noise costs of those who are not.
+        // A pair fits itself but for one number: an outlier must cost more than the noise of inliers.
         let far = 5.0 * limit;
         let counted = |step: &DVec3| squares(*step).map(|square| square.min(far)).sum::<f64>();
         let pairs = parts.iter().enumerate().flat_map(|(i, a)| {
@@ -376,7 +372,7 @@ impl Robust {
         candidates.min_by(|a, b| counted(a).total_cmp(&counted(b)))
     }
 
-    /// Takes in angles and ranges of a pulse.
+    /// Average angles and ranges of a pulse.
     fn see(&mut self, sightings: &[Sighting], number: usize) {
         for sighting in sightings {
             let known = |place: &&mut Place| place.name == sighting.target;
@@ -406,7 +402,7 @@ impl Place {
         }
     }
 
-    /// Takes in what another pulse tells of it.
+    /// Average the angle and range of another pulse.
     fn see(&mut self, array: &Array, sighting: &Sighting, pulse: usize) {
         let k = array.rad_m();
         let sigma = sighting.phase_sigma_rad;
@@ -420,7 +416,7 @@ impl Place {
             .zip(&sighting.phases_rad)
             .map(|(path, phase)| (phase + k * path.length_m, -k * (path.slope - mean_slope)))
             .collect();
-        // Channels whose whole turns follow from what is known, about the first.
+        // Channels that can be unwrapped against the first by the averaged position.
         let sure = |slope: DVec2| {
             let squares = axes_m.iter().map(|axis| slope.dot(*axis).powi(2));
             3.0 * libm::sqrt(squares.sum::<f64>() + 2.0 * sigma * sigma) < PI
@@ -449,7 +445,7 @@ impl Place {
             0.5 * mean_slope,
             sighting.range_sigma_m.powi(-2),
         );
-        // What noise and the place's own errors let expect.
+        // Expected squared residual beyond noise and position error.
         let both = self.information + matrix;
         let expected = square - right.dot(both.inverse() * right);
         let weight = (usual(told.len()) / expected).clamp(0.0, 1.0);

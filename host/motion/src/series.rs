@@ -1,4 +1,4 @@
-//! A target through many pulses by itself, whatever the radar does.
+//! Phase unwrapping of one target through many pulses, whatever the motion of the radar.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -8,22 +8,23 @@ use glam::DVec2;
 use crate::arrival::{self, Arrival};
 use crate::model::{Array, Sighting};
 
-/// A target's echoes.
+/// Echoes of one target in the order of pulses.
 pub(crate) struct Series<'a> {
     pub(crate) name: usize,
     pub(crate) looks: Vec<Look<'a>>,
 }
 
-/// One of them.
+/// Echo of a target in a pulse.
+#[derive(Clone)]
 pub(crate) struct Look<'a> {
     pub(crate) pulse: usize,
     pub(crate) sighting: &'a Sighting,
     pub(crate) arrival: Arrival,
-    /// Mean phase of all channels, without wraps.
+    /// Mean phase of all channels, unwrapped, radians.
     pub(crate) common_rad: f64,
 }
 
-/// A straight line through numbers `(x, y)`, all alike: its slope, the slope's standard deviation if theirs is 1, and its value at `x`'s mean.
+/// Least-squares line through points `(x, y)` of equal weight: its slope, the slope's standard deviation for unit standard deviation of `y`, and its value at the mean of `x`.
 pub(crate) fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 3] {
     let count = points.clone().count() as f64;
     let mean_x = points.clone().map(|(x, _)| x).sum::<f64>() / count;
@@ -33,7 +34,7 @@ pub(crate) fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> [f64; 3]
     [product / spread, 1.0 / libm::sqrt(spread), mean_y]
 }
 
-/// Of each target, by name, with the pulses' numbers.
+/// Sightings of each target with their pulse numbers.
 fn sightings(pulses: &[Vec<Sighting>]) -> BTreeMap<usize, Vec<(usize, &Sighting)>> {
     let mut by_name: BTreeMap<usize, Vec<(usize, &Sighting)>> = BTreeMap::new();
     for (n, pulse) in pulses.iter().enumerate() {
@@ -48,7 +49,7 @@ fn sightings(pulses: &[Vec<Sighting>]) -> BTreeMap<usize, Vec<(usize, &Sighting)
 }
 
 impl<'a> Series<'a> {
-    /// Of all targets, by name: turns a pulse that nobody sees from one pulse to the next are told by the ranges.
+    /// Series of all targets, in the order of their numbers. Whole turns from pulse to pulse that phases cannot resolve follow from the ranges.
     pub(crate) fn all(array: &Array, pulses: &'a [Vec<Sighting>]) -> Vec<Self> {
         let mut all = Self::wrapping(array, pulses);
         for series in &mut all {
@@ -62,14 +63,14 @@ impl<'a> Series<'a> {
         all
     }
 
-    /// Of all targets, by name, without what their ranges tell.
+    /// Series of all targets, in the order of their numbers, by phases alone.
     pub(crate) fn wrapping(array: &Array, pulses: &'a [Vec<Sighting>]) -> Vec<Self> {
         let each = sightings(pulses).into_iter();
         each.map(|(name, seen)| Self::new(array, name, &seen))
             .collect()
     }
 
-    /// Phases go on from each as they went.
+    /// Unwrap with the phase rate of the last two echoes.
     fn new(array: &Array, name: usize, seen: &[(usize, &'a Sighting)]) -> Self {
         let mut rate = 0.0;
         let mut looks: Vec<Look> = Vec::with_capacity(seen.len());
@@ -96,7 +97,7 @@ impl<'a> Series<'a> {
         Self { name, looks }
     }
 
-    /// Whole turns a pulse by which the phases' rate falls short of that of the ranges, with their standard deviation: infinite if there are too few pulses.
+    /// Whole turns a pulse by which the phase rate falls short of the range rate, and their standard deviation; infinite for fewer than three pulses.
     pub(crate) fn turns(&self, array: &Array) -> [f64; 2] {
         if self.looks.len() < 3 {
             return [0.0, f64::INFINITY];
@@ -112,7 +113,7 @@ impl<'a> Series<'a> {
         ]
     }
 
-    /// Directions from the array's middle as angles that do not jump.
+    /// Unwrapped directions of arrival, radians.
     pub(crate) fn bearings_rad(&self, array: &Array) -> impl Iterator<Item = f64> + Clone {
         let centre_m = array.centre_m();
         let about = (self.looks[0].arrival.at_m - centre_m).normalize_or_zero();
@@ -126,7 +127,7 @@ impl<'a> Series<'a> {
             .into_iter()
     }
 
-    /// Phases of a look's channels, common to all pulses but for what they measure.
+    /// Phases of an echo's channels, unwrapped from pulse to pulse, radians.
     pub(crate) fn phases_rad(look: &Look) -> Vec<f64> {
         let phases = &look.arrival.phases_rad;
         let mean = phases.iter().sum::<f64>() / phases.len() as f64;
@@ -135,7 +136,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// The direction at an angle.
+/// Unit vector of an angle.
 pub(crate) fn unit(bearing_rad: f64) -> DVec2 {
     let (sin, cos) = libm::sincos(bearing_rad);
     DVec2::new(cos, sin)

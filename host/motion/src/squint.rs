@@ -1,21 +1,20 @@
-//! The array's squint: by how much its axis is turned from where the description of the body has it.
+//! Squint of the array: the angle of its axis against its description.
 //!
-//! **What phases tell of it: nothing.** Antennas lie at `p + turned(a, heading + squint)`, and whatever is measured depends on where antennas are: squint and heading enter by their sum
-//! alone. For any squint there are headings, less by as much, that agree with all phases and ranges equally well: least squares that had both as unknowns would be singular, jointly
-//! over all pulses ([`crate::joint`]) as pulse by pulse ([`crate::pairwise`], [`crate::robust`]). So all of these find the array's own heading, and the motion along the array's own axes.
-//! A heading that another source tells does not help by itself: the frame turns with it.
+//! **Phases do not determine it.** Antennas lie at `p + turned(a, heading + squint)`: squint and heading enter all measurements by their sum alone. For any squint, headings that are less by as much fit all
+//! phases and ranges equally well, and least squares with both as unknowns are singular, jointly ([`crate::joint`]) as pulse by pulse ([`crate::pairwise`], [`crate::robust`]). All of these estimate the heading
+//! of the array and motion along the array's axes. A heading from another source does not help by itself: the frame turns with it.
 //!
-//! **What tells it** is the body's motion along its own axes, known otherwise: a rail, a vehicle that does not slip sideways, satellite positions with a heading. The same motion, found along the
-//! array's axes, is turned by the squint. It is the drift in range of C 7.5.1, whose radar moved along a rail:
+//! **Motion along the body's axes determines it**, if known otherwise: a rail, a vehicle without side slip, satellite positions with a heading. The same motion along the array's axes is turned by the squint. It is the
+//! drift in range of C 7.5.1, whose radar moved along a rail:
 //!
 //! ```text
 //! told = turned(found, squint)       squint = atan2(sum w found x told, sum w found . told)       w = 1 / sigma^2
 //! sigma_squint^2 = 1 / sum w |found| |told|
 //! ```
 //!
-//! by least squares over stretches of the track. Where the radar has not moved by much more than it is known to, that is refused.
+//! by least squares over segments of the track. A track that has not moved by much more than its standard deviation is refused.
 //!
-//! **Units** metres, radians, counterclockwise. **Accuracy** `tests/squint.rs`. **Errors** [`NoSquint`].
+//! **Units** metres, radians, counterclockwise. **Accuracy** `tests/squint.rs`. **Errors** [`SquintError`].
 
 use glam::DVec2;
 
@@ -23,52 +22,52 @@ use crate::increment::Increment;
 use crate::model::Pose;
 use crate::series::unit;
 
-/// A squint that is told to no better than this is not told.
+/// Largest standard deviation of a squint, radians: a less certain one is refused.
 const WORST_RAD: f64 = 0.2;
 
-/// A stretch of a track, told twice.
+/// Segment of a track, measured twice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
-    /// Along the array's axes: see [`travelled`]. Metres.
+    /// Motion along the array's axes ([`travelled`]), metres.
     pub found_m: DVec2,
-    /// Along the body's, as another source tells it.
+    /// Motion along the body's axes by another source, metres.
     pub told_m: DVec2,
-    /// Standard deviation of their difference, either way, metres.
+    /// Standard deviation of their difference in either direction, metres.
     pub sigma_m: f64,
 }
 
-/// A squint.
+/// Estimated squint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Squint {
-    /// From the body's axis to the array's.
+    /// Angle from the body's axis to the array's, radians, counterclockwise.
     pub squint_rad: f64,
-    /// Its standard deviation.
+    /// Standard deviation, radians.
     pub sigma_rad: f64,
-    /// The sum of squared differences that are left, in standard deviations, and how many there are beyond what is found. It tells whether both speak of one motion.
+    /// Sum of squared residuals in standard deviations, and its expectation: a larger sum means that the sources contradict each other.
     pub chi_square: [f64; 2],
 }
 
-/// Why there is none.
+/// Reason why a squint cannot be estimated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum NoSquint {
-    /// Nothing was travelled, or too little.
+pub enum SquintError {
+    /// The motion is too short.
     #[error(
-        "over {travelled_m:.4} m the direction of travel is known to {sigma_rad:.3} rad: too little to tell a squint, which phases alone never do"
+        "squint needs more motion: over {travelled_m:.4} m the direction of travel has a standard deviation of {sigma_rad:.3} rad"
     )]
     TooLittle {
-        /// As found.
+        /// Motion found, metres.
         travelled_m: f64,
-        /// Of the squint.
+        /// Standard deviation of the squint, radians.
         sigma_rad: f64,
     },
-    /// A leg that is none.
-    #[error("leg {0} has a number that is none, or a standard deviation that is not above 0")]
+    /// Invalid leg, by its number.
+    #[error("leg {0}: expected finite lengths and a standard deviation above 0")]
     Leg(usize),
 }
 
 impl Leg {
-    /// Of a body that goes where its x axis points, by as much as is found.
+    /// Leg of a body that moves along its x axis, by as much as found.
     pub fn along_axis(found_m: DVec2, sigma_m: f64) -> Self {
         Self {
             found_m,
@@ -78,30 +77,30 @@ impl Leg {
     }
 }
 
-/// What increments add up to along the array's own axes, however it turns meanwhile.
+/// Sum of increments along the array's own axes, whatever its turns.
 pub fn travelled(increments: impl IntoIterator<Item = Increment>) -> DVec2 {
-    // Seen from half way.
+    // Seen from half-way.
     let each = increments.into_iter();
     each.map(|increment| unit(-0.5 * increment.turn_rad).rotate(increment.moved_m))
         .sum()
 }
 
-/// The increments between poses.
+/// Increments between poses.
 pub fn increments(poses: &[Pose]) -> impl Iterator<Item = Increment> {
     let pairs = poses.windows(2);
     pairs.map(|pair| Increment::between(&pair[0], &pair[1]))
 }
 
-/// The squint that legs tell.
+/// Estimate the squint from segments of a track.
 ///
 /// # Errors
-/// [`NoSquint`].
-pub fn squint(legs: &[Leg]) -> Result<Squint, NoSquint> {
+/// [`SquintError`].
+pub fn squint(legs: &[Leg]) -> Result<Squint, SquintError> {
     let (mut dot, mut cross, mut information, mut travelled_m) = (0.0, 0.0, 0.0, 0.0);
     for (n, leg) in legs.iter().enumerate() {
         let is_known = leg.found_m.is_finite() && leg.told_m.is_finite() && leg.sigma_m.is_finite();
         if !is_known || leg.sigma_m <= 0.0 {
-            return Err(NoSquint::Leg(n));
+            return Err(SquintError::Leg(n));
         }
         let weight = 1.0 / (leg.sigma_m * leg.sigma_m);
         dot += weight * leg.found_m.dot(leg.told_m);
@@ -111,7 +110,7 @@ pub fn squint(legs: &[Leg]) -> Result<Squint, NoSquint> {
     }
     let sigma_rad = 1.0 / libm::sqrt(information);
     if sigma_rad.is_nan() || sigma_rad > WORST_RAD {
-        return Err(NoSquint::TooLittle {
+        return Err(SquintError::TooLittle {
             travelled_m,
             sigma_rad,
         });
@@ -130,7 +129,7 @@ pub fn squint(legs: &[Leg]) -> Result<Squint, NoSquint> {
 }
 
 impl Squint {
-    /// Poses of the body, in its own frame at the first, of poses of the array in its own.
+    /// Poses of the body in its frame at the first pulse, from poses of the array.
     pub fn of_body(&self, poses: &[Pose]) -> Vec<Pose> {
         let Some(first) = poses.first() else {
             return Vec::new();

@@ -1,16 +1,15 @@
-//! A track of poses that were found together, as increments whose errors are independent of one another.
+//! Increments of a jointly estimated track with covariances for filters that assume independent increments.
 //!
-//! Smoothers that know other sensors take increments, and take their errors for independent. Those of a joint estimate are not: what noise a pose has of its own comes with one sign in the increment before
-//! it and with the other in that after it, and is gone in their sum; what errors of the targets' places make of the track goes on from increment to increment, and grows
-//! with their number where independent errors grow with its root. With `A` the derivative of an increment, in the axes of its first pose, by the targets, `T` their covariance and `W` what
-//! poses have of their own, each of `N` increments is told to have
+//! Fusion with other sensors takes increments and assumes independent errors. Increments of a joint estimate are not independent: the own noise of a pose enters the increments before and after it with
+//! opposite signs and cancels in their sum, and errors of target positions are common to all increments and grow with their number, not with its root. With `A` the derivative of an increment by the
+//! targets in the axes of its first pose, `T` the covariance of the targets and `W` the own covariances of poses, each of `N` increments is given the covariance
 //!
 //! ```text
 //! N A T A' + (W_k + W_(k+1)) / N
 //! ```
 //!
-//! so that the whole chain is about as uncertain from its first pose to its last as it is, and parts of it are taken for more uncertain than they are: other sensors may bend it, slowly, and
-//! its shape over short times stays that of the echoes.
+//! The whole chain is then about as uncertain from its first pose to its last as the joint estimate, and parts of it are taken for less certain than they are: other sensors may bend it slowly, and its shape
+//! over short times stays that of the echoes.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
@@ -18,15 +17,15 @@ use crate::increment::Increment;
 use crate::joint::Covariances;
 use crate::model::Pose;
 
-/// The increments between poses, each with the covariance of x, y and turn as of independent ones.
-pub(crate) fn steps(poses: &[Pose], known: &Covariances) -> Vec<(Increment, DMat3)> {
+/// Increments between poses, each with the covariance of x, y and turn that stands for independent errors.
+pub(crate) fn steps(poses: &[Pose], covariances: &Covariances) -> Vec<(Increment, DMat3)> {
     let count = poses.len().saturating_sub(1) as f64;
     let step = |(k, pair): (usize, &[Pose])| {
         let increment = Increment::between(&pair[0], &pair[1]);
         let [before, after] = slopes(&pair[0], &increment);
-        let by_targets = known.by_targets(&[(k, -before), (k + 1, after)]);
+        let by_targets = covariances.by_targets(&[(k, -before), (k + 1, after)]);
         let own = [(k, before), (k + 1, after)].map(|(n, slope)| {
-            let own = known.alone(n);
+            let own = covariances.alone(n);
             slope * own * slope.transpose()
         });
         (
@@ -37,7 +36,7 @@ pub(crate) fn steps(poses: &[Pose], known: &Covariances) -> Vec<(Increment, DMat
     poses.windows(2).enumerate().map(step).collect()
 }
 
-/// How an increment changes with the pose before it, the other way, and with that after it.
+/// Derivatives of an increment by the pose before it, with negative sign, and by the pose after it.
 fn slopes(from: &Pose, increment: &Increment) -> [DMat3; 2] {
     let (sin, cos) = libm::sincos(-from.heading_rad);
     let turn = DMat3::from_mat2(DMat2::from_cols(

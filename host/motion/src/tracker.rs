@@ -1,4 +1,4 @@
-//! Pulse by pulse: phases without wraps, a window of pulses that are looked at again, and those before it as known.
+//! Fixed-lag smoother with phase unwrapping, and batch least squares of a whole track.
 
 use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
@@ -7,45 +7,59 @@ use glam::{DMat3, DVec2};
 
 use crate::check::{self, MotionError};
 use crate::increment::{Heading, Increment, WRAPPED};
-use crate::joint::{self, Estimate, Known, NoEstimate};
+use crate::joint::{self, Covariances, Estimate, Known, NoEstimate};
 use crate::model::{Array, Pose, Sighting, Target};
 use crate::steps::steps;
+use crate::wraps;
 
-/// Follows a radar.
+/// Fixed-lag smoother: the poses of the last pulses are re-estimated with every pulse, earlier pulses are marginalised into a prior of the targets.
 #[derive(Clone)]
 pub struct Tracker {
     array: Array,
     window: usize,
-    /// Of the pulses in the window, and all targets.
+    /// Poses of the window, and all targets.
     estimate: Estimate,
     pulses: VecDeque<Vec<Sighting>>,
-    /// Number of the first of them.
+    /// Number of the window's first pulse.
     first: usize,
-    known: Known,
-    /// What each target is called.
+    prior: Known,
+    /// Number of each target in the caller's count.
     names: Vec<usize>,
-    /// The next heading, where it is known.
+    /// Heading of the next pulse, where headings are known.
     turned_rad: f64,
+    /// Pulses from each pose of the window back to the pose before it, and from the next pose to the last.
+    gaps: Vec<usize>,
+    next_gap: usize,
 }
 
-/// What a pulse told.
+/// Result of a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Where the radar is.
+    /// Pose of the radar.
     pub pose: Pose,
-    /// Covariance of x, y and heading.
+    /// Covariance of x, y (metres) and heading (radians).
     pub covariance: DMat3,
-    /// Of the window: the sum of squared errors in standard deviations, and about how many it should be: as many as there are numbers, less those that
-    /// are found of them.
+    /// Sum of squared residuals of the window in standard deviations, and about its expectation: measurements less unknowns.
     pub chi_square: [f64; 2],
-    /// Phases that may have wrapped.
+    /// Number of phases of which whole turns are in doubt.
     pub doubtful: usize,
-    /// Whether the least squares of the window came to their end.
+    /// Whether the least squares of the window converged.
     pub settled: bool,
 }
 
+/// Residual of a sighting of a [`Tracker`]'s last pulse: measured phases less those of the estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Number of the target.
+    pub target: usize,
+    /// RMS over the channels, radians.
+    pub rms_rad: f64,
+    /// RMS over the channels in standard deviations.
+    pub rms_sigmas: f64,
+}
+
 impl Tracker {
-    /// With so many pulses that are looked at again, 2 at the least: the cost of a pulse grows with them.
+    /// Smoother with a window of `window` pulses, at least 2. The cost of a pulse is proportional to it.
     ///
     /// # Errors
     /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
@@ -57,14 +71,15 @@ impl Tracker {
             estimate: Estimate::default(),
             pulses: VecDeque::new(),
             first: 0,
-            known: Known::default(),
+            prior: Known::default(),
             names: Vec::new(),
             turned_rad: 0.0,
+            gaps: Vec::new(),
+            next_gap: 1,
         })
     }
 
-    /// The same of a radar whose headings are known: 0, or what [`Self::turn_to`] says. They need not be told by what is seen, which makes the rest surer; what they
-    /// are off is believed.
+    /// Smoother for known headings: 0, or those set by [`Self::turn_to`]. Headings are not estimated, which makes the rest more certain; their errors are not detected.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -74,29 +89,52 @@ impl Tracker {
         Ok(tracker)
     }
 
-    /// The heading of pulses from the next one on, radians counterclockwise from the frame's x axis, where headings are known.
+    /// Set the heading of the next pulses, radians counterclockwise from the frame's x axis, where headings are known.
     pub fn turn_to(&mut self, heading_rad: f64) {
         self.turned_rad = heading_rad;
     }
 
-    /// Where targets are: the number they are called by, and what is known of them.
+    /// Targets with their numbers.
     pub fn targets(&self) -> impl Iterator<Item = (usize, Target)> {
         let names = self.names.iter().copied();
         names.zip(self.estimate.targets.iter().copied())
     }
 
-    /// Poses of the pulses in the window, the last one last, as they are known by now.
+    /// Poses of the pulses in the window, the last one last.
     pub fn window(&self) -> &[Pose] {
         &self.estimate.poses
     }
 
-    /// The last pulse as it is understood: targets by their place in [`Self::targets`], phases without wraps.
+    /// Sightings of the last pulse with unwrapped phases; targets by their position in [`Self::targets`].
     pub fn last(&self) -> &[Sighting] {
         self.pulses.back().map_or(&[], Vec::as_slice)
     }
 
-    /// Drops a target with all that it told of the others since the window began; what it told before that stays as part of what is known of them. Not
-    /// done, and `false`, if it is not known or if a pulse of the window would be left with less than two.
+    /// Residuals of the last pulse, one entry a sighting in the order pushed. The first sighting of a target has none, as it alone determines the target.
+    pub fn residuals(&self) -> Vec<Residual> {
+        let (Some(pulse), Some(pose)) = (self.pulses.back(), self.estimate.poses.last()) else {
+            return Vec::new();
+        };
+        let of = |sighting: &Sighting| {
+            let lines = self
+                .array
+                .lines(pose, &self.estimate.targets[sighting.target]);
+            let phases = sighting.phases_rad.iter().zip(&lines);
+            let squares: f64 = phases
+                .map(|(phase, line)| (phase - line.value).powi(2))
+                .sum();
+            let rms_rad = libm::sqrt(squares / sighting.phases_rad.len() as f64);
+            Residual {
+                target: self.names[sighting.target],
+                rms_rad,
+                rms_sigmas: rms_rad / sighting.phase_sigma_rad,
+            }
+        };
+        pulse.iter().map(of).collect()
+    }
+
+    /// Remove a target with its sightings in the window; its earlier influence stays in the marginalised prior. Returns `false` and changes nothing if it is unknown, or if a pulse of the window would keep fewer
+    /// than two targets.
     pub fn forget(&mut self, target: usize) -> bool {
         let Some(index) = self.names.iter().position(|name| *name == target) else {
             return false;
@@ -105,7 +143,7 @@ impl Tracker {
         if self.pulses.iter().any(|pulse| without(pulse) < 2) {
             return false;
         }
-        self.known.forget(index);
+        self.prior.forget(index);
         self.names.remove(index);
         self.estimate.targets.remove(index);
         for pulse in &mut self.pulses {
@@ -117,10 +155,15 @@ impl Tracker {
         true
     }
 
-    /// Takes the next pulse: what is seen in it, each target by a number of its own.
+    /// Count pulses that are not pushed: pulses are at equal intervals in time, and the next pose is predicted farther on.
+    pub fn skip(&mut self, pulses: usize) {
+        self.next_gap = self.next_gap.saturating_add(pulses);
+    }
+
+    /// Take the next pulse, one sighting a target.
     ///
     /// # Errors
-    /// [`MotionError`]; the pulse is then as if it had not been.
+    /// [`MotionError`]: the pulse is skipped ([`Self::skip`]).
     pub fn push(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
         check::sightings(&self.array, sightings)?;
         if self.pulses.len() == self.window {
@@ -128,24 +171,23 @@ impl Tracker {
         }
         let before = self.estimate.clone();
         let done = self.advance(sightings);
-        if done.is_err() {
-            self.estimate = before;
-            self.names.truncate(self.estimate.targets.len());
-            self.pulses.truncate(self.estimate.poses.len());
+        match &done {
+            Ok(_) => {
+                self.gaps.push(self.next_gap);
+                self.next_gap = 1;
+            }
+            Err(_) => {
+                self.estimate = before;
+                self.names.truncate(self.estimate.targets.len());
+                self.pulses.truncate(self.estimate.poses.len());
+                self.skip(1);
+            }
         }
         done
     }
 
     fn advance(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
-        let mut expected = match self.estimate.poses[..] {
-            [] => Pose::default(),
-            [only] => only,
-            // It goes on as it went.
-            [.., before, last] => Pose {
-                at_m: 2.0 * last.at_m - before.at_m,
-                heading_rad: 2.0 * last.heading_rad - before.heading_rad,
-            },
-        };
+        let mut expected = self.predicted();
         let held = self.estimate.heading == Heading::Held;
         if held {
             expected.heading_rad = self.turned_rad;
@@ -165,11 +207,11 @@ impl Tracker {
             pulses,
             self.first,
             &mut self.estimate,
-            &self.known,
+            &self.prior,
         )?;
-        let known_to =
-            joint::covariances(&self.array, pulses, self.first, &self.estimate, &self.known)?;
-        // Later on pulses left behind tell the targets.
+        let covariances =
+            joint::covariances(&self.array, pulses, self.first, &self.estimate, &self.prior)?;
+        // Later, the prior determines the targets.
         let targets = match self.first {
             0 => self.estimate.targets.len(),
             _ => 0,
@@ -177,17 +219,36 @@ impl Tracker {
         let found = (if held { 2 } else { 3 }) * pulses.len() + 3 * targets;
         Ok(Step {
             pose: self.estimate.poses[pulses.len() - 1],
-            covariance: known_to.pose(pulses.len() - 1),
+            covariance: covariances.pose(pulses.len() - 1),
             chi_square: [solved.sum, beyond(pulses, found)],
             doubtful,
             settled: solved.settled,
         })
     }
 
-    /// The first pulse of the window is looked at no more.
+    /// Prediction of the next pose at the present velocity, which is taken over as many pulses as the prediction spans: a long gap does not multiply the noise of one step.
+    fn predicted(&self) -> Pose {
+        let poses = &self.estimate.poses;
+        let Some((last, before)) = poses.split_last() else {
+            return Pose::default();
+        };
+        let steps = self.next_gap.min(before.len());
+        if steps == 0 {
+            return *last;
+        }
+        let from = &before[before.len() - steps];
+        let over: usize = self.gaps[self.gaps.len() - steps..].iter().sum();
+        let ratio = self.next_gap as f64 / over as f64;
+        Pose {
+            at_m: last.at_m + (last.at_m - from.at_m) * ratio,
+            heading_rad: last.heading_rad + (last.heading_rad - from.heading_rad) * ratio,
+        }
+    }
+
+    /// Marginalise the first pulse of the window.
     fn leave_behind(&mut self) -> Result<(), NoEstimate> {
         let targets = &self.estimate.targets;
-        self.known.take(
+        self.prior.take(
             &self.array,
             &self.pulses[0],
             self.first,
@@ -196,11 +257,12 @@ impl Tracker {
         )?;
         self.pulses.pop_front();
         self.estimate.poses.remove(0);
+        self.gaps.remove(0);
         self.first += 1;
         Ok(())
     }
 
-    /// A sighting by our own numbers, its phases continued from before; and how many of them may have wrapped.
+    /// Sighting by internal target number with phases unwrapped against the pose, and the number of phases in doubt.
     fn unwrapped(&mut self, sighting: &Sighting, pose: &Pose) -> (Sighting, usize) {
         let known = self.names.iter().position(|name| *name == sighting.target);
         let index = known.unwrap_or_else(|| {
@@ -228,12 +290,12 @@ impl Tracker {
     }
 }
 
-/// A target by its range and the angle at which it arrives at the nearest two receivers.
+/// Target from its range and its direction of arrival at the two nearest receivers.
 fn first_look(array: &Array, sighting: &Sighting, pose: &Pose) -> Target {
     let ([i, j], baseline) = array.shortest_baseline().expect("there are two receivers");
     let turns = (sighting.phases_rad[j] - sighting.phases_rad[i]) / TAU;
     let turns = turns - turns.round();
-    // Nearer to the target the phase is larger, for the path is shorter.
+    // The phase is larger at the receiver nearer to the target, where the path is shorter.
     let along = (turns * array.wavelength_m / baseline.length()).clamp(-1.0, 1.0);
     let direction = baseline.normalize();
     let ahead = match direction.perp() {
@@ -251,49 +313,70 @@ fn first_look(array: &Array, sighting: &Sighting, pose: &Pose) -> Target {
     target
 }
 
-/// How many numbers are measured beyond those that are found of them.
+/// Degrees of freedom: measurements less unknowns.
 fn beyond(pulses: &[Vec<Sighting>], found: usize) -> f64 {
     let sightings = pulses.iter().flatten();
     let measured: usize = sightings.map(|s| s.phases_rad.len() + 1).sum();
     measured.saturating_sub(found) as f64
 }
 
-/// A track, known as well as all pulses together tell.
+/// Track estimated from all pulses together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
-    /// One a pulse.
+    /// Pose of each pulse.
     pub poses: Vec<Pose>,
-    /// As each was known when its pulse had come, in a frame turned a little otherwise.
+    /// Pose of each pulse as the smoother had it when the pulse came, in a slightly turned frame.
     pub live: Vec<Pose>,
-    /// Of x, y and heading of each.
+    /// Covariances of x, y (metres) and heading (radians) of each pose, in the frame held by the first position and the first target.
     pub covariances: Vec<DMat3>,
-    /// From each pose to the next, in the axes of the former, with a covariance of x, y and turn by which they can be taken for independent of one
-    /// another: the whole of them is as uncertain as it is, parts of it more than they are.
+    /// Joint covariances of poses and targets; [`Covariances::laid`] gives those of the track's shape.
+    pub known: Covariances,
+    /// Sightings with unwrapped phases; targets by their position in `targets`.
+    pub understood: Vec<Vec<Sighting>>,
+    /// Increments between poses in the axes of the former pose, with covariances of x, y and turn that stand for independent errors: the chain as a whole is as uncertain as the joint estimate, parts of it more.
     pub steps: Vec<(Increment, DMat3)>,
-    /// By the numbers they are called.
+    /// Targets with their numbers.
     pub targets: Vec<(usize, Target)>,
-    /// The sum of squared errors in standard deviations, and how many numbers there are beyond those that are found.
+    /// Sum of squared residuals in standard deviations, and its expectation: measurements less unknowns.
     pub chi_square: [f64; 2],
-    /// Phases that may have wrapped, of each pulse.
+    /// Number of phases of each pulse of which whole turns are in doubt.
     pub doubtful: Vec<usize>,
-    /// Whether the least squares came to their end.
+    /// Whether the least squares converged.
     pub settled: bool,
 }
 
-/// The track of a radar that saw this, pulse by pulse: followed first, with so many pulses that are looked at again, then all of it at once.
+/// Estimate the track of a radar from its sightings: fixed-lag smoother with a window of `window` pulses, then least squares over all pulses.
 ///
 /// # Errors
-/// [`MotionError`], and the pulse's number.
+/// [`MotionError`] with the pulse's number.
 pub fn track(
     array: &Array,
     pulses: &[Vec<Sighting>],
     window: usize,
 ) -> Result<Track, (usize, MotionError)> {
-    let tracker = Tracker::new(array.clone(), window).map_err(|error| (0, error))?;
-    whole(tracker, pulses, |_| 0.0)
+    let numbers: Vec<usize> = (0..pulses.len()).collect();
+    track_numbered(array, pulses, &numbers, window)
 }
 
-/// The same of a radar whose headings are known: of each pulse one, radians counterclockwise from the frame's x axis; of a rail 0 all along.
+/// The same for some pulses of a recording: `numbers` are theirs, strictly ascending, and all pulses of the recording are at equal intervals in time.
+///
+/// # Errors
+/// [`MotionError`] with the pulse's position in `pulses`.
+///
+/// # Panics
+/// If there are not as many numbers as pulses, or they do not ascend.
+pub fn track_numbered(
+    array: &Array,
+    pulses: &[Vec<Sighting>],
+    numbers: &[usize],
+    window: usize,
+) -> Result<Track, (usize, MotionError)> {
+    assert_eq!(numbers.len(), pulses.len());
+    let tracker = Tracker::new(array.clone(), window).map_err(|error| (0, error))?;
+    whole(tracker, pulses, numbers, |_| 0.0)
+}
+
+/// The same for known headings, one a pulse, radians counterclockwise from the frame's x axis; on a rail all are 0.
 ///
 /// # Errors
 /// As [`track`]; [`MotionError::Headings`].
@@ -312,13 +395,21 @@ pub fn track_turned(
         return Err((0, error));
     }
     let tracker = Tracker::held(array.clone(), window).map_err(|error| (0, error))?;
-    whole(tracker, pulses, |n| headings_rad[n])
+    let numbers: Vec<usize> = (0..pulses.len()).collect();
+    whole(tracker, pulses, &numbers, |n| headings_rad[n])
 }
 
-/// All pulses by a tracker, then at once.
+/// Largest number of rounds of unwrapping against the joint estimate.
+const MAX_ROUNDS: usize = 4;
+
+/// All pulses by the fixed-lag smoother, then together.
+///
+/// The smoother unwraps phases against a predicted pose. If the prediction was wrong for one target and right for the others, the joint estimate is near the right pose all the same, and that phase is off by a
+/// turn. Phases are therefore unwrapped against the joint estimate, and it is repeated until no phase changes.
 fn whole(
     mut tracker: Tracker,
     pulses: &[Vec<Sighting>],
+    numbers: &[usize],
     heading_rad: impl Fn(usize) -> f64,
 ) -> Result<Track, (usize, MotionError)> {
     let array = &tracker.array.clone();
@@ -327,32 +418,50 @@ fn whole(
         heading,
         ..Estimate::default()
     };
-    let (mut understood, mut doubtful) = (Vec::new(), Vec::new());
+    let mut understood = Vec::new();
     for (n, sightings) in pulses.iter().enumerate() {
         tracker.turn_to(heading_rad(n));
+        tracker.skip(n.checked_sub(1).map_or(0, |m| numbers[n] - numbers[m] - 1));
         let step = tracker.push(sightings).map_err(|error| (n, error))?;
         estimate.poses.push(step.pose);
         understood.push(tracker.last().to_vec());
-        doubtful.push(step.doubtful);
     }
     estimate.targets = tracker.targets().map(|(_, target)| target).collect();
     let live = estimate.poses.clone();
     let at_last = |error: NoEstimate| (pulses.len(), error.into());
     let nothing = Known::default();
-    let solved = joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(at_last)?;
+    let mut solved =
+        joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(at_last)?;
+    for _ in 0..MAX_ROUNDS {
+        let (mut next, again) = (
+            estimate.clone(),
+            wraps::rewrapped(array, &understood, &estimate),
+        );
+        if again == understood {
+            break;
+        }
+        match joint::solve(array, &again, 0, &mut next, &nothing) {
+            Ok(better) if better.sum < solved.sum => {
+                (estimate, understood, solved) = (next, again, better);
+            }
+            _ => break,
+        }
+    }
     let covariances =
         joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(at_last)?;
     let of_pose = if heading == Heading::Held { 2 } else { 3 };
     let found = of_pose * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
     let names = tracker.targets().map(|(name, _)| name);
     Ok(Track {
+        doubtful: wraps::doubtful(array, &understood, numbers, &estimate),
         targets: names.zip(estimate.targets.iter().copied()).collect(),
         steps: steps(&estimate.poses, &covariances),
         poses: estimate.poses,
         live,
         covariances: covariances.poses().collect(),
+        known: covariances,
         chi_square: [solved.sum, beyond(&understood, found)],
-        doubtful,
+        understood,
         settled: solved.settled,
     })
 }

@@ -272,7 +272,7 @@ fn increments_of_what_tells_nothing_are_refused() {
                 (3 | 4 | 6 | 7, told) => {
                     let text = told.unwrap_err().to_string();
                     assert!(
-                        text.contains(&format!("pulse {n} sees too little")),
+                        text.contains(&format!("pulse {n} has too few targets")),
                         "{text}"
                     );
                 }

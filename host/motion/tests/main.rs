@@ -1,5 +1,6 @@
 //! Tracks found from simulated phases, against the truth and against what can be known.
 
+mod coverage;
 mod diagnosis;
 mod held;
 mod increments;
@@ -368,7 +369,7 @@ fn what_tells_nothing_is_refused() {
     };
     tracker.push(&one(0, &mut random)).unwrap();
     let refused = tracker.push(&one(1, &mut random)).unwrap_err();
-    assert!(refused.to_string().contains("too little"), "{refused}");
+    assert!(refused.to_string().contains("too few targets"), "{refused}");
     // The pulse is forgotten: the next ones are followed.
     let mut tracker = Tracker::new(array.clone(), 5).unwrap();
     for (n, pose) in poses.iter().enumerate() {
@@ -398,21 +399,21 @@ fn what_tells_nothing_is_refused() {
                 range_m: f64::NAN,
                 ..all[0].clone()
             },
-            "its range",
+            "finite range",
         ),
         (
             Sighting {
                 phases_rad: vec![0.0],
                 ..all[0].clone()
             },
-            "each channel",
+            "one phase a channel",
         ),
         (
             Sighting {
                 phases_rad: vec![f64::NAN; 2],
                 ..all[0].clone()
             },
-            "no number",
+            "finite phases",
         ),
         (
             Sighting {

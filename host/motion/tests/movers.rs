@@ -154,7 +154,7 @@ fn nobody_agrees_where_all_move() {
         last: 199,
     });
     assert_eq!(refused, doubt);
-    assert!(refused.to_string().contains("can be trusted"), "{refused}");
+    assert!(refused.to_string().contains("are reliable"), "{refused}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::scene::{Reflector, seen, still};
 use super::*;
-use subaperture_motion::squint::{Leg, NoSquint, increments, squint, travelled};
+use subaperture_motion::squint::{Leg, SquintError, increments, squint, travelled};
 use subaperture_motion::{Heading, Pairwise, Robust, chain};
 
 const SQUINT_RAD: f64 = 0.06;
@@ -70,11 +70,17 @@ fn a_squint_follows_from_the_direction_of_travel() {
 fn a_radar_that_hardly_moves_tells_no_squint() {
     let leg = |x: f64| Leg::along_axis(DVec2::new(x, 0.0), 1e-3);
     let refused = squint(&[leg(2e-3)]).unwrap_err();
-    assert!(matches!(refused, NoSquint::TooLittle { .. }), "{refused}");
-    assert!(refused.to_string().contains("phases alone"), "{refused}");
-    assert!(matches!(squint(&[]), Err(NoSquint::TooLittle { .. })));
+    assert!(
+        matches!(refused, SquintError::TooLittle { .. }),
+        "{refused}"
+    );
+    assert!(
+        refused.to_string().contains("needs more motion"),
+        "{refused}"
+    );
+    assert!(matches!(squint(&[]), Err(SquintError::TooLittle { .. })));
     assert!(squint(&[leg(0.1)]).is_ok());
-    assert_eq!(squint(&[leg(0.1), leg(f64::NAN)]), Err(NoSquint::Leg(1)));
+    assert_eq!(squint(&[leg(0.1), leg(f64::NAN)]), Err(SquintError::Leg(1)));
     // There and back again.
     let there = Leg {
         found_m: DVec2::new(0.1, 0.0),

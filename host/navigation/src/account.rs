@@ -1,47 +1,47 @@
-//! What was read of a file, what was not, and why.
+//! Account of a file: records read, messages left out, and why.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Faults that are kept word for word, at most; all are counted.
-const MOST_FAULTS: usize = 20;
+/// Largest number of faults kept with their text; all are counted.
+const MAX_FAULTS: usize = 20;
 
-/// By which clock a log's times go.
+/// Time scale of a log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Clock {
-    /// GPS time, week and seconds.
+    /// GPS week and seconds of the week.
     #[default]
     Gps,
-    /// Seconds of a GPS week that the file does not name ([`crate::Options::week`]).
+    /// Seconds of an unnamed GPS week ([`crate::Options::week`]).
     SecondsOfWeek,
-    /// Seconds of a day of UTC that the file does not name ([`crate::Options::date`]).
+    /// Seconds of a UTC day without a date ([`crate::Options::date`]).
     SecondsOfDay,
-    /// Seconds of the log's own.
+    /// Seconds of the log's own clock.
     Own,
 }
 
-/// How something is wrong.
+/// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Wrong {
-    /// A message that ends before it should.
+    /// Truncated message.
     Cut,
-    /// A message that is not what its checksum says.
+    /// Message with a wrong checksum.
     Checksum,
-    /// A message whose checksum is right, or that has none, with a value that cannot be.
+    /// Message with an impossible value, and a right checksum or none.
     Value,
-    /// A record that is not later than the one before of its kind.
+    /// Record that is not later than the one before of its kind. It is left out; nothing is damaged.
     Disorder,
 }
 
-/// Something wrong in a file.
+/// Fault in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fault {
-    /// Where, in bytes from the file's beginning.
+    /// Offset from the file's beginning, bytes.
     pub byte: u64,
-    /// Its line, from 1, if the file is text up to there.
+    /// Line number, from 1, if the file is text up to there.
     pub line: Option<u64>,
-    /// How.
+    /// Kind of the fault.
     pub wrong: Wrong,
-    /// In words, with what was read.
+    /// Description, with the text or value read.
     pub what: String,
 }
 
@@ -54,51 +54,69 @@ impl std::fmt::Display for Fault {
     }
 }
 
-/// What was read of a file, what was not, and why.
+/// Account of a file: records read, messages left out, and why.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Account {
-    /// Messages that made records, by name.
+pub struct ReadReport {
+    /// Number of messages that became records, by name.
     pub read: BTreeMap<String, u64>,
-    /// Sound messages of the same names that say they have no solution.
+    /// Number of valid messages of the same names that report no solution.
     pub unsolved: BTreeMap<String, u64>,
-    /// Sound messages of other names.
+    /// Number of valid messages of other names.
     pub others: BTreeMap<String, u64>,
-    /// What is wrong, counted.
+    /// Number of faults of each kind.
     pub wrong: BTreeMap<Wrong, u64>,
-    /// The first of what is wrong.
+    /// The first faults.
     pub faults: Vec<Fault>,
-    /// Bytes that belong to no sound message.
+    /// Number of bytes outside valid messages.
     pub lost_bytes: u64,
-    /// All bytes.
+    /// Number of bytes of the file.
     pub bytes: u64,
-    /// By which clock times go.
+    /// Time scale of the records.
     pub clock: Clock,
-    /// Seconds by which GPS time is ahead of UTC, as the log says or as they were taken from the table to make GPS times of UTC.
+    /// Seconds by which GPS time is ahead of UTC: as the log states, or from the table that converted UTC to GPS time.
     pub leap_seconds_s: Option<i32>,
-    /// What else its reader should know.
+    /// Remarks for the reader.
     pub notes: BTreeSet<String>,
+    /// Possible errors of the records: assumptions and contradictions. Always show these to the user.
+    pub doubts: BTreeSet<String>,
 }
 
-impl Account {
-    /// How much is wrong, of any kind.
+impl ReadReport {
+    /// Number of faults of any kind.
     pub fn faulty(&self) -> u64 {
         self.wrong.values().sum()
     }
 
+    /// Number of messages that are truncated, damaged, or have an impossible value.
+    pub fn damaged(&self) -> u64 {
+        self.faulty() - self.disordered()
+    }
+
+    /// Number of records left out because their times do not ascend.
+    pub fn disordered(&self) -> u64 {
+        self.wrong.get(&Wrong::Disorder).copied().unwrap_or(0)
+    }
+
     pub(crate) fn fault(&mut self, fault: Fault) {
         *self.wrong.entry(fault.wrong).or_default() += 1;
-        if self.faults.len() < MOST_FAULTS {
+        if self.faults.len() < MAX_FAULTS {
             self.faults.push(fault);
         }
     }
 
-    /// Faults that were found apart.
-    pub(crate) fn add(&mut self, other: Account) {
+    /// Add the faults of another account.
+    pub(crate) fn add(&mut self, other: ReadReport) {
         for (wrong, count) in other.wrong {
             *self.wrong.entry(wrong).or_default() += count;
         }
-        let room = MOST_FAULTS - self.faults.len();
+        let room = MAX_FAULTS - self.faults.len();
         self.faults.extend(other.faults.into_iter().take(room));
+    }
+
+    pub(crate) fn doubt(&mut self, what: &str) {
+        if !self.doubts.contains(what) {
+            self.doubts.insert(what.to_owned());
+        }
     }
 
     pub(crate) fn note(&mut self, what: &str) {
@@ -108,7 +126,7 @@ impl Account {
     }
 }
 
-/// One more of a name.
+/// Count one more of a name.
 pub(crate) fn count(counts: &mut BTreeMap<String, u64>, name: &str) {
     match counts.get_mut(name) {
         Some(count) => *count += 1,
@@ -126,8 +144,8 @@ fn listed<'a>(counts: impl Iterator<Item = (&'a String, &'a u64)>) -> String {
     }
 }
 
-/// In some lines of text.
-impl std::fmt::Display for Account {
+/// Lines of text.
+impl std::fmt::Display for ReadReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "read: {}", listed(self.read.iter()))?;
         if !self.unsolved.is_empty() {
@@ -140,7 +158,7 @@ impl std::fmt::Display for Account {
         if self.faulty() > 0 {
             write!(
                 f,
-                "\nwrong: {} cut, {} with a wrong checksum, {} with values that cannot be, {} not in the order of time",
+                "\nwrong: {} cut, {} with a wrong checksum, {} with values that cannot be, {} with times that do not ascend",
                 of(Wrong::Cut),
                 of(Wrong::Checksum),
                 of(Wrong::Value),
@@ -161,7 +179,7 @@ impl std::fmt::Display for Account {
         if self.faulty() > told {
             write!(f, "\n  and {} more", self.faulty() - told)?;
         }
-        for note in &self.notes {
+        for note in self.doubts.iter().chain(&self.notes) {
             write!(f, "\n{note}")?;
         }
         Ok(())

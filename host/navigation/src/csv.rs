@@ -14,7 +14,7 @@
 //! | `sigma_` and any of these | its standard deviation | as of that |
 //!
 //! Units are all those of their dimension (`units`). Columns of other names are passed over, and told. Rows that lack a value or have one that is no
-//! number are counted, never fatal.
+//! number are counted, never fatal. Seconds of the day or of the GPS week that begin again go on in the next one ([`ReadReport::doubts`]).
 
 use std::io::{self, BufRead, Read};
 
@@ -23,7 +23,8 @@ use glam::DVec3;
 use subaperture_model::geometry::Geodetic;
 use subaperture_model::units::Dimension;
 
-use crate::account::{Account, Clock, Fault, Wrong, count};
+use crate::account::{Clock, Fault, ReadReport, Wrong, count};
+use crate::time::{DAY_S, WEEK_S};
 use crate::{Attitude, GpsTime, Kind, Place, Record};
 
 /// Bytes a line may have.
@@ -299,6 +300,45 @@ fn geodetic(place: DVec3) -> Result<Geodetic, String> {
     }
 }
 
+/// A clock whose seconds may be of the day or of the GPS week.
+#[derive(Default)]
+struct Wrapping {
+    last_s: Option<f64>,
+    added_s: f64,
+}
+
+impl Wrapping {
+    /// Seconds near the end of a day or week, and near the beginning of one.
+    const NEAR_S: f64 = 600.0;
+
+    /// Makes a time go on where seconds begin again; says so then.
+    fn follow(&mut self, seconds: &mut f64) -> Option<&'static str> {
+        let last_s = self.last_s.replace(*seconds);
+        let began = (0.0..Self::NEAR_S).contains(seconds);
+        let ended = |length_s: f64| {
+            let near = length_s - Self::NEAR_S..length_s + 1.0;
+            began && last_s.is_some_and(|last_s| near.contains(&last_s))
+        };
+        let (length_s, what) = match (ended(WEEK_S), ended(DAY_S)) {
+            (true, _) => (
+                WEEK_S,
+                "times fall at 604800 s: they are taken for seconds of the GPS week, and go on in the next one",
+            ),
+            (_, true) => (
+                DAY_S,
+                "times fall at 86400 s: they are taken for seconds of the day, and go on in the next one",
+            ),
+            _ => {
+                *seconds += self.added_s;
+                return None;
+            }
+        };
+        self.added_s += length_s;
+        *seconds += self.added_s;
+        Some(what)
+    }
+}
+
 /// Whether a line is a comment or empty.
 pub(crate) fn is_idle(line: &str) -> bool {
     let text = line.trim_start_matches('\u{feff}').trim();
@@ -315,12 +355,13 @@ pub(crate) enum Refused {
 pub(crate) fn each(
     mut stream: impl BufRead,
     take: &mut dyn FnMut(Record),
-) -> Result<Account, Refused> {
-    let mut account = Account {
+) -> Result<ReadReport, Refused> {
+    let mut account = ReadReport {
         clock: Clock::Own,
-        ..Account::default()
+        ..ReadReport::default()
     };
     let mut header: Option<Header> = None;
+    let mut clock = Wrapping::default();
     let mut bytes = Vec::new();
     for line in 1.. {
         bytes.clear();
@@ -352,8 +393,11 @@ pub(crate) fn each(
             (Ok(text), Some(header)) => header.record(text, byte),
         };
         match said {
-            Ok(record) => {
+            Ok(mut record) => {
                 count(&mut account.read, Kind::Csv.name());
+                if let Some(what) = clock.follow(&mut record.time.seconds) {
+                    account.doubt(what);
+                }
                 take(record);
             }
             Err(what) => {

@@ -1,28 +1,25 @@
-//! Where a radar was: logs of navigation receivers, and one track of them and of the radar's own motion.
+//! Logs of navigation receivers, and fusion of navigation with the radar's own motion.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `navigation`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation: module `navigation` of the crate `subaperture`.
 //!
 //! # Logs
-//! [`Log::read`] takes any of these, told by what they hold, and [`each`] hands on their records one by one, in memory that does not grow:
+//! [`Log::read`] reads any of these formats, recognised by their content. [`each`] passes on the records one by one, in constant memory:
 //!
-//! | format | what is read |
+//! | format | records read |
 //! |---|---|
-//! | NovAtel OEM7, ASCII or binary, long or short headers, CRC checked | `INSPVA(S)`, `INSPVAX`, `BESTPOS`, `BESTVEL`, `MARKPOS`, `MARKTIME` |
-//! | NMEA 0183, checksum checked | `GGA`, `RMC`, `ZDA`, `GST`, `VTG`, `HDT`, as one record a moment |
+//! | NovAtel OEM7, ASCII, abbreviated ASCII or binary, long or short headers, CRC checked where there is one | `INSPVA(S)`, `INSPVAX`, `BESTPOS`, `BESTVEL`, `MARKPOS`, `MARKTIME` |
+//! | NMEA 0183, checksum checked where talkers write one | `GGA`, `RMC`, `ZDA`, `GST`, `VTG`, `HDT`, as one record a moment |
 //! | SBET | all records |
 //! | comma-separated values, units in their header | time, place, velocity, attitude, standard deviations |
 //!
-//! The first two may come side by side in one file. **Damage** is counted and told ([`Account`]), never fatal as long as a record is left;
-//! [`Log::coverage`] says which times are lost with it.
+//! NovAtel and NMEA messages may alternate in one file. **Damage** is counted and reported ([`ReadReport`]) and never fatal while a record is left; [`Log::coverage`] lists the times lost with it. [`ReadReport::doubts`] lists assumptions
+//! about the records, and positions where no vehicle can be.
 //!
-//! **Conventions.** Places are on the Earth (WGS 84, heights above the ellipsoid) or in axes of the log's own ([`Place`]); velocities are
-//! along east, north and up; attitudes are those of navigators ([`Attitude`]), and what tracks here have for them is [`Record::fix`]. Times are GPS weeks
-//! and seconds ([`GpsTime`]), made of UTC by the leap seconds that the [`Account`] states.
+//! **Conventions.** Positions are on the Earth (WGS 84, ellipsoidal heights) or in local axes of the log ([`Place`]). Velocities are along east, north and up. Attitudes are roll, pitch and azimuth ([`Attitude`]); [`Record::fix`]
+//! converts them to those of tracks. Times are GPS weeks and seconds ([`GpsTime`]), converted from UTC by the leap seconds that the [`ReadReport`] states.
 //!
 //! # Fusion
-//! [`fuse`](fusion::fuse) makes one track of a log's positions, velocities and attitudes and of increments that the radar measured itself, by least
-//! squares over all of it.
+//! [`fuse`](fusion::fuse) estimates one track from a log's positions, velocities and attitudes and the radar's own increments of motion, by least squares over the whole time.
 #![forbid(unsafe_code)]
 
 mod account;
@@ -36,7 +33,7 @@ mod record;
 mod sbet;
 mod time;
 
-pub use account::{Account, Clock, Fault, Wrong};
+pub use account::{Clock, Fault, ReadReport, Wrong};
 pub use log::{Coverage, Gap, Log};
 pub use options::Options;
 pub use read::{Format, NavigationError, each, each_from};

@@ -1,4 +1,4 @@
-//! A whole log: its records, what they cover, and the track through them.
+//! Log in memory: records, coverage, and tracks.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -6,68 +6,74 @@ use std::path::Path;
 use glam::DVec3;
 
 use subaperture_model::geometry::SceneFrame;
-use subaperture_model::track::{Fix, TrackError};
+use subaperture_model::track::{Fix, TrackError, strays};
 
 use crate::read::{each, each_from};
-use crate::{Account, GpsTime, Kind, NavigationError, Options, Place, Record};
+use crate::{GpsTime, Kind, NavigationError, Options, Place, ReadReport, Record};
 
-/// Intervals of this many times the usual one are a gap.
+/// Intervals of this multiple of the usual one are a gap.
 const GAP: f64 = 1.5;
 
-/// Pairs of records of which it is seen whether velocities fit positions.
+/// Largest count of missing records: whole numbers of float64 end there.
+const MAX_MISSING: f64 = 9e15;
+
+/// Position steps up to this length are no jumps, metres.
+const FLOOR_M: f64 = 1.0;
+
+/// Largest number of record pairs on which velocities are compared with positions.
 const PAIRS: usize = 1000;
 
-/// A log, read.
+/// Log in memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
-    /// In the file's order; those of a kind ascend in time.
+    /// Records in the file's order; those of a kind ascend in time.
     pub records: Vec<Record>,
-    /// What was read and what was not.
-    pub account: Account,
+    /// Account of the file.
+    pub account: ReadReport,
 }
 
-/// A time without records of a kind.
+/// Gap in the records of a kind.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// The last record before.
+    /// Time of the last record before the gap.
     pub from: GpsTime,
-    /// The first after.
+    /// Time of the first record after the gap.
     pub to: GpsTime,
-    /// How many would have been between.
+    /// Number of missing records at the usual interval.
     pub missing: u64,
 }
 
-/// What a log holds of one kind.
+/// Coverage of a log by one kind of record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coverage {
-    /// Which.
+    /// Kind of the records.
     pub kind: Kind,
-    /// How many.
+    /// Number of records.
     pub records: usize,
-    /// How many have a place, a velocity and an attitude.
+    /// Numbers of records with a position, a velocity and an attitude.
     pub with: [usize; 3],
-    /// The first.
+    /// Time of the first record.
     pub from: GpsTime,
-    /// The last.
+    /// Time of the last record.
     pub to: GpsTime,
-    /// Seconds from one to the next, the median; 0 of one alone.
+    /// Median interval, seconds; 0 for one record.
     pub interval_s: f64,
-    /// Where more than half of an interval is missing; none of events.
+    /// Gaps of more than one and a half intervals; none for events.
     pub gaps: Vec<Gap>,
 }
 
 impl Log {
-    /// Reads a file of any format.
+    /// Read a file of any format.
     ///
     /// # Errors
-    /// [`NavigationError`]: damage is none, as long as something is left; it is in the account.
+    /// [`NavigationError`]. Damage is no error while a record is left: see the account.
     pub fn read(path: &Path, options: &Options) -> Result<Self, NavigationError> {
         let mut records = Vec::new();
         let account = each(path, options, |record| records.push(record))?;
         Ok(Self::new(records, account))
     }
 
-    /// [`Log::read`] of a stream; `path` is for errors.
+    /// [`Log::read`] for a stream; `path` is for error messages.
     ///
     /// # Errors
     /// As [`Log::read`].
@@ -81,11 +87,14 @@ impl Log {
         Ok(Self::new(records, account))
     }
 
-    fn new(records: Vec<Record>, account: Account) -> Self {
+    fn new(records: Vec<Record>, account: ReadReport) -> Self {
         let mut log = Self { records, account };
         for kind in Kind::ALL {
+            if let Some(what) = log.strays_named(kind) {
+                log.account.doubt(&what);
+            }
             if let Some(what) = log.misfit(kind) {
-                log.account.note(&what);
+                log.account.doubt(&what);
             }
         }
         log
@@ -98,7 +107,7 @@ impl Log {
             .filter(move |record| record.kind == kind)
     }
 
-    /// Kinds that there are, the one with the most of positions and attitudes first.
+    /// Kinds of the log, most positions and attitudes first.
     pub fn coverage(&self) -> Vec<Coverage> {
         let mut all: Vec<Coverage> = Kind::ALL
             .into_iter()
@@ -124,7 +133,7 @@ impl Log {
             (!event && intervals > GAP).then(|| Gap {
                 from: a.time,
                 to: b.time,
-                missing: (intervals.round() as u64).saturating_sub(1),
+                missing: (intervals.round().min(MAX_MISSING) as u64).saturating_sub(1),
             })
         };
         let how_many = |has: fn(&Record) -> bool| self.of(kind).filter(|r| has(r)).count();
@@ -143,7 +152,7 @@ impl Log {
         })
     }
 
-    /// Axes along east, north and up at the first place on the Earth; the log's own where its places are in such.
+    /// Frame along east, north and up at the first position on the Earth; the log's local axes where positions are local.
     pub fn frame(&self) -> Option<SceneFrame> {
         let place = self.records.iter().find_map(|record| record.place)?;
         Some(match place {
@@ -159,13 +168,12 @@ impl Log {
         })
     }
 
-    /// The records of one kind as fixes, times counted from `start`.
+    /// Records of one kind as fixes, with times counted from `start`.
     ///
-    /// Attitudes are kept where all have one.
+    /// Attitudes are kept if all records have one. Positions where no vehicle can be ([`strays`]) are left out.
     ///
     /// # Errors
-    /// [`TrackError`] if there is no record of this kind with a place, or its places are on the Earth and the frame is a local one, or the other
-    /// way around.
+    /// [`TrackError`] if there is no record of this kind with a position, or only one of positions and frame is on the Earth.
     pub fn fixes(
         &self,
         kind: Kind,
@@ -173,7 +181,13 @@ impl Log {
         start: GpsTime,
     ) -> Result<Vec<Fix>, TrackError> {
         let placed = || self.of(kind).filter(|record| record.place.is_some());
-        let mut fixes: Vec<Fix> = placed().filter_map(|r| r.fix(frame, start)).collect();
+        let strays = self.strays(kind);
+        let sound = (0..self.records.len()).filter(|n| strays.binary_search(n).is_err());
+        let mut fixes: Vec<Fix> = sound
+            .map(|n| &self.records[n])
+            .filter(|record| record.kind == kind)
+            .filter_map(|record| record.fix(frame, start))
+            .collect();
         if fixes.is_empty() {
             return Err(TrackError(match (placed().next(), frame) {
                 (None, _) => format!(
@@ -199,7 +213,47 @@ impl Log {
         Ok(fixes)
     }
 
-    /// Whether velocities of a kind are other than its positions move, in words.
+    /// Indices of the records of a kind at a position where no vehicle can be, ascending.
+    fn strays(&self, kind: Kind) -> Vec<usize> {
+        let Some(frame) = self.frame() else {
+            return Vec::new();
+        };
+        let placed = |n: &usize| {
+            let record = &self.records[*n];
+            let place = record.place.filter(|_| record.kind == kind)?;
+            Some((*n, record.time, place.in_frame(&frame)?))
+        };
+        let all: Vec<(usize, GpsTime, DVec3)> =
+            (0..self.records.len()).filter_map(|n| placed(&n)).collect();
+        let first = all.first().map_or(
+            GpsTime {
+                week: 0,
+                seconds: 0.0,
+            },
+            |one| one.1,
+        );
+        let times_s: Vec<f64> = all.iter().map(|(_, time, _)| time.since(first)).collect();
+        let positions_m: Vec<DVec3> = all.iter().map(|(.., place)| *place).collect();
+        let runs = strays(Some(&times_s), &positions_m, FLOOR_M);
+        runs.into_iter().flatten().map(|n| all[n].0).collect()
+    }
+
+    /// Description of these records.
+    fn strays_named(&self, kind: Kind) -> Option<String> {
+        let strays = self.strays(kind);
+        let first = strays.first()?;
+        Some(format!(
+            "{} of {} places of {} are where no vehicle can be, the first at {}: its track is without them",
+            strays.len(),
+            self.of(kind)
+                .filter(|record| record.place.is_some())
+                .count(),
+            kind.name(),
+            self.records[*first].time,
+        ))
+    }
+
+    /// Description of velocities of a kind that contradict its positions, if they do.
     fn misfit(&self, kind: Kind) -> Option<String> {
         let frame = self.frame()?;
         let moving = |record: &&Record| record.place.is_some() && record.velocity_m_s.is_some();
@@ -219,7 +273,7 @@ impl Log {
             let moved = b.place?.in_frame(&frame)? - a.place?.in_frame(&frame)?;
             let mean = (a.velocity_m_s? + b.velocity_m_s?) / 2.0;
             let expected = a.to_scene(&frame)? * mean;
-            // NMEA has no velocity upwards.
+            // NMEA has no vertical velocity.
             let level = DVec3::new(1.0, 1.0, 0.0);
             apart.push(((moved / seconds - expected) * level).length());
             speeds.push(expected.length());

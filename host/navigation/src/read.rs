@@ -1,30 +1,33 @@
-//! A log of any format, told by what it holds.
+//! Reading of logs in any format, recognised by content.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use crate::account::{Account, Fault, Wrong};
+use crate::account::{Fault, ReadReport, Wrong};
 use crate::csv::{self, Refused};
 use crate::options::Options;
-use crate::{GpsTime, Kind, Record, messages, sbet};
+use crate::{GpsTime, Kind, Place, Record, messages, sbet};
 
-/// Bytes by which a format is told.
+/// Bytes from which a format is recognised.
 const HEAD: u64 = 8192;
 
-/// Formats.
+/// Least time between records of a kind, seconds: receivers state nanoseconds.
+const MIN_STEP_S: f64 = 1e-9;
+
+/// Format of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// NovAtel's records in ASCII or binary, and NMEA sentences, side by side as they come.
+    /// NovAtel records in ASCII or binary and NMEA sentences, in any order.
     Messages,
-    /// Smoothed best estimate of trajectory.
+    /// Smoothed best estimate of trajectory (SBET).
     Sbet,
     /// Comma-separated values with units in their header.
     Csv,
 }
 
 impl Format {
-    /// That of a file that begins so (8192 bytes, or all there are).
+    /// Recognise the format from a file's first 8192 bytes, or all of them.
     fn of(head: &[u8]) -> Self {
         if sbet::begins(head) {
             return Self::Sbet;
@@ -36,7 +39,7 @@ impl Format {
         else {
             return Self::Messages;
         };
-        // NovAtel's lines are comments to others, or this.
+        // NovAtel lines may be comments of other formats.
         let first = line.trim_start_matches('\u{feff}').trim_start();
         let begins = first.bytes().next();
         let named = first.to_ascii_lowercase().contains("time");
@@ -47,46 +50,46 @@ impl Format {
     }
 }
 
-/// Why a log was not read.
+/// Reason why a log was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NavigationError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {path}: {source}")]
     Io {
-        /// File concerned.
+        /// Path of the file.
         path: PathBuf,
         /// Cause.
         source: io::Error,
     },
-    /// Its first line does not say what is in it.
+    /// The first line names no format.
     #[error("{path}: {what}")]
     Header {
-        /// File concerned.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong, and what would be right.
+        /// What was expected and what was found.
         what: String,
     },
-    /// Nothing in it can be trusted.
+    /// The file holds no valid record.
     #[error("{path}: no record of NovAtel (INSPVA, INSPVAX, BESTPOS, MARKPOS, MARKTIME), NMEA, SBET or CSV in {bytes} bytes\n{account}", bytes = account.bytes)]
     Nothing {
-        /// File concerned.
+        /// Path of the file.
         path: PathBuf,
         /// What was found instead.
-        account: Box<Account>,
+        account: Box<ReadReport>,
     },
 }
 
-/// Hands every record of a file to `take`, in its order, and says what was read and what was not. Records of a kind ascend in time; those that would not are
+/// Pass every record of a file to `take`, in the file's order, and return the account. Records of a kind ascend in time; others are counted and left out. Memory does not grow with the file.
 /// counted and left out. Memory does not grow with the file.
 ///
 /// # Errors
-/// [`NavigationError`]: damage is none, as long as something is left.
+/// [`NavigationError`]. Damage is no error while a record is left.
 pub fn each(
     path: &Path,
     options: &Options,
     take: impl FnMut(Record),
-) -> Result<Account, NavigationError> {
+) -> Result<ReadReport, NavigationError> {
     let file = File::open(path).map_err(|source| NavigationError::Io {
         path: path.to_owned(),
         source,
@@ -94,7 +97,15 @@ pub fn each(
     each_from(BufReader::new(file), path, options, take)
 }
 
-/// [`each`] of a stream; `path` is for errors.
+/// Whether the position is the default of receivers without a solution.
+fn is_nowhere(record: &Record) -> bool {
+    match record.place {
+        Some(Place::Earth(place)) => place.latitude_deg == 0.0 && place.longitude_deg == 0.0,
+        _ => false,
+    }
+}
+
+/// [`each`] for a stream; `path` is for error messages.
 ///
 /// # Errors
 /// As [`each`].
@@ -103,7 +114,7 @@ pub fn each_from(
     path: &Path,
     options: &Options,
     mut take: impl FnMut(Record),
-) -> Result<Account, NavigationError> {
+) -> Result<ReadReport, NavigationError> {
     let refused = |source| NavigationError::Io {
         path: path.to_owned(),
         source,
@@ -114,16 +125,28 @@ pub fn each_from(
     let format = Format::of(&head);
     let whole = io::Cursor::new(&head).chain(stream);
     let mut last = [None::<GpsTime>; Kind::ALL.len()];
-    let mut disorder = Account::default();
+    let mut disorder = ReadReport::default();
     let mut count = 0u64;
-    let mut in_order = |record: Record| {
+    let mut nowhere = 0u64;
+    let mut in_order = |mut record: Record| {
+        if is_nowhere(&record) {
+            nowhere += 1;
+            record.place = None;
+        }
         let last = &mut last[record.kind as usize];
         match *last {
-            Some(before) if record.time.since(before) <= 0.0 => disorder.fault(Fault {
+            Some(before) if record.time.since(before) < MIN_STEP_S => disorder.fault(Fault {
                 byte: record.byte,
                 line: None,
                 wrong: Wrong::Disorder,
-                what: format!("{} at {} after {before}", record.kind.name(), record.time),
+                what: match record.time.since(before) {
+                    step_s if step_s > 0.0 => format!(
+                        "{} at {before} and {step_s:e} s later: closer than {MIN_STEP_S:e} s",
+                        record.kind.name()
+                    ),
+                    0.0 => format!("{} at {before} a second time", record.kind.name()),
+                    _ => format!("{} at {} after {before}", record.kind.name(), record.time),
+                },
             }),
             _ => {
                 *last = Some(record.time);
@@ -144,6 +167,11 @@ pub fn each_from(
         })?,
     };
     account.add(disorder);
+    if nowhere > 0 {
+        account.doubt(&format!(
+            "{nowhere} records are at latitude 0, longitude 0, which stands for a place that is not known: their places are left out"
+        ));
+    }
     match count {
         0 => Err(NavigationError::Nothing {
             path: path.to_owned(),

@@ -1,4 +1,4 @@
-//! One moment of a log: where, how fast, how turned, each as well as it is known.
+//! Record of a log: position, velocity and attitude at one time, with standard deviations.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -7,7 +7,7 @@ use subaperture_model::track::{Fix, turned};
 
 use crate::GpsTime;
 
-/// What a record was made of.
+/// Message from which a record was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// NovAtel `INSPVA`, `INSPVAS`: inertial solution.
@@ -18,20 +18,20 @@ pub enum Kind {
     Bestpos,
     /// NovAtel `BESTVEL`: best velocity of the receiver, at the moment of which it is.
     Bestvel,
-    /// NovAtel `MARKPOS`: position at an event's mark.
+    /// NovAtel `MARKPOS`: position at an event mark.
     Markpos,
-    /// NovAtel `MARKTIME`: time of an event's mark, and nothing else.
+    /// NovAtel `MARKTIME`: time of an event mark only.
     Marktime,
-    /// All NMEA sentences of one moment.
+    /// NMEA sentences of one time together.
     Nmea,
-    /// A record of a smoothed best estimate of trajectory.
+    /// Record of an SBET.
     Sbet,
-    /// A row of comma-separated values.
+    /// Row of comma-separated values.
     Csv,
 }
 
 impl Kind {
-    /// All there are.
+    /// All kinds.
     pub const ALL: [Self; 9] = [
         Self::Inspva,
         Self::Inspvax,
@@ -44,7 +44,7 @@ impl Kind {
         Self::Csv,
     ];
 
-    /// Its name.
+    /// Name of the kind.
     pub fn name(self) -> &'static str {
         match self {
             Self::Inspva => "INSPVA",
@@ -60,17 +60,17 @@ impl Kind {
     }
 }
 
-/// Where something is.
+/// Position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// On the Earth (WGS 84), with the height above the ellipsoid.
+    /// On the Earth (WGS 84), with ellipsoidal height.
     Earth(Geodetic),
-    /// In axes of the log's own, metres: x, y, z.
+    /// In local axes of the log, metres: x, y, z.
     Local(DVec3),
 }
 
 impl Place {
-    /// In a scene's frame, metres; none where one is on the Earth and the other in axes of its own.
+    /// Position in a scene's frame, metres; `None` if only one of both is on the Earth.
     pub fn in_frame(&self, frame: &SceneFrame) -> Option<DVec3> {
         match (self, frame) {
             (Self::Earth(place), SceneFrame::Earth { .. }) => {
@@ -82,21 +82,21 @@ impl Place {
     }
 }
 
-/// How a vehicle is turned against north, east and the vertical, degrees.
+/// Attitude of a vehicle against north, east and the vertical, degrees.
 ///
-/// Turns are azimuth, then pitch, then roll. In axes of a log's own, x is taken for east and y for north.
+/// The rotations are azimuth, then pitch, then roll. In local axes, x stands for east and y for north.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attitude {
-    /// Right-handed about forward: right side down positive. `None` where only the heading is known.
+    /// Roll, right-handed about forward: right side down positive. `None` if only the heading is known.
     pub roll_deg: Option<f64>,
-    /// Right-handed about right: nose up positive.
+    /// Pitch, right-handed about right: nose up positive.
     pub pitch_deg: Option<f64>,
-    /// Clockwise from true north.
+    /// Azimuth, clockwise from true north.
     pub azimuth_deg: f64,
 }
 
 impl Attitude {
-    /// Turns body axes (x forward, y left, z up) into east, north and up; level where only the heading is known.
+    /// Rotation from body axes (x forward, y left, z up) to east, north and up; level if only the heading is known.
     pub fn to_east_north_up(&self) -> DQuat {
         let level = |angle_deg: Option<f64>| angle_deg.unwrap_or(0.0).to_radians();
         let yaw = (90.0 - self.azimuth_deg).to_radians();
@@ -104,24 +104,24 @@ impl Attitude {
     }
 }
 
-/// One moment of a log.
+/// Record of a log at one time.
 ///
-/// Velocities and standard deviations are those along east, north and up, or x, y and z of a log's own axes.
+/// Velocities and standard deviations are along east, north and up, or along x, y and z of local axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Record {
-    /// Where it begins in the file, in bytes.
+    /// Offset of the message in the file, bytes.
     pub byte: u64,
-    /// What it was made of.
+    /// Message from which the record was made.
     pub kind: Kind,
-    /// When.
+    /// Time.
     pub time: GpsTime,
-    /// Where; none of an event's time or a heading alone.
+    /// Position; `None` for an event's time or a heading alone.
     pub place: Option<Place>,
-    /// Standard deviation of the place, metres.
+    /// Standard deviation of the position, metres.
     pub place_sigma_m: Option<DVec3>,
-    /// Velocity, metres a second. NMEA has none upwards, which is 0 here.
+    /// Velocity, m/s. NMEA has no vertical velocity: it is 0.
     pub velocity_m_s: Option<DVec3>,
-    /// Standard deviation of the velocity, metres a second.
+    /// Standard deviation of the velocity, m/s.
     pub velocity_sigma_m_s: Option<DVec3>,
     /// Attitude.
     pub attitude: Option<Attitude>,
@@ -130,7 +130,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// One that says nothing but when.
+    /// Record with a time only.
     pub(crate) fn at(byte: u64, kind: Kind, time: GpsTime) -> Self {
         Self {
             byte,
@@ -145,7 +145,7 @@ impl Record {
         }
     }
 
-    /// What turns its east, north and up into a scene's axes; none where one of them is on the Earth and the other is not.
+    /// Rotation from east, north and up to a scene's axes; `None` if only one of both is on the Earth.
     pub fn to_scene(&self, frame: &SceneFrame) -> Option<DQuat> {
         match (self.place?, frame) {
             (Place::Earth(place), SceneFrame::Earth { .. }) => {
@@ -160,7 +160,7 @@ impl Record {
         }
     }
 
-    /// The record in a scene's frame, at a time counted from `start`; none without a place there.
+    /// Fix of a track in a scene's frame, with time counted from `start`; `None` without a position there.
     pub fn fix(&self, frame: &SceneFrame, start: GpsTime) -> Option<Fix> {
         let to_scene = self.to_scene(frame)?;
         Some(Fix {

@@ -2,7 +2,7 @@
 //!
 //! | number | is | unit |
 //! |---|---|---|
-//! | 0 | time | seconds of the GPS week, which is not named; going on past its end |
+//! | 0 | time | seconds of the GPS week, which is not named; going on past its end, or from 0 again |
 //! | 1, 2 | latitude, longitude | radians |
 //! | 3 | height above the ellipsoid | metres |
 //! | 4, 5, 6 | velocity along x and y of the wander frame, and up | metres a second |
@@ -24,7 +24,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use subaperture_model::geometry::Geodetic;
 
-use crate::account::{Account, Clock, Fault, Wrong, count};
+use crate::account::{Clock, Fault, ReadReport, Wrong, count};
+use crate::time::WEEK_S;
 use crate::{Attitude, GpsTime, Kind, Options, Place, Record};
 
 /// Bytes of a record.
@@ -83,14 +84,18 @@ pub(crate) fn begins(head: &[u8]) -> bool {
     match (plausible(head), head.get(RECORD..)) {
         (Some(_), Some([])) => true,
         (Some(first), Some(rest)) => {
-            plausible(rest).is_some_and(|next| follows(first[0], next[0], LONGEST_STEP_S))
+            plausible(rest).is_some_and(|next| follows(first[0], next[0], LONGEST_STEP_S).is_some())
         }
         _ => false,
     }
 }
 
-fn follows(before_s: f64, time_s: f64, longest_s: f64) -> bool {
-    time_s > before_s && time_s - before_s <= longest_s
+/// Weeks to add to `time_s` so that it comes after `before_s`, by `longest_s` at most: 0, or 1 where the seconds of the week began again.
+fn follows(before_s: f64, time_s: f64, longest_s: f64) -> Option<u32> {
+    [0, 1].into_iter().find(|&weeks| {
+        let step_s = time_s + f64::from(weeks) * WEEK_S - before_s;
+        step_s > 0.0 && step_s <= longest_s
+    })
 }
 
 /// Hands every record of a stream to `take`.
@@ -98,17 +103,19 @@ pub(crate) fn each(
     mut stream: impl BufRead,
     options: &Options,
     take: &mut dyn FnMut(Record),
-) -> io::Result<Account> {
-    let mut account = Account {
+) -> io::Result<ReadReport> {
+    let mut account = ReadReport {
         clock: match options.week {
             Some(_) => Clock::Gps,
             None => Clock::SecondsOfWeek,
         },
-        ..Account::default()
+        ..ReadReport::default()
     };
     let mut buffer = Vec::new();
     let mut from = 0;
     let mut last_s = None;
+    // Weeks that ended since the first record.
+    let mut weeks = 0u32;
     let mut lost = false;
     loop {
         if buffer.len() - from < 2 * RECORD {
@@ -133,12 +140,13 @@ pub(crate) fn each(
             return Ok(account);
         }
         let numbers = plausible(rest).filter(|numbers| match lost {
-            false => last_s.is_none_or(|last_s| follows(last_s, numbers[0], LONGEST_STEP_S)),
+            false => {
+                last_s.is_none_or(|last_s| follows(last_s, numbers[0], LONGEST_STEP_S).is_some())
+            }
             // Back in step: this one is followed by another, or the last.
             true => match rest.get(RECORD..2 * RECORD) {
-                Some(next) => {
-                    plausible(next).is_some_and(|next| follows(numbers[0], next[0], CLOSE_S))
-                }
+                Some(next) => plausible(next)
+                    .is_some_and(|next| follows(numbers[0], next[0], CLOSE_S).is_some()),
                 None => rest.len() == RECORD,
             },
         });
@@ -163,9 +171,16 @@ pub(crate) fn each(
             continue;
         };
         lost = false;
+        // After damage, too, a week ended if its seconds fell by more than half of one.
+        if last_s.is_some_and(|last_s: f64| last_s - numbers[0] > WEEK_S / 2.0) {
+            weeks = weeks.saturating_add(1);
+            account.note(
+                "seconds of the GPS week begin again: records after that are of the next week",
+            );
+        }
         last_s = Some(numbers[0]);
         count(&mut account.read, Kind::Sbet.name());
-        take(record(account.bytes, &numbers, options.week.unwrap_or(0)));
+        take(record(account.bytes, &numbers, options.week, weeks));
         from += RECORD;
         account.bytes += RECORD as u64;
     }
@@ -180,7 +195,7 @@ fn fault(byte: u64, wrong: Wrong, what: String) -> Fault {
     }
 }
 
-fn record(byte: u64, numbers: &[f64; 11], week: u32) -> Record {
+fn record(byte: u64, numbers: &[f64; 11], week: Option<u32>, ended: u32) -> Record {
     let &[
         time,
         latitude,
@@ -195,11 +210,13 @@ fn record(byte: u64, numbers: &[f64; 11], week: u32) -> Record {
         wander,
     ] = numbers;
     let (sin, cos) = libm::sincos(wander);
+    let time = time + f64::from(ended) * WEEK_S;
+    // Seconds of an unknown week go on past its end.
     let seconds = match week {
-        0 => time,
-        _ => time.rem_euclid(crate::time::WEEK_S),
+        None => time,
+        Some(_) => time.rem_euclid(WEEK_S),
     };
-    let weeks = ((time - seconds) / crate::time::WEEK_S).round() as u32;
+    let weeks = ((time - seconds) / WEEK_S).round() as u32;
     Record {
         place: Some(Place::Earth(Geodetic {
             latitude_deg: latitude.to_degrees(),
@@ -216,7 +233,7 @@ fn record(byte: u64, numbers: &[f64; 11], week: u32) -> Record {
             byte,
             Kind::Sbet,
             GpsTime {
-                week: week.saturating_add(weeks),
+                week: week.unwrap_or(0).saturating_add(weeks),
                 seconds,
             },
         )

@@ -1,14 +1,13 @@
-//! GPS time, and how it follows from dates of UTC.
+//! GPS time, and its conversion from UTC dates.
 
 /// Seconds of a week and of a day.
 pub(crate) const WEEK_S: f64 = 604_800.0;
 pub(crate) const DAY_S: f64 = 86_400.0;
 
-/// The first day of GPS weeks, 6 January 1980, in days since 1 January 1970.
+/// First day of GPS weeks, 6 January 1980, in days since 1 January 1970.
 const FIRST_DAY: i64 = 3657;
 
-/// Days (year, month, day) from which GPS time is ahead of UTC by one second more: the leap seconds since 1980. The
-/// last is of 2017; none was announced since.
+/// Dates (year, month, day) from which GPS time is ahead of UTC by one second more: the leap seconds since 1980. The last is of 2017; none has been announced since.
 const LEAPS: [(i64, i64, i64); 18] = [
     (1981, 7, 1),
     (1982, 7, 1),
@@ -30,23 +29,23 @@ const LEAPS: [(i64, i64, i64); 18] = [
     (2017, 1, 1),
 ];
 
-/// A moment of GPS time.
+/// GPS time.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct GpsTime {
     /// Weeks since 6 January 1980.
     pub week: u32,
-    /// Seconds of the week, 0 to 604800. By a clock of the log's own ([`crate::Clock`]) any number.
+    /// Seconds of the week, 0 to 604800. With a clock of the log's own ([`crate::Clock`]) any number.
     pub seconds: f64,
 }
 
 impl GpsTime {
-    /// Seconds from `earlier` to this moment.
+    /// Seconds from `earlier` to this time.
     pub fn since(&self, earlier: GpsTime) -> f64 {
         let weeks = f64::from(self.week) - f64::from(earlier.week);
         weeks * WEEK_S + (self.seconds - earlier.seconds)
     }
 
-    /// Of nanoseconds since the beginning of 1970 by UTC, as recordings have them; none before 1980. A leap second is the first of the next day.
+    /// From nanoseconds of UTC since 1 January 1970, as in recordings; `None` before 1980. A leap second counts as the first second of the next day.
     pub fn of_unix_ns(ns: i64) -> Option<Self> {
         const DAY_NS: i64 = 86_400_000_000_000;
         let day = ns.div_euclid(DAY_NS);
@@ -54,8 +53,7 @@ impl GpsTime {
         Self::of_utc(day, seconds, leap_seconds(day))
     }
 
-    /// Of a day of UTC, seconds of that day, and the leap seconds by which GPS is ahead; none before 1980 or after some millions of
-    /// weeks.
+    /// From a UTC day, seconds of that day, and the leap seconds by which GPS is ahead; `None` before 1980 or after some millions of weeks.
     pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
         let days = day - FIRST_DAY;
         let in_week = (days.rem_euclid(7) as f64) * DAY_S + seconds + f64::from(leap_s);
@@ -77,7 +75,7 @@ impl std::fmt::Display for GpsTime {
     }
 }
 
-/// Days since 1 January 1970 of a date of the Gregorian calendar; none where there is no such day.
+/// Days since 1 January 1970 of a Gregorian date; `None` for an invalid date.
 pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
     let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
     let longest = match month {
@@ -89,18 +87,18 @@ pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
     if !(1..=longest).contains(&day) {
         return None;
     }
-    // Years begin in March, so that a leap day is a year's last; 153 days are five months from March on.
+    // Years begin in March, so that a leap day is the last of its year; five months from March on have 153 days.
     let (y, m) = match month {
         1 | 2 => (year - 1, month + 9),
         _ => (year, month - 3),
     };
     let of_year = (153 * m + 2) / 5 + day - 1;
     let leaps = y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400);
-    // 719468 days are from 1 March of the year 0 to 1 January 1970.
+    // 719468 days from 1 March of year 0 to 1 January 1970.
     Some(y * 365 + leaps + of_year - 719_468)
 }
 
-/// By how many seconds GPS time is ahead of UTC on a day (days since 1 January 1970).
+/// Seconds by which GPS time is ahead of UTC on a day (days since 1 January 1970).
 pub(crate) fn leap_seconds(day: i64) -> i32 {
     let since = LEAPS
         .iter()

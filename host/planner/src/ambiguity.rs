@@ -1,25 +1,25 @@
-//! The ambiguity function of a pulse or of a burst of pulses, from its samples.
+//! Ambiguity function of a pulse or a pulse burst, from its samples.
 //!
 //! ```text
 //! chi(tau, f) = sum_t s(t) s*(t - tau) exp(+j 2 pi f t) / sum_t |s(t)|^2
 //! ```
 //!
-//! (Chim 2018, 2.1.2, with the energy divided out): the matched filter's output at delay `tau` for an echo with
-//! Doppler shift `f`. For a linear sweep of `B` hertz in `T` seconds, rate `k = B / T`,
+//! (Chim 2018, 2.1.2, normalised by the energy): the matched filter output at delay `tau` for an echo with
+//! Doppler shift `f`. For a linear FM pulse of bandwidth `B` and duration `T`, rate `k = B / T`,
 //!
 //! ```text
 //! |chi| = (1 - |tau| / T) |sinc((T - |tau|) (f + k tau))|
 //! ```
 //!
-//! which is (2.10) but for the energy (its `k` is twice the `alpha` of (2.3)): a ridge along `f = -k tau`,
-//! so a target that shifts by `f` is seen `f / k` early. The volume under `|chi|^2` is the same for all
-//! pulses: what is gained in one place is paid in another.
+//! which is (2.10) normalised by the energy (its `k` is twice the `alpha` of (2.3)): a ridge along `f = -k tau`,
+//! so that a Doppler shift `f` is measured as a delay error `-f / k` (range-Doppler coupling). The volume under `|chi|^2` is the same for all
+//! pulses.
 //!
-//! Delays are whole samples, `-(N - 1)` to `N - 1`; Doppler shifts are as asked for. Cost: a transform of `2 N` or
-//! so a Doppler shift. Memory: the result. Error: rounding of float64.
+//! Delays are whole samples, `-(N - 1)` to `N - 1`; Doppler shifts are arbitrary. **Cost** one FFT of about `2 N`
+//! per Doppler shift. **Memory** the result. **Error** float64 rounding.
 //!
-//! Neglected: the stretch of a pulse by Doppler (`2 v / c`), the sampling of chips (a chip is a whole number of
-//! samples, or is rounded to it).
+//! Neglected: Doppler scaling of the pulse (`2 v / c`), and chip lengths that are not whole numbers of
+//! samples, which are rounded.
 
 use std::f64::consts::{PI, TAU};
 
@@ -32,17 +32,17 @@ use subaperture_model::quantity::{hertz, seconds};
 use subaperture_model::radar::PulseShape;
 use subaperture_signal::fast_length::fast_length;
 
-/// A sampled waveform at baseband.
+/// Sampled waveform at baseband.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampled {
     /// Complex samples.
     pub samples: Vec<Complex64>,
-    /// Samples a second.
+    /// Sampling rate, hertz.
     pub rate_hz: f64,
 }
 
 impl Sampled {
-    /// A pulse sampled at `rate_hz`, at the middle of each sampling interval.
+    /// Pulse sampled at `rate_hz`, at the centre of each sampling interval.
     pub fn pulse(shape: &PulseShape, rate_hz: f64) -> Self {
         let samples = match shape {
             PulseShape::Lfm {
@@ -68,7 +68,7 @@ impl Sampled {
         Self { samples, rate_hz }
     }
 
-    /// This pulse `count` times, `pri_s` apart (at least its length, else pulses follow without a gap).
+    /// Burst of `count` of this pulse with the interval `pri_s`, seconds; intervals shorter than the pulse are extended to its length.
     pub fn burst(&self, count: usize, pri_s: f64) -> Self {
         let period = ((pri_s * self.rate_hz).round() as usize).max(self.samples.len());
         let mut samples = vec![Complex64::ZERO; period * count.saturating_sub(1)];
@@ -85,21 +85,21 @@ impl Sampled {
     }
 }
 
-/// `|chi|` over Doppler shift and delay.
+/// Ambiguity function magnitude `|chi|` over Doppler shift and delay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ambiguity {
     /// Doppler shifts, hertz.
     pub dopplers_hz: Vec<f64>,
-    /// Delays on either side of zero, samples.
+    /// Largest delay, samples.
     pub reach: usize,
     /// Samples a second.
     pub rate_hz: f64,
-    /// Magnitudes, Doppler shift by Doppler shift, `2 reach + 1` delays each, ascending.
+    /// Magnitudes per Doppler shift, `2 reach + 1` delays each, ascending.
     pub magnitudes: Vec<f64>,
 }
 
 impl Ambiguity {
-    /// Of `waveform` at `dopplers_hz`. Empty if the waveform is.
+    /// Compute for `waveform` at `dopplers_hz`. Empty for an empty waveform.
     pub fn new(waveform: &Sampled, dopplers_hz: &[f64]) -> Self {
         let count = waveform.samples.len();
         let reach = count.saturating_sub(1);
@@ -138,10 +138,10 @@ impl Ambiguity {
         }
     }
 
-    /// The delays at one Doppler shift.
+    /// Magnitudes over delay at one Doppler shift.
     ///
     /// # Panics
-    /// If there is no such shift.
+    /// If `doppler` is out of range.
     pub fn cut(&self, doppler: usize) -> &[f64] {
         let width = 2 * self.reach + 1;
         &self.magnitudes[doppler * width..(doppler + 1) * width]
@@ -153,10 +153,10 @@ impl Ambiguity {
     }
 }
 
-/// Powers around the peak, for a picture.
+/// Ambiguity function around its peak, for a plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Around {
-    /// `|chi|^2`, dB, Doppler shift by Doppler shift.
+    /// `|chi|^2` per Doppler shift, dB.
     pub levels_db: Vec<f32>,
     /// Doppler shifts, hertz.
     pub dopplers_hz: Axis,
@@ -164,25 +164,25 @@ pub struct Around {
     pub delays_s: Axis,
 }
 
-/// Resolution cells, `1 / B` of delay and `1 / T` of Doppler, shown on either side of the peak: all the delays of
-/// a Barker code of 13 chips.
+/// Half-size of the plot, resolution cells (`1 / B` in delay, `1 / T` in Doppler): all delays of
+/// a Barker-13 code.
 const CELLS: usize = 13;
-/// Values a resolution cell.
+/// Samples per resolution cell.
 const FINENESS: usize = 8;
-/// Largest product of bandwidth and length: more samples than that take minutes.
-pub const MOST_CELLS: f64 = 2e4;
+/// Largest time-bandwidth product; more would take minutes.
+pub const MAX_CELLS: f64 = 2e4;
 
 impl Around {
-    /// The peak of `shape`'s ambiguity function.
+    /// Ambiguity function of `shape` around its peak.
     ///
     /// # Errors
-    /// A sentence, if bandwidth times length is above [`MOST_CELLS`], or either not positive.
+    /// A message, if the time-bandwidth product is above [`MAX_CELLS`], or bandwidth or duration is not positive.
     pub fn peak(shape: &PulseShape) -> Result<Self, String> {
         let (bandwidth_hz, duration_s) = (shape.bandwidth_hz(), shape.duration_s());
         let cells = bandwidth_hz * duration_s;
-        if !(bandwidth_hz > 0.0 && duration_s > 0.0 && cells <= MOST_CELLS) {
+        if !(bandwidth_hz > 0.0 && duration_s > 0.0 && cells <= MAX_CELLS) {
             return Err(format!(
-                "a pulse of {} and {}: their product must be above 0 and at most {MOST_CELLS}; give a shorter one",
+                "pulse of {} and {}: expected a time-bandwidth product above 0 and at most {MAX_CELLS}; use a shorter pulse",
                 hertz(bandwidth_hz),
                 seconds(duration_s)
             ));
@@ -197,7 +197,7 @@ impl Around {
         let dopplers_hz = axis(1.0 / (FINENESS as f64 * duration_s), half);
         let pulse = Sampled::pulse(shape, rate_hz);
         let delays = half.min(pulse.samples.len() - 1);
-        // A shift at a time: all delays of all shifts would take gigabytes.
+        // One shift at a time: all delays of all shifts would need gigabytes.
         let levels_db = (0..dopplers_hz.count).into_par_iter().flat_map_iter(|i| {
             let ambiguity = Ambiguity::new(&pulse, &[dopplers_hz.at(i)]);
             let shown = &ambiguity.cut(0)[ambiguity.reach - delays..=ambiguity.reach + delays];
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_linear_sweep_is_chims_2_10() {
+    fn linear_fm_ambiguity_agrees_with_chim_2_10() {
         let (t, k) = (5e-6, 4e12);
         let dopplers_hz = [0.0, 1e6, -3.3e6];
         let chi = Ambiguity::new(&lfm(), &dopplers_hz);
@@ -246,15 +246,15 @@ mod tests {
                 let x = PI * (t - tau.abs()) * (doppler_hz + k * tau);
                 let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
                 let expected = ((1.0 - tau.abs() / t) * sinc).abs();
-                // A sum for an integral: the sum's sinc is periodic in the sampling rate, and errs by
-                // (pi (f + k tau) / rate)^2 / 6 of itself, which is 2.1e-2 of at most 1/x at the far end: 3e-3
-                // of the peak at most, as the sinc is 1 / x itself.
+                // Sum instead of integral: its sinc is periodic in the sampling rate, with a relative error of
+                // (pi (f + k tau) / rate)^2 / 6, which is 2.1e-2 of at most 1/x at the far end: 3e-3
+                // of the peak at most, because the sinc itself is 1 / x.
                 assert!(
                     (value - expected).abs() < 3e-3,
                     "{doppler_hz} {tau}: {value} {expected}"
                 );
             }
-            // The ridge: earlier by f / k, to a sample.
+            // Ridge: earlier by f / k, within one sample.
             let cut = chi.cut(d);
             let peak = (0..cut.len())
                 .max_by(|&a, &b| cut[a].total_cmp(&cut[b]))
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn the_volume_is_the_same_for_all() {
+    fn ambiguity_volume_is_independent_of_waveform() {
         // Over one period of Doppler in at least as many steps as samples, the sum of |chi|^2 over delays and
         // the mean over Doppler is exactly sum_tau sum_t |s(t)|^2 |s(t - tau)|^2 / E^2 = 1 (Parseval).
         for waveform in [lfm(), barker_13(), barker_13().burst(3, 3e-6)] {
@@ -282,10 +282,10 @@ mod tests {
     }
 
     #[test]
-    fn barker_13_has_side_lobes_of_one_in_thirteen() {
+    fn barker_13_sidelobes_are_one_thirteenth() {
         let chi = Ambiguity::new(&barker_13(), &[0.0]);
         let cut = chi.cut(0);
-        // 8 samples a chip: the main lobe is a triangle of a chip on either side.
+        // 8 samples per chip: the main lobe is a triangle of one chip on either side.
         assert_eq!(chi.reach, 103);
         let side = cut[103 + 8..].iter().copied().fold(0.0, f64::max);
         let side_db = 20.0 * side.log10();
@@ -296,10 +296,10 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_is_ambiguous_at_its_period_and_sharp_in_doppler() {
+    fn burst_repeats_at_pri_and_resolves_doppler() {
         let (count, pri_s) = (8, 20e-6);
         let burst = lfm().burst(count, pri_s);
-        // Nulls of Doppler at 1 / (count pri), copies at 1 / pri, lower by the pulse's own pattern.
+        // Doppler nulls at 1 / (count pri); ambiguities at 1 / pri, lower by the pulse's own response.
         let dopplers_hz = [0.0, 1.0 / (count as f64 * pri_s), 1.0 / pri_s];
         let chi = Ambiguity::new(&burst, &dopplers_hz);
         let period = (pri_s * 200e6) as usize;
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surroundings_of_the_peak_are_the_closed_form() {
+    fn ambiguity_near_peak_agrees_with_closed_form() {
         let shape = PulseShape::Lfm {
             bandwidth_hz: 20e6,
             duration_s: 5e-6,
@@ -334,7 +334,7 @@ mod tests {
             let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
             let expected = left_s / 5e-6 * sinc.abs();
             let got = 10f64.powf(f64::from(level_db) / 20.0);
-            // A sum at 8 samples a cell for an integral: 5e-6 of a sweep twice as long.
+            // Sum at 8 samples per cell instead of an integral: 5e-6 for a sweep twice as long.
             assert!((got - expected).abs() < 1e-4, "{f} {tau}: {got} {expected}");
         }
         let long = PulseShape::Lfm {

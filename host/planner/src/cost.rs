@@ -1,43 +1,43 @@
-//! What an image former takes for a collection, and memory as the thesis counts it.
+//! Memory and operations of image formers, and memory by the thesis's count.
 //!
-//! [`FormerCost`] is what a former counts of what it decides ([`subaperture_focus::cost`]): its own folder has the formula.
+//! [`FormerCost`] is the former's own count for its plan ([`subaperture_focus::cost`]); the former's module has the formula.
 //!
-//! [`ThesisMemory`] counts as Schone 2020, 5.2: complex float64 (16 bytes), range padded tenfold.
+//! [`ThesisMemory`] follows Schone 2020, 5.2: complex float64 (16 bytes), range padded tenfold.
 //!
 //! ```text
 //! profile 16 (10 K)      map 16 (10 K) D      image 16 P      range and Doppler 2 8 P      line of sight 3 16 P
 //! ```
 //!
-//! for `P` pixels, pulses of `K` frequencies and maps of `D` Doppler bins. The last is his "nearly 20 GB" for 400 million pixels:
-//! 19.2 GB at 16 bytes a component. As real numbers, which they are, a vector takes 9.6 GB; so counted, 20 GB hold it and the
+//! for `P` pixels, pulses of `K` frequencies and maps of `D` Doppler bins. The last is the thesis's "nearly 20 GB" for 400 million pixels:
+//! 19.2 GB at 16 bytes per component. With real components a vector takes 9.6 GB; 20 GB would then hold it and the
 //! pixels' positions.
 
 use serde::Serialize;
 
-use subaperture_focus::cost::{Buffer, Each};
-use subaperture_focus::{Aim, Asked, FormError, ImageFormer, Misses};
+use subaperture_focus::cost::{Buffer, Copies};
+use subaperture_focus::{BoundPolicy, ErrorGoal, FormError, ImageFormer, ImageSpec};
 use subaperture_model::monitor::Silent;
 
 /// Range upsampling of the thesis.
 const THESIS_RANGE_PADDING: usize = 10;
 
-/// Bytes as the thesis counts them.
+/// Memory by the thesis's count, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct ThesisMemory {
-    /// An upsampled range profile: all that backprojection holds beside the image.
+    /// Upsampled range profile: the memory of backprojection apart from the image.
     pub profile_bytes: u128,
-    /// A range-Doppler map.
+    /// Range-Doppler map of a sub-CPI.
     pub map_bytes: u128,
-    /// The image.
+    /// Complex image on a grid.
     pub image_bytes: u128,
-    /// Range and Doppler of every pixel.
+    /// Range and Doppler of all pixels.
     pub range_and_doppler_bytes: u128,
-    /// Line of sight to every pixel.
+    /// Line of sight of all pixels.
     pub line_of_sight_bytes: u128,
 }
 
 impl ThesisMemory {
-    /// For `frequencies` a pulse, maps padded to `doppler_length`, and `pixels`.
+    /// Count for `frequencies` per pulse, maps padded to `doppler_length`, and `pixels`.
     pub fn new(frequencies: usize, doppler_length: usize, pixels: u64) -> Self {
         let profile_bytes = 16 * THESIS_RANGE_PADDING as u128 * frequencies as u128;
         let pixels = u128::from(pixels);
@@ -51,50 +51,50 @@ impl ThesisMemory {
     }
 }
 
-/// The work to be done.
+/// Problem size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Work {
-    /// Frequencies a pulse.
+    /// Frequencies per pulse.
     pub frequencies: usize,
-    /// Pulses.
+    /// Number of pulses.
     pub pulses: usize,
-    /// Pixels.
+    /// Number of pixels.
     pub pixels: u64,
 }
 
-/// What one former takes, as it decides by its settings.
+/// Cost of one image former with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FormerCost {
-    /// Its name.
+    /// Name of the algorithm.
     pub algorithm: String,
     /// Planned relative RMS error of the image, dB.
     pub planned_db: f64,
-    /// Buffers and their bytes, one thread's, the image first.
+    /// Buffers of one thread, bytes; the image first.
     pub memory: Vec<Buffer>,
-    /// Sum of the buffers.
+    /// Sum of the buffers, bytes.
     pub total_bytes: u64,
-    /// Real operations for the image.
+    /// Real arithmetic operations for the image.
     pub operations: f64,
-    /// Operations for each pixel and pulse.
+    /// Real arithmetic operations per pixel and pulse.
     pub per_pixel_and_pulse: f64,
 }
 
 impl FormerCost {
-    /// Of `former` for the image of `aim`, whatever error that means.
+    /// Cost of `former` for the image of `spec`, whatever its error.
     ///
     /// # Errors
-    /// [`FormError`] if that does not suit it.
-    pub fn of(former: &dyn ImageFormer, aim: &Aim, name: String) -> Result<Self, FormError> {
-        let any = Asked {
+    /// [`FormError`] if the former cannot form the image.
+    pub fn of(former: &dyn ImageFormer, spec: &ImageSpec, name: String) -> Result<Self, FormError> {
+        let any = ErrorGoal {
             bound_db: None,
-            misses: Misses::Allowed,
+            bound_policy: BoundPolicy::Allowed,
         };
-        let decision = former.decide(aim, &any, &Silent)?;
-        let (pixels, pulses) = (aim.grid.num_pixels(), aim.collection.pulses.len());
+        let decision = former.decide(spec, &any, &Silent)?;
+        let (pixels, pulses) = (spec.grid.num_pixels(), spec.collection.pulses.len());
         let cost = decision.cost;
         let image = Buffer {
             name: "image".into(),
-            each: Each::Pixels,
+            each: Copies::Pixels,
             bytes: 8 * pixels,
         };
         Ok(Self {
@@ -113,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn section_5_2_is_reproduced() {
+    fn thesis_memory_agrees_with_section_5_2() {
         // 21,232 frequencies x 10 = 212,320 bins of 16 bytes: "about 3.4 MB"; by 512: 1.74 GB; by 8192: 27.83 GB;
         // 400 million pixels: 6.4 GB, 6.4 GB, "nearly 20 GB".
         let short = ThesisMemory::new(21_232, 512, 400_000_000);

@@ -1,36 +1,41 @@
-//! How long an image will take: the very former forms the middle of it from pulses in the middle of the recording
-//! ([`subaperture_focus::forecast`]), operations by its own account of what it decides
-//! ([`subaperture_focus::cost`]).
+//! Forecast of processing time: the former forms the centre of the image from pulses in the middle of the recording
+//! ([`subaperture_focus::forecast`]); the time is scaled by the former's operation count
+//! ([`subaperture_focus::cost`]), with the operations of comparing the image with the exact sum.
 
-use subaperture_focus::forecast::{Forecast, Whole, fewer, grow};
-use subaperture_focus::{Aim, Cost, FormError, ImageFormer, Misses, SCRATCH_BYTES, Task};
+use subaperture_focus::accuracy::comparison_operations;
+use subaperture_focus::forecast::{Forecast, WorkSize, fewer, grow};
+use subaperture_focus::{BoundPolicy, Cost, FormError, ImageFormer, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Stretch, Weights};
+use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_signal::window::Window;
 
-/// Most samples of a part: reading more takes time itself.
-const MOST_SAMPLES: usize = 1 << 22;
+/// Largest number of samples in the trial; reading more takes time itself.
+const MAX_SAMPLES: usize = 1 << 22;
 
-/// Fewest pulses of a part, if there are so many.
-const FEWEST_PULSES: usize = 64;
+/// Smallest number of pulses in the trial, if the recording has as many.
+const MIN_PULSES: usize = 64;
 
-/// What `task` takes, whatever error that means. `None` of one that the former refuses: forming it says why.
+/// Cost of `task`, whatever its error. `None` if the former refuses the task; forming it gives the reason.
 pub fn cost(former: &dyn ImageFormer, task: &Task) -> Option<Cost> {
-    let aim = Aim {
-        collection: task.history.collection(),
-        grid: task.grid,
-        weights: task.weights,
-        scratch_bytes: SCRATCH_BYTES,
-        means: task.means,
-    };
-    let decision = former.decide(&aim, &former.asked(Misses::Allowed), task.monitor);
+    let decision = former.decide(
+        &task.spec(),
+        &former.goal(BoundPolicy::Allowed),
+        task.monitor,
+    );
     Some(decision.ok()?.cost)
 }
 
-/// Measures a part of `task` and says how long all of it will take. `None` where it could not be formed: then the whole says why.
+/// Real operations of `task` in all, by its plan's `cost`: those of the plan, and those of comparing the image with the exact sum in two
+/// passes over the pulses.
+pub fn operations(task: &Task, cost: &Cost) -> f64 {
+    (cost.operations + comparison_operations(&task.spec())).max(1.0)
+}
+
+/// Time a part of `task` and extrapolate to the whole. `None` if the part could not be formed; forming the task gives the reason.
 ///
 /// # Errors
-/// [`FormError::Cancelled`].
+/// [`FormError::Cancelled`] if the monitor cancels.
 pub fn forecast(former: &dyn ImageFormer, task: &Task) -> Result<Option<Forecast>, FormError> {
     match cost(former, task) {
         Some(cost) => forecast_of(former, task, &cost),
@@ -38,10 +43,10 @@ pub fn forecast(former: &dyn ImageFormer, task: &Task) -> Result<Option<Forecast
     }
 }
 
-/// The same of a task that takes `cost`.
+/// As [`forecast`], for a task of known cost.
 ///
 /// # Errors
-/// [`FormError::Cancelled`].
+/// [`FormError::Cancelled`] if the monitor cancels.
 pub fn forecast_of(
     former: &dyn ImageFormer,
     task: &Task,
@@ -49,18 +54,27 @@ pub fn forecast_of(
 ) -> Result<Option<Forecast>, FormError> {
     let collection = task.history.collection();
     let (all, width) = (collection.pulses.len(), collection.num_samples.max(1));
-    let whole = Whole {
-        operations: cost.operations.max(1.0),
+    let whole = WorkSize {
+        operations: operations(task, cost),
         pulses: all,
-        few_pulses: all.min((MOST_SAMPLES / width).max(FEWEST_PULSES)),
+        few_pulses: all.min((MAX_SAMPLES / width).max(MIN_PULSES)),
     };
     grow(&whole, task.monitor, |size| {
         let first = (all - size.pulses) / 2;
         let part = Stretch::new(task.history, first..first + size.pulses);
         let grid = middle_of(task.grid, size.side);
-        let weights = Weights {
-            fast: task.weights.fast.clone(),
-            slow: task.weights.slow[part.pulses()].to_vec(),
+        let weights = match &task.weights.lit {
+            None => Weights {
+                fast: task.weights.fast.clone(),
+                slow: task.weights.slow[part.pulses()].to_vec(),
+                lit: None,
+            },
+            // The blocks of the part; windows take no time.
+            Some(_) => {
+                let collection = part.collection();
+                let weights = former.weights(collection, &grid, Window::None, Window::None);
+                weights.ok()?
+            }
         };
         let part_task = Task {
             history: &part,
@@ -68,7 +82,7 @@ pub fn forecast_of(
             weights: &weights,
             ..*task
         };
-        let operations = self::cost(former, &part_task)?.operations.max(1.0);
+        let operations = operations(&part_task, &self::cost(former, &part_task)?);
         let form = move |monitor: &dyn Monitor| {
             let part_task = Task {
                 history: &part,
@@ -77,14 +91,16 @@ pub fn forecast_of(
                 monitor,
                 ..*task
             };
-            // How well is no matter here.
-            former.form_asked(&part_task, Misses::Allowed).map(drop)
+            // The error of the trial does not matter.
+            former
+                .form_asked(&part_task, BoundPolicy::Allowed)
+                .map(drop)
         };
         Some((operations, form))
     })
 }
 
-/// The middle of a grid, `side` of each of its sides.
+/// Central part of a grid, a fraction `side` of each side.
 fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     let middle = |axis: Axis| {
         let count = fewer(axis.count, side);

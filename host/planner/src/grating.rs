@@ -1,26 +1,26 @@
-//! Grating lobes of range-Doppler backprojection in the thesis's mode, from geometry alone.
+//! Grating lobes of range-Doppler backprojection in the thesis's mode, predicted from geometry.
 //!
-//! Sub-CPI `s` of `M` pulses takes the path to a point as a straight line in slow time, `a_s(p) +
-//! b_s(p) u`, `u_m = m - (M - 1) / 2` (Schone 2020, (2.18)). With `e_m` metres what that line leaves of
-//! the path to a scatterer at `q`, the image of it is an array of sub-CPIs (S 4.1.2), each with a
-//! pattern of its own:
+//! Sub-CPI `s` of `M` pulses approximates the path to a point as linear in slow time, `a_s(p) +
+//! b_s(p) u`, `u_m = m - (M - 1) / 2` (Schone 2020, (2.18)). With the residual `e_m`, metres, of that line from
+//! the path to a scatterer at `q`, its image is an array of sub-CPIs (S 4.1.2), each with its
+//! own element pattern:
 //!
 //! ```text
 //! I(p) = 1/N sum_s  A(a_s(p) - a_s(q))  E_s(b_s(p) - b_s(q))
-//! A(a) = exp(+j 2 pi f_c a / c) 1/K sum_k exp(+j 2 pi (k - K/2) step a / c)     range response, at its place
+//! A(a) = exp(+j 2 pi f_c a / c) 1/K sum_k exp(+j 2 pi (k - K/2) step a / c)     range response
 //! E(b) = sum_m exp(+j 2 pi f_c (b u_m - e_m) / c)                               element pattern
 //! ```
 //!
-//! On a straight track, pulses `d` apart, the array factor `sum_s A` repeats where the path changes by a
-//! wavelength from sub-CPI to sub-CPI, `D = M d` apart:
+//! On a straight track with pulse spacing `d`, the array factor `sum_s A` repeats where the path changes by one
+//! wavelength between sub-CPIs, `D = M d` apart:
 //!
 //! ```text
 //! x_k = k lambda R / (2 D)
 //! ```
 //!
-//! the lobes of a physical array with elements `2 D` apart (Figure 4.5). There `b u f_c / c` is `k u / M`, so
-//! `E` would be a sum over `k` whole turns: zero. A path that were the line had no grating lobes.
-//! What fills the nulls is `e_m = d^2 u^2 / R`. To first order in the phase at the sub-CPI's edge,
+//! the grating lobes of a physical array with element spacing `2 D` (Figure 4.5). There `b u f_c / c` is `k u / M`, so
+//! for a linear path `E` would be a sum over `k` whole turns: zero, no grating lobes.
+//! The residual `e_m = d^2 u^2 / R` fills the nulls. To first order in the phase at the sub-CPI's edge,
 //! `phi = 2 pi (D/2)^2 / (lambda R)`,
 //!
 //! ```text
@@ -28,26 +28,25 @@
 //! ```
 //!
 //! (-20.9 dB for 52 pulses on Table 4.1, 12 dB less for every doubling of `k` and 12 dB more for every
-//! doubling of `M`). The sub-CPI's own range migration, seen from a point off the
-//! scatterer, takes the rest: at `x_k` the ends of an aperture of length `L` see the scatterer `L x_k / R` of path
-//! away from the point, and the mean over the aperture of the range response is
+//! doubling of `M`). Range migration of the scatterer relative to the point reduces the lobe further: at `x_k`, over an
+//! aperture of length `L`, the path difference changes by `L x_k / R`, and the mean of the range response over the aperture is
 //!
 //! ```text
 //! Si(pi w) / (pi w),   w = B L x_k / (R c)
 //! ```
 //!
-//! (-0.2, -0.8, -1.8 dB for the first three). [`lobe_level`] is the product, [`PointResponse`] the sum itself
+//! (-0.2, -0.8, -1.8 dB for the first three). [`lobe_level`] is the product; [`PointResponse`] evaluates the sum
 //! on a recorded track.
 //!
-//! A recording whose phases are compensated to a point, pulse by pulse, has only the differential `e_m` left
-//! and lobes as much lower.
+//! In a recording compensated to a point pulse by pulse, only the differential `e_m` remains,
+//! and the lobes are lower accordingly.
 //!
-//! Neglected: Keystone's truncated edges (-50 dB or so), the dependence of `e_m`'s phase on frequency (half the
-//! relative bandwidth), zero padding and bilinear reading (-60 dB).
+//! Neglected: truncated edges of the Keystone transform (about -50 dB), the dependence of `e_m`'s phase on frequency (half the
+//! relative bandwidth), zero padding and bilinear interpolation (-60 dB).
 //!
-//! Accuracy: `tests/planning/radar.rs` forms the image. With 20 sub-CPIs of Table 4.1 the first three lobes (-21.1, -33.6 and
-//! -41.7 dB) lie within 0.1 m and 0.4 dB of both predictions; with 10 and 8 sub-CPIs (-8.4 and -3.7 dB, the thesis's
-//! "slightly less than 4 dB") within 0.1 dB of the sum. Below -48 dB what is neglected shows.
+//! **Accuracy** `tests/planning/radar.rs` forms the image. With 20 sub-CPIs of Table 4.1 the first three lobes (-21.1, -33.6 and
+//! -41.7 dB) are within 0.1 m and 0.4 dB of both predictions; with 10 and 8 sub-CPIs (-8.4 and -3.7 dB, the thesis's
+//! "slightly less than 4 dB") within 0.1 dB of the sum. Below -48 dB the neglected terms dominate.
 
 use std::f64::consts::{PI, TAU};
 
@@ -58,10 +57,10 @@ use serde::Serialize;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Band, Collection, Pulse};
 
-/// A predicted grating lobe.
+/// Predicted grating lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Lobe {
-    /// 1 for the first on either side.
+    /// Order; 1 is the first on either side.
     pub order: usize,
     /// Distance from the scatterer in cross-range, metres.
     pub cross_range_m: f64,
@@ -69,7 +68,7 @@ pub struct Lobe {
     pub level_db: f64,
 }
 
-/// The geometry of a broadside pass along a straight line.
+/// Geometry of a straight broadside pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pass {
     /// Wavelength at the reference frequency, metres.
@@ -78,14 +77,14 @@ pub struct Pass {
     pub bandwidth_hz: f64,
     /// Slant range at closest approach, metres.
     pub range_m: f64,
-    /// Distance from pulse to pulse, metres.
+    /// Pulse spacing, metres.
     pub spacing_m: f64,
-    /// Pulses in all.
+    /// Number of pulses.
     pub num_pulses: usize,
 }
 
-/// Grating lobe `order` for sub-CPIs of `sub_cpi` pulses by the closed form at the head of this module: for
-/// phases at the sub-CPI's edge below a radian or so.
+/// Grating lobe `order` for sub-CPIs of `sub_cpi` pulses by the closed form at the head of this module; valid for
+/// phases at the sub-CPI's edge below about one radian.
 pub fn lobe_level(pass: &Pass, sub_cpi: usize, order: usize) -> Lobe {
     let length_m = sub_cpi as f64 * pass.spacing_m;
     let k = order as f64;
@@ -100,8 +99,8 @@ pub fn lobe_level(pass: &Pass, sub_cpi: usize, order: usize) -> Lobe {
     }
 }
 
-/// Mean of `sin(pi w t) / (pi w t)` for `t` from 0 to 1, which is `Si(pi w) / (pi w)`: by the midpoint rule,
-/// eight points a half wave, which is good to 1e-3.
+/// Mean of `sin(pi w t) / (pi w t)` over `t` from 0 to 1, which is `Si(pi w) / (pi w)`, by the midpoint rule with
+/// eight points per half wave; error 1e-3.
 fn mean_sinc(w: f64) -> f64 {
     let points = 8 * (w.abs().ceil() as usize).clamp(1, 100_000);
     let sinc = |i| {
@@ -115,7 +114,7 @@ fn mean_sinc(w: f64) -> f64 {
     (0..points as u32).map(sinc).sum::<f64>() / points as f64
 }
 
-/// What the thesis's mode makes of one unit scatterer, on a collection's own track.
+/// Image of one unit scatterer in the thesis's mode, on a recorded track.
 #[derive(Clone, Debug)]
 pub struct PointResponse {
     band: Band,
@@ -127,24 +126,24 @@ pub struct PointResponse {
 #[derive(Clone, Debug)]
 struct Element {
     antennas: [Moving; 2],
-    /// Path and rate to the scatterer.
+    /// Path and path rate to the scatterer, metres and metres per pulse.
     path_m: f64,
     rate_m: f64,
-    /// Slow time and the path's remainder, pulse by pulse.
+    /// Slow time and path residual per pulse.
     remainders: Vec<(f64, f64)>,
 }
 
-/// An antenna at the sub-CPI's centre.
+/// Antenna position and velocity at the sub-CPI's centre.
 #[derive(Clone, Copy, Debug)]
 struct Moving {
     position_m: DVec3,
-    /// Metres a pulse.
+    /// Velocity, metres per pulse.
     velocity_m: DVec3,
 }
 
 impl PointResponse {
-    /// For a scatterer at `scatterer`, sub-CPIs of `sub_cpi` pulses, the last one shorter if need be. `None`
-    /// if the pulses do not share one band, or there are none, or `sub_cpi` is zero.
+    /// Response of a scatterer at `scatterer` with sub-CPIs of `sub_cpi` pulses; the last may be shorter. `None`
+    /// if the pulses do not share one band, there are no pulses, or `sub_cpi` is zero.
     pub fn new(collection: &Collection, sub_cpi: usize, scatterer: DVec3) -> Option<Self> {
         let band = collection.band()?;
         if sub_cpi == 0 {
@@ -160,7 +159,7 @@ impl PointResponse {
         })
     }
 
-    /// The image's value at `point`.
+    /// Image value at `point`.
     pub fn at(&self, point: DVec3) -> Complex64 {
         let sum: Complex64 = self.sub_cpis.iter().map(|s| s.at(&self.band, point)).sum();
         sum / self.num_pulses as f64
@@ -174,8 +173,8 @@ impl Element {
             Moving::middle(pulses, |p| p.receiver_m),
         ];
         let (path_m, rate_m) = path_and_rate(&antennas, scatterer);
-        // The reference path is known pulse by pulse, and cancels between point and scatterer: what counts is how
-        // far from a line the path is that the samples have.
+        // The reference path is known per pulse and cancels between point and scatterer; the deviation of the samples' own
+        // path from a line remains.
         let reference = Moving::middle(pulses, |p| DVec3::X * p.reference_path_m);
         let remainders = (0..).zip(pulses).map(|(m, pulse)| {
             let u = f64::from(m) - (pulses.len() as f64 - 1.0) / 2.0;
@@ -206,14 +205,14 @@ impl Element {
 }
 
 impl Moving {
-    /// Position and slope at `u = 0` of the least-squares parabola through the pulses' positions.
+    /// Position and slope at `u = 0` of the least-squares parabola through the pulse positions.
     fn middle(pulses: &[Pulse], position: impl Fn(&Pulse) -> DVec3) -> Self {
         let count = pulses.len() as f64;
         let slow_times = || (0..).map(|m| f64::from(m) - (count - 1.0) / 2.0);
         let mean_square = (count * count - 1.0) / 12.0;
-        // Relative to one position, so that the sums keep their digits far from the origin.
+        // Relative to one position, to keep digits far from the origin.
         let origin = position(&pulses[0]);
-        // A polynomial's coefficient; none where it vanishes on so few pulses.
+        // Coefficient of an orthogonal polynomial; 0 where it vanishes on so few pulses.
         let fit = |polynomial: &dyn Fn(f64) -> f64| {
             let (mut sum, mut norm) = (DVec3::ZERO, 0.0);
             for (u, pulse) in slow_times().zip(pulses) {
@@ -231,12 +230,12 @@ impl Moving {
     }
 }
 
-/// Path from the first antenna by way of `point` to the second, and its rate a pulse.
+/// Two-way path from the first antenna via `point` to the second, and its rate per pulse.
 fn path_and_rate(antennas: &[Moving; 2], point: DVec3) -> (f64, f64) {
     let leg = |antenna: &Moving| {
         let sight = antenna.position_m - point;
         let range_m = sight.length();
-        // At the antenna itself there is no direction.
+        // The direction is undefined at the antenna itself.
         let direction = sight.normalize_or_zero();
         (range_m, direction.dot(antenna.velocity_m))
     };
@@ -253,14 +252,14 @@ fn range_response(x: f64, count: usize) -> Complex64 {
     } else {
         (PI * k * x).sin() / (k * ratio)
     };
-    // The sum runs from -K/2 to K/2 - 1 for even K: half a step below its middle.
+    // For even K the sum runs from -K/2 to K/2 - 1: half a step below its centre.
     let middle = (k - 1.0) / 2.0 - (count / 2) as f64;
     Complex64::cis(TAU * middle * x) * magnitude
 }
 
-/// The lobes of a scatterer at `scatterer` up to `reach_m` away in cross-range, at most `count`, on the track as
-/// recorded: places by the array formula, levels by [`PointResponse`] there, at the scatterer's range. Empty
-/// if the antennas stand still or the pulses share no band.
+/// Grating lobes of a scatterer up to `reach_m` in cross-range, at most `count`, on the recorded
+/// track: positions by the array formula, levels by [`PointResponse`] at the scatterer's range. Empty
+/// if the antennas do not move or the pulses do not share a band.
 pub fn lobes(
     collection: &Collection,
     sub_cpi: usize,
@@ -289,11 +288,11 @@ pub fn lobes(
         .collect()
 }
 
-/// The array of sub-CPIs seen from a scatterer.
+/// Array of sub-CPIs seen from a scatterer.
 struct Array {
-    /// Middle of the aperture.
+    /// Antenna at the aperture's centre, metres.
     antenna_m: DVec3,
-    /// Place of the first lobe, metres in cross-range.
+    /// Position of the first lobe in cross-range, metres.
     lobe_m: f64,
 }
 
@@ -306,8 +305,8 @@ impl Array {
         let step_m = (centre(&pulses[last]) - centre(&pulses[0])) / last.max(1) as f64;
         let sight = scatterer - antenna_m;
         let range_m = sight.length();
-        // Across the line of sight, in the ground plane: the only way in which the path's rate changes at
-        // one range.
+        // Cross-range in the ground plane: the only direction in which the path rate changes at
+        // constant range.
         let across = DVec2::new(-sight.y, sight.x).normalize_or_zero();
         let spacing_m = step_m.truncate().dot(across).abs() * sub_cpi as f64;
         let wavelength_m = SPEED_OF_LIGHT_M_S / collection.band()?.centre_hz();
@@ -315,7 +314,7 @@ impl Array {
         (lobe_m.is_finite()).then_some(Self { antenna_m, lobe_m })
     }
 
-    /// The point `cross_range_m` from `scatterer` at its range: turned about the antenna's vertical.
+    /// Point at `cross_range_m` from `scatterer` at constant range: rotated about the antenna's vertical.
     fn point(&self, scatterer: DVec3, cross_range_m: f64) -> DVec3 {
         let sight = scatterer - self.antenna_m;
         let ground = sight.truncate();

@@ -1,17 +1,17 @@
-//! Planning a collection: what a radar will show, what that takes, and what it costs.
+//! Planning of SAR collections: resolution, sampling, ambiguities, sensitivity, memory and processing time.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `planner`.
 //!
-//! [`RadarPlan`] gathers everything for one collection, be it a recording or a pass that exists in numbers only
-//! ([`Parameters`]). Each part stands for itself, with its equations:
+//! [`RadarPlan`] combines all parts for one collection, recorded or defined by numbers
+//! ([`Parameters`]). Each module can be used alone and documents its equations:
 //!
-//! - [`sampling`]: resolution, and pulse spacing by Nyquist;
-//! - [`grating`]: grating lobes of sub-CPIs in the thesis's mode, place and level;
+//! - [`sampling`]: resolution, and Nyquist pulse spacing;
+//! - [`grating`]: position and level of grating lobes of sub-CPIs in the thesis's mode;
 //! - [`cost`]: memory and operations of the image formers;
-//! - [`forecast`]: how long an image will take on this machine;
+//! - [`forecast`]: processing time on this machine;
 //! - [`radar_equation`]: the radar equation;
-//! - [`ambiguity`]: the ambiguity function of pulses and bursts.
+//! - [`ambiguity`]: ambiguity function of pulses and bursts.
 #![forbid(unsafe_code)]
 
 pub mod ambiguity;

@@ -1,9 +1,9 @@
-//! A collection from plain numbers: a straight, level, broadside pass, phases as one range gate has them.
+//! Collection defined by numbers: a straight, level, broadside pass with a fixed range gate.
 //!
-//! The radar flies along x at constant speed and looks along +y to the scene's centre at the origin, from
-//! slant range `R` at grazing angle `g`: at its closest it stands at `(0, -R cos g, R sin g)`. With the
-//! defaults this is Schone 2020, Table 4.1. Samples are referred to the fixed range `R` from the moving
-//! radar, as there.
+//! The radar flies along x at constant speed and looks along +y to the scene centre at the origin, from
+//! slant range `R` at grazing angle `g`: at closest approach it is at `(0, -R cos g, R sin g)`. The
+//! defaults are those of Schone 2020, Table 4.1. Samples are referred to the fixed range `R` from the moving
+//! radar, as in the thesis.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,27 +15,27 @@ use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse, Sweep};
 use subaperture_model::quantity::{hertz, metres};
 
-/// Pulses that a plan may have: 1.7 GB of geometry.
-const MOST_PULSES: usize = 1 << 24;
+/// Largest number of pulses (1.7 GB of geometry).
+const MAX_PULSES: usize = 1 << 24;
 
-/// A pass. The default is Table 4.1 in 256 frequencies over a scene of 80 x 80 m.
+/// Parameters of a pass. Default: Table 4.1 with 256 frequencies and a scene of 80 x 80 m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Parameters {
-    /// Carrier: the middle of the band, hertz.
+    /// Carrier (band centre), hertz.
     pub carrier_hz: f64,
     /// Bandwidth, hertz.
     pub bandwidth_hz: f64,
-    /// Frequency samples a pulse.
+    /// Frequency samples per pulse.
     pub num_frequencies: usize,
     /// Slant range at closest approach, metres.
     pub range_m: f64,
-    /// Grazing angle, radians, below a right angle.
+    /// Grazing angle, radians, 0 to below pi / 2.
     pub grazing_rad: f64,
-    /// Speed, metres a second.
+    /// Speed, metres per second.
     pub velocity_m_s: f64,
-    /// Pulses a second.
+    /// Pulse repetition frequency, hertz.
     pub prf_hz: f64,
-    /// Pulses in all.
+    /// Number of pulses.
     pub num_pulses: usize,
     /// Width of the scene along x and depth along y, metres.
     pub scene_m: [f64; 2],
@@ -57,28 +57,28 @@ impl Default for Parameters {
     }
 }
 
-/// A number that no radar has.
+/// Invalid value of a parameter.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct ParameterError(String);
 
 impl Parameters {
-    /// Pulses over an aperture of `aperture_m`.
+    /// Number of pulses over an aperture of `aperture_m`.
     pub fn pulses_over(&self, aperture_m: f64) -> usize {
-        // Casting saturates: what is too large is refused later.
+        // The cast saturates; too large a count is refused later.
         (aperture_m * self.prf_hz / self.velocity_m_s).round() as usize
     }
 
-    /// Length of the track from which the scene's centre is in a beam of full width `beamwidth_rad` that looks
-    /// to the side, `2 R tan(beam / 2)`, metres.
+    /// Aperture over which a broadside beam of full width `beamwidth_rad` illuminates the scene
+    /// centre, `2 R tan(beam / 2)`, metres.
     pub fn aperture_of_beam_m(&self, beamwidth_rad: f64) -> f64 {
         2.0 * self.range_m * (beamwidth_rad / 2.0).tan()
     }
 
-    /// The collection.
+    /// Generate the collection.
     ///
     /// # Errors
-    /// [`ParameterError`] for what is not positive, not finite or too large.
+    /// [`ParameterError`] if a parameter is not positive, not finite or too large.
     pub fn collection(&self) -> Result<Collection, ParameterError> {
         self.check()?;
         let step_hz = self.bandwidth_hz / self.num_frequencies as f64;
@@ -127,34 +127,34 @@ impl Parameters {
             ("scene's depth", self.scene_m[1]),
         ] {
             if !(value > 0.0 && value.is_finite()) {
-                return refuse(format!("the {name} is {value}: give a number above 0"));
+                return refuse(format!("{name}: expected a number above 0, found {value}"));
             }
         }
         if self.bandwidth_hz >= 2.0 * self.carrier_hz {
             return refuse(format!(
-                "a bandwidth of {} reaches below 0 Hz at a carrier of {}: give less",
+                "a bandwidth of {} extends below 0 Hz at a carrier of {}; use a smaller bandwidth",
                 hertz(self.bandwidth_hz),
                 hertz(self.carrier_hz)
             ));
         }
         if !(0.0..FRAC_PI_2).contains(&self.grazing_rad) {
-            return refuse("the grazing angle must be at least 0 and below 90 degrees".to_owned());
+            return refuse("grazing angle: expected at least 0 and below 90 degrees".to_owned());
         }
         if !(2..=1 << 24).contains(&self.num_frequencies) {
             return refuse(format!(
-                "{} frequencies: give from 2 to 16777216",
+                "number of frequencies: expected 2 to 16777216, found {}",
                 self.num_frequencies
             ));
         }
-        if !(2..=MOST_PULSES).contains(&self.num_pulses) {
+        if !(2..=MAX_PULSES).contains(&self.num_pulses) {
             return refuse(format!(
-                "{} pulses: give from 2 to {MOST_PULSES}, or an aperture that has as many",
+                "number of pulses: expected 2 to {MAX_PULSES}, found {}; change the number or the aperture",
                 self.num_pulses
             ));
         }
         if self.scene_m[1] >= 2.0 * self.range_m {
             return refuse(format!(
-                "a scene {} deep reaches the radar at {}: give a smaller one or a longer range",
+                "a scene depth of {} extends to the radar at a range of {}; use a smaller scene or a longer range",
                 metres(self.scene_m[1]),
                 metres(self.range_m)
             ));
@@ -175,13 +175,13 @@ mod tests {
     use subaperture_simulate::{Preset, Variation};
 
     #[test]
-    fn the_default_is_table_4_1() {
+    fn default_parameters_are_table_4_1() {
         let ours = Parameters::default().collection().unwrap();
         let preset = Preset::Table41.simulate(&Variation::default());
         let theirs = &preset.collection().pulses;
         assert_eq!(ours.pulses.len(), theirs.len());
         for (a, b) in ours.pulses.iter().zip(theirs) {
-            // Rounding of positions of kilometres.
+            // Rounding of positions in kilometres.
             assert!(a.transmitter_m.distance(b.transmitter_m) < 1e-9);
             assert!((a.relative_path_m(DVec3::ONE) - b.relative_path_m(DVec3::ONE)).abs() < 1e-9);
             assert_eq!((a.start_hz, a.step_hz), (b.start_hz, b.step_hz));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_its_name() {
+    fn invalid_parameter_error_names_parameter() {
         let sound = Parameters::default();
         for (parameters, part) in [
             (
@@ -246,7 +246,7 @@ mod tests {
                     scene_m: [10.0, 20e3],
                     ..sound
                 },
-                "deep",
+                "scene depth",
             ),
         ] {
             let error = parameters.collection().unwrap_err().to_string();

@@ -1,8 +1,8 @@
-//! Everything about one collection: resolution, sampling, sub-CPIs, lobes, cost, sensitivity.
+//! Plan of one collection: resolution, sampling, sub-CPIs, grating lobes, cost, sensitivity.
 //!
-//! Works on a [`Collection`], recorded or made from [`super::parameters::Parameters`]. Shares the
-//! survey's geometry ([`Survey`]) and the range-Doppler former's own plan ([`rdbp::Plan`]); the rest
-//! is in the modules beside this one, with equations and sources.
+//! Input is a [`Collection`], recorded or generated from [`super::parameters::Parameters`]. Geometry is that of the
+//! survey ([`Survey`]), sub-CPIs those of the range-Doppler former's plan ([`rdbp::Plan`]); the other modules
+//! of this crate compute the rest.
 
 use glam::{DVec2, DVec3};
 use serde::Serialize;
@@ -12,8 +12,8 @@ use super::grating::{self, Lobe};
 use super::radar_equation::{Illumination, Sensitivity};
 use super::sampling::{self, Need};
 use subaperture_focus::formers::FORMERS;
-use subaperture_focus::rdbp::{self, Mode, RangeDoppler, Thesis};
-use subaperture_focus::{Aim, FormError, ImageFormer};
+use subaperture_focus::rdbp::{self, Mode, RangeDopplerBackprojection, Thesis};
+use subaperture_focus::{FormError, ImageFormer, ImageSpec};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
@@ -21,104 +21,104 @@ use subaperture_model::radar::LinkBudget;
 use subaperture_resolution::survey::Survey;
 use subaperture_signal::window::Window;
 
-/// Grating lobes listed at most.
-const MOST_LOBES: usize = 8;
+/// Largest number of grating lobes listed.
+const MAX_LOBES: usize = 8;
 
-/// What is asked beside the collection.
+/// Request for a plan.
 #[derive(Clone, Debug)]
 pub struct Request<'a> {
-    /// Pixels.
+    /// Image grid.
     pub grid: &'a ImageGrid,
     /// Bound on the relative RMS error of the image, dB.
     pub error_db: f64,
-    /// Bytes that tables and one thread's buffers of an image former may take ([`Aim::scratch_bytes`]).
+    /// Memory limit for tables and one thread's buffers of an image former, bytes ([`ImageSpec::scratch_bytes`]).
     pub memory_bytes: u64,
-    /// Pulses a sub-CPI of the thesis's mode.
+    /// Pulses per sub-CPI of the thesis's mode.
     pub thesis_sub_cpi: usize,
-    /// Full width of the antenna's beam, radians, if known.
+    /// Full beamwidth of the antenna, radians; `None` if unknown.
     pub beamwidth_rad: Option<f64>,
-    /// The link and the length of a pulse in seconds, if known.
+    /// Link budget, and pulse duration in seconds; `None` if unknown.
     pub power: Option<(LinkBudget, f64)>,
 }
 
-/// The plan.
+/// Plan of a collection.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RadarPlan {
-    /// Band, resolution, extents and geometry.
+    /// Survey: band, resolution, extents and geometry.
     pub survey: Survey,
-    /// Resolution and sampling by the textbook's formulas.
+    /// Resolution and sampling by textbook formulas.
     pub aperture: Aperture,
     /// Sub-CPIs of range-Doppler backprojection.
     pub sub_cpis: SubCpis,
-    /// The work.
+    /// Problem size.
     pub work: Work,
-    /// What each image former of the list takes that can form this image, and the thesis's mode.
+    /// Cost of each registered image former that can form this image, and of the thesis's mode.
     pub costs: Vec<FormerCost>,
-    /// Memory as the thesis counts it, with the Doppler axis of its sub-CPIs padded 16 times.
+    /// Memory by the thesis's count, with the Doppler axis of its sub-CPIs padded 16 times.
     pub thesis_memory: ThesisMemory,
-    /// Signal-to-noise ratios, if power is known.
+    /// Signal-to-noise ratios; `None` if the power is unknown.
     pub sensitivity: Option<Sensitivity>,
 }
 
 /// Resolution and sampling of the aperture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Aperture {
-    /// That of the survey: of the aperture flown, metres.
+    /// Cross-range resolution of the aperture flown, metres.
     pub cross_range_resolution_m: Option<f64>,
-    /// The same of an aperture as long as the beam lights the scene, metres.
+    /// Cross-range resolution of an aperture limited by the beam, metres.
     pub beam_resolution_m: Option<f64>,
-    /// Range that two pulses can tell apart, `c / (2 PRF)`, metres.
+    /// Unambiguous range between pulses, `c / (2 PRF)`, metres.
     pub unambiguous_range_m: Option<f64>,
-    /// Pulses a second.
+    /// Pulse repetition frequency, hertz.
     pub prf_hz: Option<f64>,
-    /// Width of the pixels across the line of sight, metres.
+    /// Width of the grid across the line of sight, metres.
     pub scene_width_m: f64,
-    /// What imaging this width without a second copy needs.
+    /// Sampling needed to image this width without ambiguity.
     pub scene: Need,
-    /// What the beam needs.
+    /// Sampling needed for the beam.
     pub beam: Option<Need>,
-    /// Whether the pulses are close enough for the scene, and for the beam.
+    /// Whether the pulse spacing suffices for the scene.
     pub scene_is_sampled: Option<bool>,
-    /// The same for the beam.
+    /// Whether the pulse spacing suffices for the beam.
     pub beam_is_sampled: Option<bool>,
 }
 
 /// Sub-CPI lengths.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SubCpis {
-    /// Pulses a sub-CPI of the precise mode within the error bound.
+    /// Pulses per sub-CPI of the precise mode within the error bound.
     pub precise_pulses: usize,
-    /// How many of them.
+    /// Number of sub-CPIs of the precise mode.
     pub precise_count: usize,
-    /// Its patches, rows and columns.
+    /// Patch size of the precise mode, rows and columns.
     pub patch: [usize; 2],
-    /// Its predicted error, dB.
+    /// Predicted relative RMS error of the precise mode, dB.
     pub predicted_db: f64,
-    /// The longest sub-CPI of the thesis's mode with its first lobe past the scene's far edge.
+    /// Longest sub-CPI of the thesis's mode whose first grating lobe is outside the scene, pulses.
     pub thesis_clear_pulses: Option<usize>,
-    /// Sub-CPI that the lobes are for.
+    /// Sub-CPI length of `thesis_lobes`, pulses.
     pub thesis_pulses: usize,
-    /// Lobes of a scatterer in the scene's centre, as far as the scene's width.
+    /// Grating lobes of a scatterer at the scene centre, up to the scene's width.
     pub thesis_lobes: Vec<Lobe>,
 }
 
-/// Why there is no plan.
+/// Error of planning a collection.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
     /// The collection has no pulses.
-    #[error("the collection holds no pulses")]
+    #[error("expected at least one pulse, found none in the collection")]
     Empty,
-    /// Range-Doppler processing does not suit it.
+    /// Range-Doppler backprojection cannot form the image.
     #[error(transparent)]
     Form(#[from] FormError),
 }
 
 impl RadarPlan {
-    /// Plans `request` for `collection`.
+    /// Plan `request` for `collection`.
     ///
     /// # Errors
-    /// [`PlanError`].
+    /// [`PlanError`] if there are no pulses, or range-Doppler backprojection cannot form the image.
     pub fn new(collection: &Collection, request: &Request) -> Result<Self, PlanError> {
         let survey = Survey::of(collection).ok_or(PlanError::Empty)?;
         let grid = request.grid;
@@ -155,7 +155,7 @@ impl RadarPlan {
                 request.thesis_sub_cpi,
                 centre,
                 aperture.scene_width_m,
-                MOST_LOBES,
+                MAX_LOBES,
             ),
         };
         let sensitivity = request
@@ -209,26 +209,26 @@ impl Aperture {
     }
 }
 
-/// What the formers of the list take, and the thesis's mode: those that can form the image at all.
+/// Cost of the registered formers that can form the image, and of the thesis's mode.
 fn costs(collection: &Collection, request: &Request) -> Vec<FormerCost> {
     let weights = Weights::new(collection, Window::default(), Window::default());
-    let aim = Aim {
+    let spec = ImageSpec {
         collection,
         grid: request.grid,
         weights: &weights,
         scratch_bytes: request.memory_bytes,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let listed = FORMERS.iter().filter_map(|entry| {
         let former = entry.within(request.error_db);
-        FormerCost::of(&*former, &aim, entry.name.to_owned()).ok()
+        FormerCost::of(&*former, &spec, entry.name.to_owned()).ok()
     });
-    let thesis = RangeDoppler::default()
+    let thesis = RangeDopplerBackprojection::default()
         .mode(Mode::Thesis(Thesis::default()))
         .sub_cpi(request.thesis_sub_cpi);
     let name = format!("{}, thesis", thesis.name());
     listed
-        .chain(FormerCost::of(&thesis, &aim, name).ok())
+        .chain(FormerCost::of(&thesis, &spec, name).ok())
         .collect()
 }
 

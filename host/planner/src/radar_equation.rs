@@ -1,6 +1,6 @@
-//! The radar equation: signal-to-noise ratio of a sample and of an image.
+//! Radar equation: signal-to-noise ratio (SNR) per sample, pulse and image, and noise-equivalent sigma zero.
 //!
-//! The echo of a radar cross-section `sigma` (Chim 2018, (2.11)) against thermal noise in the sampled
+//! Echo of a radar cross-section `sigma` (Chim 2018, (2.11)) and thermal noise in the sampling
 //! bandwidth `B_n`:
 //!
 //! ```text
@@ -9,19 +9,19 @@
 //! SNR  = P_rx / P_n
 //! ```
 //!
-//! `F` is the receiver's noise figure (1.604 dB for Chim's chain, 5.2.1), `T_a` the antenna's noise
-//! temperature. With `T_a = T_0` the noise is the usual `k T_0 F B_n`.
+//! `F` is the receiver's noise figure (1.604 dB for Chim's chain, 5.2.1), `T_a` the antenna noise
+//! temperature. With `T_a = T_0` the noise power is `k T_0 F B_n`.
 //!
-//! A matched filter over a pulse of length `T` adds `T B_n` samples in phase, and an image adds `N` pulses: what counts
-//! is energy over noise density, `SNR_pulse = SNR T B_n`, `SNR_image = N SNR_pulse`, whatever the sampling. Clutter
-//! of `sigma0` a square metre fills a resolution cell of `rho_r rho_x`; the one as strong as noise is the
-//! noise-equivalent `sigma0`,
+//! A matched filter over a pulse of duration `T` integrates `T B_n` samples coherently, and an image integrates `N` pulses, independent of the
+//! sampling rate: `SNR_pulse = SNR T B_n`, `SNR_image = N SNR_pulse`. Clutter
+//! of `sigma0` fills a resolution cell of `rho_r rho_x`; the clutter with the power of the noise is the
+//! noise-equivalent sigma zero (NESZ),
 //!
 //! ```text
 //! NESZ = 1 / (SNR_image(1 m^2) rho_r rho_x)       rho_r on the ground
 //! ```
 //!
-//! Neglected: propagation losses other than `L`, patterns (boresight gains), windows (up to 2 dB).
+//! Neglected: propagation losses other than `L`, antenna patterns (boresight gains), window losses (up to 2 dB).
 
 use std::f64::consts::PI;
 
@@ -29,12 +29,12 @@ use serde::Serialize;
 
 use subaperture_model::radar::LinkBudget;
 
-/// Boltzmann's constant, joules a kelvin (exact by definition).
+/// Boltzmann constant, joules per kelvin (exact by definition).
 pub const BOLTZMANN_J_K: f64 = 1.380_649e-23;
-/// The temperature that noise figures refer to, kelvin.
+/// Reference temperature of noise figures, kelvin.
 pub const STANDARD_TEMPERATURE_K: f64 = 290.0;
 
-/// A power ratio in decibels.
+/// Power ratio of a value in decibels.
 fn ratio(db: f64) -> f64 {
     10f64.powf(db / 10.0)
 }
@@ -51,13 +51,13 @@ pub fn echo_power_w(
     link.power_w * gains * wavelength_m.powi(2) / spread
 }
 
-/// Power of thermal noise in `bandwidth_hz`, watts.
+/// Thermal noise power in `bandwidth_hz`, watts.
 pub fn noise_power_w(link: &LinkBudget, bandwidth_hz: f64) -> f64 {
     let receiver_k = (ratio(link.noise_figure_db) - 1.0) * STANDARD_TEMPERATURE_K;
     BOLTZMANN_J_K * (link.temperature_k + receiver_k) * bandwidth_hz
 }
 
-/// Signal-to-noise ratio (power, not dB) of a raw sample of the echo of 1 m², `bandwidth_hz` wide.
+/// Signal-to-noise ratio (power ratio) of a raw sample of 1 m² in `bandwidth_hz`.
 pub fn sample_snr(
     link: &LinkBudget,
     wavelength_m: f64,
@@ -69,22 +69,22 @@ pub fn sample_snr(
         / noise_power_w(link, bandwidth_hz)
 }
 
-/// What a radar's power comes to, decibels.
+/// Sensitivity of a radar, dB.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sensitivity {
-    /// Received power of 1 m², decibels over a watt.
+    /// Received power of 1 m², dBW.
     pub echo_dbw: f64,
-    /// Signal-to-noise ratio of 1 m² in a raw sample as wide as the band.
+    /// SNR of 1 m² in a raw sample of the full bandwidth, dB.
     pub sample_snr_db: f64,
-    /// After the matched filter.
+    /// SNR of 1 m² after the matched filter, dB.
     pub pulse_snr_db: f64,
-    /// In the image.
+    /// SNR of 1 m² in the image, dB.
     pub image_snr_db: f64,
-    /// Noise-equivalent `sigma0`, if there is a resolution cell.
+    /// Noise-equivalent sigma zero, dB; `None` without a resolution cell.
     pub noise_equivalent_sigma0_db: Option<f64>,
 }
 
-/// How the scene is lit: what sensitivity follows from beside the link.
+/// Illumination of the scene: inputs of the sensitivity besides the link budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Illumination {
     /// Wavelength, metres.
@@ -93,16 +93,16 @@ pub struct Illumination {
     pub ranges_m: [f64; 2],
     /// Bandwidth, hertz.
     pub bandwidth_hz: f64,
-    /// Length of a pulse, seconds.
+    /// Pulse duration, seconds.
     pub pulse_s: f64,
-    /// Pulses in the image.
+    /// Number of pulses in the image.
     pub num_pulses: usize,
-    /// Resolution on the ground in range and cross-range, metres.
+    /// Ground resolution in range and cross-range, metres; `None` if unresolved.
     pub cell_m: Option<[f64; 2]>,
 }
 
 impl Sensitivity {
-    /// By the equations at the head of this module.
+    /// Evaluate the equations at the head of this module.
     pub fn new(link: &LinkBudget, lit: &Illumination) -> Self {
         let db = |ratio: f64| 10.0 * ratio.log10();
         let [out_m, back_m] = lit.ranges_m;
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_budget_done_by_hand() {
+    fn link_budget_agrees_with_hand_calculation() {
         // 10 W, 20 dBi twice, 3 cm, 1 km, no losses, in dB: 10 + 40 - 30.458 - 32.976 - 120 dBW = -133.434 dBW.
         // Noise: -228.599 + 24.624 (290 K) + 80 (100 MHz) + 3 = -120.975 dBW.
         let link = LinkBudget {
@@ -156,14 +156,14 @@ mod tests {
         assert!((whole.pulse_snr_db - 7.541).abs() < 4e-3, "{whole:?}");
         assert!((whole.image_snr_db - 37.541).abs() < 4e-3, "{whole:?}");
         assert!((whole.noise_equivalent_sigma0_db.unwrap() + 34.531).abs() < 4e-3);
-        // A cold antenna leaves the receiver's own noise: (10^0.3 - 1) of the above's 10^0.3.
+        // With an antenna at 0 K only receiver noise remains: (10^0.3 - 1) of 10^0.3.
         let cold = LinkBudget {
             temperature_k: 0.0,
             ..link
         };
         let part = noise_power_w(&cold, 100e6) / noise_power_w(&link, 100e6);
         assert!((part - (1.0 - 10f64.powf(-0.3))).abs() < 1e-12);
-        // Bistatic: one leg twice as long costs 6 dB.
+        // Bistatic: doubling one leg costs 6 dB.
         let far = echo_power_w(&link, 0.03, 1000.0, 2000.0);
         assert!((echo_power_w(&link, 0.03, 1000.0, 1000.0) / far - 4.0).abs() < 1e-12);
     }

@@ -1,37 +1,37 @@
-//! What an aperture resolves, and how densely it must be sampled.
+//! Resolution of an aperture, and its Nyquist sampling.
 //!
-//! With `theta` half the angle that the aperture spans seen from the scatterer, the phase `4 pi R(x) / lambda`
+//! With `theta` half the angle that the aperture subtends at the scatterer, the phase `4 pi R(x) / lambda`
 //! along the track has spatial frequencies from `-2 sin(theta) / lambda` to `+2 sin(theta) / lambda`:
 //!
 //! ```text
 //! cross-range resolution   lambda / (4 sin theta)                          Chim 2018, (2.40)
-//! Nyquist's spacing        lambda / (4 sin theta)                          (2.29), (2.38)
+//! Nyquist spacing          lambda / (4 sin theta)                          (2.29), (2.38)
 //! range resolution         c / (2 B)                                       Schone 2020, 2.1
-//! unambiguous range        c / (2 PRF) between pulses, c / (2 step) between profiles
+//! unambiguous range        c / (2 PRF) by the pulse rate, c / (2 step) by the frequency step
 //! unambiguous cross-range  lambda R / (2 d)
 //! ```
 //!
-//! Where the aperture is the shorter, `L` at range `R`, `sin theta = (L / 2) / sqrt(R^2 + L^2 / 4)`, hence
-//! `lambda R / (2 L)` for `L << R`: (4.3), which is `delta / R`, an angle. (In Chim (2.34) the factor `4 pi /
-//! lambda` of the phase is missing, and back in (2.35); (4.3) holds for small angles only: the
-//! root adds `L^2 / 8 R^2`.)
+//! Where the aperture length `L` at range `R` is the limit, `sin theta = (L / 2) / sqrt(R^2 + L^2 / 4)`, hence
+//! `lambda R / (2 L)` for `L << R`: (4.3), which gives the angle `delta / R`. (Chim (2.34) omits the factor `4 pi /
+//! lambda` of the phase, and (2.35) has it again; (4.3) holds for small angles only: the
+//! square root adds `L^2 / 8 R^2`.)
 //!
-//! Two widths ask for a spacing. The *beam* of full width `theta_b`: echoes come from all of it, so raw pulses need
-//! `lambda / (4 sin(theta_b / 2))`, or what lies outside the scene folds into it. The *scene* of width `W` across
-//! the line of sight: relative to its centre its Doppler band is that of the angle it subtends, `2 atan(W / 2R)`,
-//! and a coarser spacing images it twice. The pulse rate is speed over spacing; wavelengths are those of the
-//! highest frequency, where sampling is hardest, and of the carrier for resolution.
+//! Two widths determine the spacing. For the *beam* of full width `theta_b`, raw pulses need
+//! `lambda / (4 sin(theta_b / 2))`; otherwise echoes from outside the scene alias into it. For the *scene* of width `W` across
+//! the line of sight, the Doppler band relative to its centre is that of the angle it subtends, `2 atan(W / 2R)`,
+//! and a coarser spacing produces azimuth ambiguities. The pulse rate is speed over spacing. Sampling uses the wavelength of the
+//! highest frequency, resolution that of the carrier.
 
 use serde::Serialize;
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
-/// Cross-range resolution of an aperture that spans `2 half_angle_rad`, metres: Rayleigh's, peak to null.
+/// Cross-range resolution (Rayleigh, peak to null) of an aperture that subtends `2 half_angle_rad`, metres.
 pub fn cross_range_resolution_m(wavelength_m: f64, half_angle_rad: f64) -> f64 {
     wavelength_m / (4.0 * half_angle_rad.sin())
 }
 
-/// Half the angle that a broadside aperture spans, radians.
+/// Half the angle that a broadside aperture subtends, radians.
 pub fn half_angle_rad(aperture_m: f64, range_m: f64) -> f64 {
     (aperture_m / 2.0).atan2(range_m)
 }
@@ -41,24 +41,24 @@ pub fn range_resolution_m(bandwidth_hz: f64) -> f64 {
     SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz)
 }
 
-/// Slant range from which echoes arrive before the next pulse leaves, metres.
+/// Unambiguous slant range: echoes arrive before the next pulse, metres.
 pub fn unambiguous_range_m(prf_hz: f64) -> f64 {
     SPEED_OF_LIGHT_M_S / (2.0 * prf_hz)
 }
 
-/// What a width of angles asks of the pulses.
+/// Pulse sampling needed for an angular width.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Need {
-    /// The whole angle, radians.
+    /// Full angle, radians.
     pub angle_rad: f64,
-    /// Largest distance from pulse to pulse, metres.
+    /// Largest pulse spacing, metres.
     pub spacing_m: f64,
-    /// Band of Doppler frequencies, and the least pulse rate, hertz; `None` if the speed is not known.
+    /// Doppler bandwidth, equal to the smallest pulse rate, hertz; `None` if the speed is unknown.
     pub doppler_band_hz: Option<f64>,
 }
 
 impl Need {
-    /// For a whole angle below half a turn.
+    /// Compute for a full angle below pi.
     pub fn new(angle_rad: f64, shortest_wavelength_m: f64, velocity_m_s: Option<f64>) -> Self {
         let spacing_m = cross_range_resolution_m(shortest_wavelength_m, angle_rad / 2.0);
         Self {
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn table_4_1() {
+    fn resolution_agrees_with_table_4_1() {
         let wavelength_m = SPEED_OF_LIGHT_M_S / 10e9;
         // 130 m at 5 km: 0.57653 m by (4.3), and 130^2 / (8 5000^2) = 8.45e-5 of it more.
         let resolution_m = cross_range_resolution_m(wavelength_m, half_angle_rad(130.0, 5000.0));
@@ -85,8 +85,8 @@ mod tests {
     }
 
     #[test]
-    fn nyquist_is_where_the_edge_of_the_beam_turns_half_a_cycle_a_pulse() {
-        // Phase from pulse to pulse of a scatterer at the beam's edge, from the geometry itself.
+    fn nyquist_spacing_turns_beam_edge_by_half_a_cycle_per_pulse() {
+        // Phase step between pulses for a scatterer at the beam's edge, from geometry.
         let (wavelength_m, angle_rad, range_m) = (0.03, 0.4f64, 1e6);
         let need = Need::new(angle_rad, wavelength_m, Some(100.0));
         let x_m = range_m * (angle_rad / 2.0).tan();

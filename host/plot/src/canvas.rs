@@ -1,4 +1,4 @@
-//! Pixels, rectangles and text.
+//! Drawing surface: pixels, rectangles, lines, text, and PNG encoding.
 
 use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
 
@@ -6,36 +6,36 @@ use super::PlotError;
 use super::colours::RED;
 use subaperture_model::PROGRAM;
 
-/// A colour: red, green, blue.
+/// Colour: red, green, blue.
 pub(super) type Rgb = [u8; 3];
 
 pub(super) const INK: Rgb = [25, 25, 25];
 
-/// How a page is packed into a file.
+/// PNG compression.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
-    /// What radars see is noise, of which a search for repetitions saves 4 %, and takes thirty times as long.
+    /// Fast: speckle is noise, for which matching saves 4 % and takes thirty times as long.
     Quick,
-    /// Lines and large areas are half as long for it.
+    /// Small: halves the size of line drawings and uniform areas.
     Small,
 }
 
-/// Where a text lies about its point.
+/// Horizontal alignment of text.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
-    /// The point is its left end.
+    /// Left end at the point.
     Left,
-    /// The point is its middle.
+    /// Centred on the point.
     Middle,
-    /// The point is its right end.
+    /// Right end at the point.
     Right,
 }
 
-/// A white page, row 0 on top.
+/// Page, initially white; row 0 is the top.
 pub(super) struct Canvas {
     width: usize,
     height: usize,
-    /// Numbers a pixel: 1, its grey, until there is a colour, and then 3, red, green and blue.
+    /// Channels per pixel: 1 (grey) until a colour is drawn, then 3.
     channels: usize,
     pixels: Vec<u8>,
 }
@@ -50,7 +50,7 @@ impl Canvas {
         }
     }
 
-    /// Makes room for a colour.
+    /// Convert the page to three channels if a colour needs it.
     fn admit(&mut self, colours: &[Rgb]) {
         if self.channels == 1 && !colours.iter().all(is_grey) {
             let levels = self.pixels.iter();
@@ -59,7 +59,7 @@ impl Canvas {
         }
     }
 
-    /// Mixes `colour` into a pixel; outside the page nothing happens.
+    /// Blend `colour` into a pixel with the opacity `part`; clipped to the page.
     pub(super) fn mix(&mut self, x: i64, y: i64, colour: Rgb, part: f32) {
         self.admit(&[colour]);
         let inside = |v: i64, size: usize| usize::try_from(v).ok().filter(|&v| v < size);
@@ -72,7 +72,7 @@ impl Canvas {
         }
     }
 
-    /// Fills a rectangle.
+    /// Fill a rectangle.
     pub(super) fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: Rgb) {
         self.admit(&[colour]);
         for row in y..(y + height).min(self.height) {
@@ -83,10 +83,10 @@ impl Canvas {
         }
     }
 
-    /// Puts a row of colours from a pixel of the page on, and the same in the `rows - 1` rows below it.
+    /// Copy a row of colours to the page from (`x`, `y`) on, repeated in `rows` rows.
     ///
     /// # Panics
-    /// If it reaches beyond the page.
+    /// If the row exceeds the page.
     pub(super) fn put(&mut self, x: usize, y: usize, rows: usize, colours: &[Rgb]) {
         assert!(x + colours.len() <= self.width && y + rows <= self.height);
         self.admit(colours);
@@ -105,7 +105,7 @@ impl Canvas {
         }
     }
 
-    /// A line one pixel wide around, and outside of, a rectangle.
+    /// Draw a frame of one pixel outside a rectangle.
     pub(super) fn frame(&mut self, x: usize, y: usize, width: usize, height: usize) {
         for row in [y - 1, y + height] {
             self.fill(x - 1, row, width + 2, 1, INK);
@@ -115,7 +115,7 @@ impl Canvas {
         }
     }
 
-    /// A straight line of ink, some 1.6 pixels wide, with smooth edges.
+    /// Draw a straight antialiased line, about 1.6 pixels wide.
     pub(super) fn line(&mut self, (x0, y0): (f64, f64), (x1, y1): (f64, f64)) {
         const HALF: f64 = 0.8;
         let (dx, dy) = (x1 - x0, y1 - y0);
@@ -132,7 +132,7 @@ impl Canvas {
         }
     }
 
-    /// Writes a line of text with its base line at `y`.
+    /// Draw a line of text with its baseline at `y`.
     pub(super) fn text(&mut self, x: f32, y: f32, anchor: Anchor, font: &Typeface, text: &str) {
         let start = x - font.offset(anchor, text);
         font.draw(text, |along, down, cover| {
@@ -145,7 +145,7 @@ impl Canvas {
         });
     }
 
-    /// Writes a line of text upwards, its base line at `x`, its middle at `y`.
+    /// Draw a line of text upwards, baseline at `x`, centred at `y`.
     pub(super) fn text_upwards(&mut self, x: f32, y: f32, font: &Typeface, text: &str) {
         let start = y + font.offset(Anchor::Middle, text);
         font.draw(text, |along, down, cover| {
@@ -158,7 +158,7 @@ impl Canvas {
         });
     }
 
-    /// This page, and another as wide below it.
+    /// Join this page and another of the same width below it.
     pub(super) fn above(mut self, mut below: Self) -> Self {
         debug_assert_eq!(self.width, below.width);
         if self.channels != below.channels {
@@ -170,11 +170,11 @@ impl Canvas {
         self
     }
 
-    /// The page as a PNG file: in grey where it has no other colour, which takes a third of the time.
+    /// Encode as PNG; in grey if the page has no colours, which takes a third of the time.
     pub(super) fn into_png(self, packing: Packing) -> Result<Vec<u8>, PlotError> {
         let (pixels, colours) = match self.channels {
             1 => (self.pixels, png::ColorType::Grayscale),
-            // Colours may have been drawn over.
+            // Colours may have been overdrawn.
             _ => match grey(&self.pixels) {
                 Some(levels) => (levels, png::ColorType::Grayscale),
                 None => (self.pixels, png::ColorType::Rgb),
@@ -186,10 +186,10 @@ impl Canvas {
         encoder.set_depth(png::BitDepth::Eight);
         if packing == Packing::Quick {
             encoder.set_compression(png::Compression::Fast);
-            // The filter that goes with it would double the file.
+            // The default filter of this compression would double the file.
             encoder.set_filter(png::Filter::Adaptive);
         }
-        // By which a later run knows that it may replace the file.
+        // Marks the file as replaceable by a later run.
         encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
         let mut writer = encoder.write_header()?;
         writer.write_image_data(&pixels)?;
@@ -202,27 +202,27 @@ fn is_grey(&[red, green, blue]: &Rgb) -> bool {
     red == green && green == blue
 }
 
-/// A level for each pixel, if all are grey.
+/// Grey levels, if all pixels are grey.
 fn grey(pixels: &[u8]) -> Option<Vec<u8>> {
     let (colours, _) = pixels.as_chunks::<3>();
     let all = colours.iter().all(is_grey);
     all.then(|| colours.iter().map(|&[red, ..]| red).collect())
 }
 
-/// A font at a size.
+/// Font at a size.
 pub(super) struct Typeface {
     font: FontRef<'static>,
     scale: PxScale,
 }
 
 impl Typeface {
-    /// DejaVu Sans with an em of `size` pixels.
+    /// DejaVu Sans with an em size of `size` pixels.
     pub(super) fn sans(size: f32, bold: bool) -> Self {
         let bytes = match bold {
             true => dejavu::sans::bold(),
             false => dejavu::sans::regular(),
         };
-        let font = FontRef::try_from_slice(bytes).expect("the font carried is sound");
+        let font = FontRef::try_from_slice(bytes).expect("the embedded font is valid");
         let scale = font
             .pt_to_px_scale(size * 0.75)
             .unwrap_or(PxScale::from(size));
@@ -237,19 +237,19 @@ impl Typeface {
         }
     }
 
-    /// Width of a line of text in pixels.
+    /// Width of a line of text, pixels.
     pub(super) fn width(&self, text: &str) -> f32 {
         let mut width = 0.0;
         self.place(text, |_, x, advance| width = x + advance);
         width
     }
 
-    /// As much of `text` as fits `width`, with an ellipsis if that is not all.
+    /// Truncate `text` to `width` pixels, with an ellipsis.
     pub(super) fn fitted(&self, text: &str, width: f32) -> String {
         if self.width(text) <= width {
             return text.to_owned();
         }
-        // Counted from the start, so that a very long text costs no more than a page's width.
+        // Measured from the start: the cost of a very long text is bounded by the width.
         let room = width - self.width("…");
         let mut end = 0;
         for (at, c) in text.char_indices() {
@@ -262,7 +262,7 @@ impl Typeface {
         format!("{}…", text[..end].trim_end())
     }
 
-    /// Calls `each` with glyph, position and advance.
+    /// Call `each` with glyph, position and advance.
     fn place(&self, text: &str, mut each: impl FnMut(GlyphId, f32, f32)) {
         let font = self.font.as_scaled(self.scale);
         let mut x = 0.0;
@@ -279,7 +279,7 @@ impl Typeface {
         }
     }
 
-    /// Calls `dot` with pixels right of the start, down from the base line, and how far covered.
+    /// Call `dot` with pixel offsets right of the start and below the baseline, and the coverage.
     fn draw(&self, text: &str, mut dot: impl FnMut(i64, i64, f32)) {
         self.place(text, |glyph, x, _| {
             let glyph = glyph.with_scale_and_position(self.scale, point(x, 0.0));

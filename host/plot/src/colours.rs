@@ -1,26 +1,26 @@
 //! Colour maps.
 
-/// Colours from the lowest level to the highest.
+/// Colour map from the lowest level to the highest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Colours {
-    /// Black to white: how radar images are shown.
+    /// Black to white, as usual for radar images. Default.
     #[default]
     Grey,
-    /// Dark blue over green to yellow, even to the eye (matplotlib's viridis, CC0): for differences,
-    /// so that nobody takes them for an image.
+    /// Perceptually uniform, dark blue over green to yellow (matplotlib's viridis, CC0). For differences,
+    /// to distinguish them from images.
     Viridis,
 }
 
-/// What should not be.
+/// Invalid pixels in grey images.
 pub(super) const RED: [u8; 3] = [214, 40, 40];
-/// Nothing to show; none of viridis's colours.
+/// Missing values; not a colour of viridis.
 pub(super) const PALE: [u8; 3] = [222, 222, 222];
 
-/// Brighter than the brightest shown: none of a map's own colours.
+/// Levels above the scale; not a colour of any map.
 const AMBER: [u8; 3] = [255, 150, 30];
 const CORAL: [u8; 3] = [255, 110, 90];
 
-/// Viridis at every eighth.
+/// Viridis in steps of an eighth.
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],
@@ -34,7 +34,7 @@ const VIRIDIS: [[u8; 3]; 9] = [
 ];
 
 impl Colours {
-    /// The colour of levels above the scale.
+    /// Colour of levels above the scale.
     pub(super) fn above(self) -> [u8; 3] {
         match self {
             Self::Grey => AMBER,
@@ -42,7 +42,7 @@ impl Colours {
         }
     }
 
-    /// 256 colours from the lowest level to the highest.
+    /// Table of 256 colours from the lowest level to the highest.
     pub fn table(self) -> Vec<[u8; 3]> {
         (0..=u8::MAX)
             .map(|i| self.at(f64::from(i) / 255.0))
@@ -56,7 +56,7 @@ impl Colours {
         }
     }
 
-    /// The stop below `level`, clamped to 0 to 1, and how far it is to the next.
+    /// Index of the colour stop below `level` (clamped to 0 to 1), and the fraction to the next.
     fn between(self, level: f64) -> (usize, f64) {
         let last = self.stops().len() - 1;
         let position = level.clamp(0.0, 1.0) * last as f64;
@@ -64,18 +64,18 @@ impl Colours {
         (below, position - below as f64)
     }
 
-    /// The colour at `level`, 0 to 1; clamped outside.
+    /// Colour at `level`, clamped to 0 to 1.
     pub(super) fn at(self, level: f64) -> [u8; 3] {
         let (below, part) = self.between(level);
         let [from, to] = [0, 1].map(|i| self.stops()[below + i]);
         std::array::from_fn(|i| {
             let (a, b) = (f64::from(from[i]), f64::from(to[i]));
-            // To the nearest: a conversion cuts off.
+            // Rounds to nearest; the cast truncates.
             (a + (b - a) * part + 0.5) as u8
         })
     }
 
-    /// The colour of all levels from one to another, if it is one: between two stops no channel turns back.
+    /// Colour of all levels from `low` to `high`, if it is one: channels are monotonic between two stops.
     pub(super) fn of_all(self, low: f64, high: f64) -> Option<[u8; 3]> {
         let colour = self.at(low);
         let alike = self.between(low).0 == self.between(high).0 && self.at(high) == colour;

@@ -1,43 +1,43 @@
-//! Colour by other images of the same grid.
+//! Colour composites from several images of one grid.
 
 use super::Source;
 use super::layout::Drawn;
 use super::scale::Scale;
-use subaperture_model::image::PartsError;
+use subaperture_model::image::ImageSourceError;
 
-/// What the colours of a picture are of.
+/// Source of a picture's colours.
 #[derive(Clone, Debug, Default)]
-pub enum Paint<'a> {
-    /// Of levels.
+pub enum ColourSource<'a> {
+    /// Levels through the colour map. Default.
     #[default]
     Levels,
-    /// Hues around the circle, red first, one for each of 2 to [`MOST_HUES`] images, such as parts of the aperture: a place that one of them has alone is of its hue, one that all have
-    /// alike is white. The brightness is the level of the panel's own image.
+    /// One hue for each of 2 to [`MAX_HUES`] images, such as sub-apertures, evenly around the colour circle from red. A place with power in one image only has its hue; a place with equal
+    /// power in all is white. Brightness is the level of the panel's own image.
     Hues(Vec<Source<'a>>),
-    /// Two or three images are the colours themselves, each between the levels of a scale of its own: red, green and blue; of two the first is red and blue, so that where both are
-    /// alike it is white or grey.
+    /// Two or three images as colour channels, each with its own scale: red, green and blue. The first of two is red and blue (magenta), so that equal
+    /// images give white or grey.
     Channels(Vec<Channel<'a>>),
 }
 
-/// An image that is a colour.
+/// Image of a colour channel.
 #[derive(Clone, Debug)]
 pub struct Channel<'a> {
-    /// What it is called.
+    /// Name in the key.
     pub name: String,
-    /// The image.
+    /// Image, on the panel's grid.
     pub image: Source<'a>,
 }
 
-/// Most images of which each has a hue: more cannot be told apart.
-pub const MOST_HUES: usize = 12;
+/// Largest number of hues; more cannot be distinguished.
+pub const MAX_HUES: usize = 12;
 
 const RED: [f64; 3] = [1.0, 0.0, 0.0];
 const GREEN: [f64; 3] = [0.0, 1.0, 0.0];
 const BLUE: [f64; 3] = [0.0, 0.0, 1.0];
 const MAGENTA: [f64; 3] = [1.0, 0.0, 1.0];
 
-impl<'a> Paint<'a> {
-    /// The images that colours are of.
+impl<'a> ColourSource<'a> {
+    /// Images of the composite.
     pub(super) fn images(&self) -> Box<dyn Iterator<Item = &Source<'a>> + '_> {
         match self {
             Self::Levels => Box::new(std::iter::empty()),
@@ -46,22 +46,22 @@ impl<'a> Paint<'a> {
         }
     }
 
-    /// What is wrong with their number.
+    /// Error text if the number of images is invalid.
     pub(super) fn fault(&self) -> Option<String> {
         match self {
-            Self::Hues(parts) if !(2..=MOST_HUES).contains(&parts.len()) => Some(format!(
-                "hues are of 2 to {MOST_HUES} images, not of {}",
+            Self::Hues(parts) if !(2..=MAX_HUES).contains(&parts.len()) => Some(format!(
+                "expected 2 to {MAX_HUES} images for hues, found {}",
                 parts.len()
             )),
             Self::Channels(channels) if !(2..=3).contains(&channels.len()) => Some(format!(
-                "colours are of two or three images, not of {}",
+                "expected 2 or 3 images for colour channels, found {}",
                 channels.len()
             )),
             _ => None,
         }
     }
 
-    /// What a cell takes beside what levels take: a colour before it is rounded, and whether there is one.
+    /// Additional memory per cell, bytes: an unrounded colour and its presence.
     pub(super) fn bytes_a_cell(&self) -> u64 {
         match self {
             Self::Levels => 0,
@@ -69,7 +69,7 @@ impl<'a> Paint<'a> {
         }
     }
 
-    /// Colours and what they stand for.
+    /// Key: names and colours.
     pub(super) fn key(&self) -> Vec<(String, [u8; 3])> {
         let bright = |colour: [f64; 3]| colour.map(byte);
         match self {
@@ -89,7 +89,7 @@ impl<'a> Paint<'a> {
     }
 }
 
-/// The colours of two or three channels.
+/// Colours of two or three channels.
 fn colours_of(channels: usize) -> &'static [[f64; 3]] {
     match channels {
         2 => &[MAGENTA, GREEN],
@@ -97,32 +97,32 @@ fn colours_of(channels: usize) -> &'static [[f64; 3]] {
     }
 }
 
-/// To the nearest: a conversion cuts off.
+/// Round a fraction to a byte; a cast would truncate.
 fn byte(part: f64) -> u8 {
     (255.0 * part.clamp(0.0, 1.0) + 0.5) as u8
 }
 
-/// Full colours around the circle: red, yellow, green, cyan, blue, magenta at every sixth.
+/// Saturated hue `k` of `count`: red, yellow, green, cyan, blue, magenta at every sixth of the circle.
 fn hue(k: usize, count: usize) -> [f64; 3] {
     let sixths = 6.0 * k as f64 / count as f64;
-    // A channel is full within a sixth of its own hue and gone beyond two.
+    // A channel is 1 within a sixth of the circle about its hue and 0 beyond two sixths.
     [0.0, 2.0, 4.0].map(|own| {
         let off = (sixths - own).abs();
         (2.0 - off.min(6.0 - off)).clamp(0.0, 1.0)
     })
 }
 
-/// Powers of an image on the cells.
-type Powers<'f> = &'f dyn Fn(&Source) -> Result<Vec<f64>, PartsError>;
+/// Function that resamples the power of an image to the cells.
+type Powers<'f> = &'f dyn Fn(&Source) -> Result<Vec<f64>, ImageSourceError>;
 
-/// Brightness by the level of `image`, colour by which of `parts` has how much of the power: the sum of their hues, each channel by what it would be if all had the same, and the largest
-/// of them full.
+/// Colour composite: brightness from `image`, hue from each sub-aperture's share of power. The hues are summed, each channel is normalised by its value for equal shares, and the largest
+/// channel is scaled to 1.
 pub(super) fn hues(
     image: &Source,
     parts: &[Source],
     scale: Scale,
-    powers: impl Fn(&Source) -> Result<Vec<f64>, PartsError>,
-) -> Result<Drawn, PartsError> {
+    powers: impl Fn(&Source) -> Result<Vec<f64>, ImageSourceError>,
+) -> Result<Drawn, ImageSourceError> {
     let powers: Powers = &powers;
     let shown = powers(image)?;
     let levels = scale.levels(&shown);
@@ -141,18 +141,18 @@ pub(super) fn hues(
         let brightness = levels.part_of(*power)?;
         let balanced: [f64; 3] = std::array::from_fn(|i| sum[i] / alike[i]);
         let most = balanced.iter().copied().fold(0.0, f64::max);
-        // Where none has anything it is grey.
+        // Without power the colour is grey.
         Some(balanced.map(|c| byte(brightness * if most > 0.0 { c / most } else { 1.0 })))
     });
     Ok(Drawn::Painted(cells.collect(), Some(levels)))
 }
 
-/// Each channel its own colour, by its own levels.
+/// Channel composite: each channel with its own colour and levels.
 pub(super) fn channels(
     channels: &[Channel],
     scale: Scale,
-    powers: impl Fn(&Source) -> Result<Vec<f64>, PartsError>,
-) -> Result<Drawn, PartsError> {
+    powers: impl Fn(&Source) -> Result<Vec<f64>, ImageSourceError>,
+) -> Result<Drawn, ImageSourceError> {
     let powers: Powers = &powers;
     let mut cells: Vec<Option<[f64; 3]>> = Vec::new();
     for (channel, colour) in channels.iter().zip(colours_of(channels.len())) {
@@ -183,7 +183,7 @@ mod tests {
         }
     }
 
-    fn powers(source: &Source) -> Result<Vec<f64>, PartsError> {
+    fn powers(source: &Source) -> Result<Vec<f64>, ImageSourceError> {
         let Source::Whole(image) = source else {
             unreachable!()
         };
@@ -202,10 +202,10 @@ mod tests {
         }
     }
 
-    /// Of any number of parts: what one alone has is of its hue, what all have alike is white, and what none has keeps its brightness.
+    /// For any number of images: power in one only gives its hue, equal power gives white, no power keeps the brightness.
     #[test]
-    fn what_all_parts_have_alike_is_white() {
-        for count in 2..=MOST_HUES {
+    fn equal_sub_apertures_are_white_and_single_ones_have_their_hue() {
+        for count in 2..=MAX_HUES {
             let total = image(&[1.0, 1.0, 0.1, 0.0, 1.0, f32::NAN]);
             let looks: Vec<Image> = (0..count)
                 .map(|k| {
@@ -216,7 +216,7 @@ mod tests {
             let parts: Vec<Source> = looks.iter().map(Source::from).collect();
             let cells = painted(hues(&Source::from(&total), &parts, SCALE, powers).unwrap());
             let own = hue(1, count).map(byte);
-            // A part of the power of a hue's own channels, by the balance of all hues: of 5 at the most 2.6 / 2.4 apart.
+            // Channels of a single hue after balancing all hues: for 5 hues they differ by at most 2.6 / 2.4.
             let first = cells[0].unwrap();
             for i in 0..3 {
                 assert!(
@@ -228,7 +228,7 @@ mod tests {
                 assert_eq!(first, own, "{count}");
             }
             assert_eq!(cells[1], Some([255; 3]), "{count}");
-            // 20 dB below white of 40: a half.
+            // 20 dB below white on a scale of 40 dB: half brightness.
             assert_eq!(cells[2], Some([128; 3]));
             assert_eq!(cells[3], Some([0; 3]));
             assert_eq!(cells[4], Some([255; 3]));
@@ -239,9 +239,9 @@ mod tests {
         assert_eq!(hue(3, 4), [0.5, 0.0, 1.0]);
     }
 
-    /// Three images are red, green and blue, two magenta and green; each by its own levels.
+    /// Three images are red, green and blue, two are magenta and green, each with its own levels.
     #[test]
-    fn images_are_colours() {
+    fn channel_composite_maps_images_to_colours() {
         let all = [[1.0, 0.1, 0.0], [0.01, 0.1, 0.0], [0.1, 0.1, 1.0]].map(|m| image(&m));
         let named = |count: usize| -> Vec<Channel> {
             let each = all.iter().take(count).enumerate();
@@ -257,7 +257,10 @@ mod tests {
         let two = painted(channels(&named(2), SCALE, powers).unwrap());
         let expected = [[255, 0, 255], [128, 128, 128], [0, 0, 0]];
         assert_eq!(two, expected.map(Some));
-        assert!(Paint::Channels(named(1)).fault().is_some());
-        assert!(Paint::Hues(Vec::new()).fault().is_some() && Paint::Levels.fault().is_none());
+        assert!(ColourSource::Channels(named(1)).fault().is_some());
+        assert!(
+            ColourSource::Hues(Vec::new()).fault().is_some()
+                && ColourSource::Levels.fault().is_none()
+        );
     }
 }

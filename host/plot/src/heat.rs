@@ -1,4 +1,4 @@
-//! Real values over two axes, on a linear scale.
+//! Heat map of real values over two axes, linear scale.
 
 use super::canvas::Packing;
 use super::colours::{PALE, RED};
@@ -8,37 +8,37 @@ use super::scale::Levels;
 use super::{Colours, PlotError, edges};
 use subaperture_model::geometry::Axis;
 
-/// Values and how to show them. Large maps are reduced by averaging; values that are NaN or infinite do not
-/// count, and where there is nothing else the picture is pale, or red among greys.
+/// Heat map. Large maps are reduced by averaging the finite values; cells without finite values are pale, or red
+/// in grey maps.
 #[derive(Clone, Debug)]
-pub struct Heat<'a> {
-    /// Values, row-major, row 0 shown lowest.
+pub struct HeatMap<'a> {
+    /// Values, row-major; row 0 is drawn lowest.
     pub values: &'a [f32],
-    /// What the rows are, in the unit of their label.
+    /// Axis of the rows, in the unit of its label.
     pub rows: Axis,
-    /// What the columns are.
+    /// Axis of the columns, in the unit of its label.
     pub columns: Axis,
-    /// The line above it; cut short if it does not fit.
+    /// Title, truncated to fit.
     pub title: String,
-    /// Label across, with the unit: `Doppler (Hz)`.
+    /// Label of the horizontal axis with unit, such as `Doppler (Hz)`.
     pub across_label: String,
-    /// Label upwards: `range (m)`.
+    /// Label of the vertical axis with unit, such as `range (m)`.
     pub up_label: String,
-    /// Unit of the values, below the colour bar; short.
+    /// Short unit of the values, drawn below the colour bar.
     pub unit: String,
-    /// Values of the darkest and the brightest colour.
+    /// Values of the lowest and highest colour.
     pub range: (f64, f64),
-    /// The colours between.
+    /// Colour map.
     pub colours: Colours,
-    /// Whether both axes are lengths to be drawn alike; else every pixel is square.
+    /// Whether both axes have equal scale; otherwise pixels are square.
     pub proportional: bool,
 }
 
-/// The picture, as the bytes of a PNG file: up to 1600 pixels a side, and its margins.
+/// Draw a heat map as PNG, up to 1600 pixels per side plus margins.
 ///
 /// # Errors
-/// [`PlotError`].
-pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
+/// [`PlotError`] if the number of values or the range is invalid, or encoding fails.
+pub fn heat(heat: &HeatMap) -> Result<Vec<u8>, PlotError> {
     let size = (heat.rows.count, heat.columns.count);
     let unsuited = |what: String| PlotError::Unsuited {
         title: heat.title.clone(),
@@ -46,7 +46,7 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
     };
     if size.0.checked_mul(size.1) != Some(heat.values.len()) || heat.values.is_empty() {
         return Err(unsuited(format!(
-            "{} values do not fill {} rows x {} columns",
+            "{} values do not fill {} rows x {} columns: expected one value per pixel",
             heat.values.len(),
             size.0,
             size.1
@@ -54,7 +54,9 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
     }
     let (bottom, top) = heat.range;
     if !(bottom.is_finite() && top.is_finite() && bottom < top) {
-        return Err(unsuited(format!("no colours from {bottom} to {top}")));
+        return Err(unsuited(format!(
+            "expected a finite range with top above bottom, found {bottom} to {top}"
+        )));
     }
     let levels = Levels {
         bottom,

@@ -1,4 +1,4 @@
-//! Where everything on a page lies.
+//! Page layout: plots, axes, colour bars, keys and notes.
 
 use super::PlotError;
 use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
@@ -7,93 +7,93 @@ use super::orientation::Arrow;
 use super::scale::Levels;
 use super::shades::Shades;
 use super::ticks::{ticks, ticks_apart};
-use subaperture_model::image::PartsError;
+use subaperture_model::image::ImageSourceError;
 
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;
 const TICK: usize = 6;
-/// From an axis or the colour bar to its tick labels: the tick and some air.
+/// Distance from an axis or colour bar to its tick labels, pixels.
 const TO_LABEL: usize = TICK + 6;
-/// Least room left of the plot for tick labels and the axis label; room above it for the title.
+/// Smallest left margin (tick labels, axis label) and top margin (title), pixels.
 const LEFT: usize = 96;
 const TOP: usize = 48;
-/// Room below for tick labels and the axis label.
+/// Bottom margin (tick labels, axis label), pixels.
 const BOTTOM: usize = 60;
-/// Least gap before the colour bar, the bar, least room for its labels.
+/// Smallest gap before the colour bar, width of the bar, smallest room for its labels, pixels.
 const BAR_GAP: usize = 20;
 const BAR: usize = 20;
 const BAR_LABELS: usize = 64;
-/// White between neighbouring labels; between one and another text; along the page's border.
+/// Gaps between adjacent labels, between other texts, and at the page border, pixels.
 const LABEL_GAP: f32 = 8.0;
 const TEXT_GAP: f32 = 12.0;
-/// The note and the arrows' names are small print.
+/// Font size of notes and arrow names, pixels.
 const NOTE_PX: f32 = 12.0;
-/// Half an arrow's length, and from one arrow to the next; the arrows lie below the tick labels, left of the
+/// Half an arrow's length, and the distance between arrows, pixels. Arrows are below the tick labels, left of the
 /// plot.
 const ARROW: f64 = 11.0;
 const ARROW_STEP: f64 = 52.0;
-/// Height of the cap on the colour bar that stands for levels above its top.
+/// Height of the cap on the colour bar for levels above its top, pixels.
 const CAP: usize = 10;
 const BORDER: f32 = 3.0;
-const LEAST_SIDE: usize = 160;
-/// From one name of a key to the next; the most room that names take.
+const MIN_SIDE: usize = 160;
+/// Line spacing of a key, and the largest width of its names, pixels.
 const KEY_STEP: usize = 26;
-const MOST_KEY_PX: f32 = 200.0;
+const MAX_KEY_PX: f32 = 200.0;
 
-/// Values and labels.
+/// Tick values and labels.
 type Ticks = Vec<(f64, String)>;
 
-/// What a panel shows, whatever it is of.
+/// Content of a panel, independent of its source.
 pub(super) struct Sheet<'a> {
     pub(super) title: &'a str,
-    /// Rows and columns of pixels.
+    /// Rows and columns of source pixels.
     pub(super) count: (usize, usize),
-    /// Values at the left and right edge and at the lower and upper one, in the unit shown; either may run
-    /// backwards.
+    /// Axis values at the left and right edge, and at the lower and upper edge; either may be
+    /// descending.
     pub(super) across: (f64, f64),
     pub(super) up: (f64, f64),
     pub(super) across_label: &'a str,
     pub(super) up_label: &'a str,
     pub(super) bar_label: &'a str,
-    /// Small print below the colour bar; left out where there is no room.
+    /// Note below the colour bar; omitted if there is no room.
     pub(super) note: &'a str,
     pub(super) arrows: Vec<Arrow>,
-    /// Width and height of what is shown, in any one unit.
+    /// Aspect: width and height in a common unit.
     pub(super) proportions: (f64, f64),
     pub(super) colours: Colours,
-    /// The colour of what is NaN.
+    /// Colour of NaN.
     pub(super) absent: [u8; 3],
-    /// Levels that the colour bar surely has room for.
+    /// Levels by which the room for colour bar labels is planned.
     pub(super) typical: Levels,
-    /// Colours and what they stand for, where they are of something else than levels.
+    /// Key of colours that do not represent levels.
     pub(super) key: Vec<(String, [u8; 3])>,
     pub(super) cells: Cells<'a>,
 }
 
-/// Makes what is drawn of `height x width` cells, row 0 first.
-pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> Result<Drawn, PartsError> + 'a>;
+/// Function that computes `height` x `width` cells, row 0 first.
+pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> Result<Drawn, ImageSourceError> + 'a>;
 
-/// What is drawn.
+/// Values or colours of cells.
 pub(super) enum Drawn {
-    /// Levels of cells, and those of the darkest and brightest colour.
+    /// Levels of cells, and the levels of the lowest and highest colour.
     Levels(Vec<f64>, Levels),
-    /// Powers of cells, and levels in dB.
+    /// Powers of cells, and the levels of the lowest and highest colour, dB.
     Powers(Vec<f64>, Levels),
-    /// Colours of cells, `None` of what is absent, and the levels of black and of full brightness where they are the same for all.
+    /// Colours of cells, `None` for missing ones, and the levels of black and of full brightness if common to all.
     Painted(Vec<Option<[u8; 3]>>, Option<Levels>),
 }
 
-/// Where a panel's parts lie, in pixels.
+/// Geometry of a panel, pixels.
 struct Plan {
     width: usize,
     height: usize,
     across: Ticks,
     up: Ticks,
-    /// Room left of the plot.
+    /// Left margin.
     left: usize,
-    /// From the plot to the colour bar.
+    /// Gap between plot and colour bar.
     gap: usize,
-    /// Room right of the colour bar.
+    /// Room for colour bar labels.
     bar_labels: usize,
 }
 
@@ -106,7 +106,7 @@ impl Plan {
         let across = ticks_apart(least, most, (width / 60).max(2), width as f64, |label| {
             f64::from(font.width(label) + LABEL_GAP)
         });
-        // How far the outer labels reach past the plot.
+        // Overhang of the outer labels past the plot.
         let (mut before, mut after) = (0f32, 0f32);
         for (value, label) in &across {
             let at = ((value - low) / (high - low) * width as f64) as f32;
@@ -120,22 +120,20 @@ impl Plan {
         let small = Typeface::sans(NOTE_PX, false);
         let names = sheet.key.iter().map(|(name, _)| small.width(name));
         let bar = widest(&font, &bar_ticks(sheet.typical, height));
-        let bar = names
-            .map(|width| width.min(MOST_KEY_PX))
-            .fold(bar, f32::max);
+        let bar = names.map(|width| width.min(MAX_KEY_PX)).fold(bar, f32::max);
         Self {
             width,
             height,
             across,
             up,
             left: LEFT.max((room.max(before) + BORDER).ceil() as usize),
-            // "dB" below the bar is as wide as it.
+            // "dB" below the bar has the bar's width.
             gap: BAR_GAP.max((after + TEXT_GAP).ceil() as usize),
             bar_labels: BAR_LABELS.max((TO_LABEL as f32 + bar + BORDER).ceil() as usize),
         }
     }
 
-    /// From the plot's left edge to the panel's right one.
+    /// Distance from the plot's left edge to the panel's right edge.
     fn right_of_axis(&self) -> usize {
         self.width + self.gap + BAR + self.bar_labels
     }
@@ -149,9 +147,9 @@ fn bar_ticks(levels: Levels, height: usize) -> Ticks {
     ticks(levels.bottom, levels.top, (height / 70).max(2))
 }
 
-/// The page with all sheets drawn, the longer side of each at most `limit` pixels.
+/// Draw a page of all sheets, the longer side of each at most `limit` pixels.
 /// # Errors
-/// [`PlotError::Parts`].
+/// [`PlotError::ImageSource`] if an image cannot be read.
 pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Result<Canvas, PlotError> {
     let plans: Vec<Plan> = sheets.iter().map(|s| Plan::new(s, limit)).collect();
     let rows = sheets.len().div_ceil(columns);
@@ -175,8 +173,8 @@ pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Result<Can
     Ok(canvas)
 }
 
-/// Width and height of the plot, its longer side at most `limit` pixels. Small images are enlarged by
-/// a whole number, to some 60 % of the limit or more.
+/// Width and height of the plot, the longer side at most `limit` pixels. Small images are enlarged by
+/// an integer factor, to about 60 % of the limit or more.
 fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
     let (across, up) = sheet.proportions;
     let pixels = if across >= up {
@@ -194,13 +192,13 @@ fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
     };
     let side = |part: f64| {
         let side = (longer as f64 * part / across.max(up)).round();
-        // A strip keeps room for its labels rather than its proportions.
-        (side as usize).clamp(LEAST_SIDE, limit)
+        // A narrow strip keeps room for its labels rather than its aspect.
+        (side as usize).clamp(MIN_SIDE, limit)
     };
     (side(across), side(up))
 }
 
-/// How often each of so many pixels is repeated along a side, if it is a whole number; else 1, of as many cells as the side is long.
+/// Integer repetition of each pixel along a side; 1 with as many cells as the side is long if there is none.
 fn repeats(side: usize, pixels: usize) -> usize {
     match side.is_multiple_of(pixels) {
         true => side / pixels,
@@ -215,16 +213,16 @@ fn draw(
     (x, y): (usize, usize),
 ) -> Result<(), PlotError> {
     let (width, height) = (plan.width, plan.height);
-    // Of pixels that are repeated each is looked at once.
+    // Repeated pixels are evaluated once.
     let [down, along] = [
         repeats(height, sheet.count.0),
         repeats(width, sheet.count.1),
     ];
-    let drawn = (sheet.cells)(height / down, width / along).map_err(PlotError::Parts)?;
+    let drawn = (sheet.cells)(height / down, width / along).map_err(PlotError::ImageSource)?;
     let mut capped = false;
     let mut painter = Painter {
         canvas: &mut *canvas,
-        // The last of the page's rows, which is the first of the cells'.
+        // Last row of the page, first row of the cells.
         corner: (x, y + height - 1),
         repeats: [down, along],
         line: vec![[0; 3]; width],
@@ -265,14 +263,14 @@ fn draw(
     let bar_x = x + width + plan.gap;
     let keys = (KEY_STEP * sheet.key.len()).min(height / 2);
     if let Some(levels) = levels {
-        // The unit stands below the bar.
+        // Unit below the bar.
         let above = if keys > 0 { keys + KEY_STEP } else { 0 };
         let bar = height.saturating_sub(above).max(height / 3);
         colour_bar(canvas, sheet, levels, (bar_x, y), bar);
     }
     key(canvas, sheet, (bar_x, y + height - keys), keys);
     if capped {
-        // A triangle upon the bar.
+        // Triangle on top of the bar.
         for row in 0..CAP {
             let inset = BAR * (CAP - row) / (2 * CAP + 2);
             let colour = sheet.colours.above();
@@ -290,13 +288,13 @@ fn draw(
     Ok(())
 }
 
-/// Paints cells, each repeated down and along, from the lowest row of a plot upwards.
+/// Painter of repeated cells, from the lowest row of a plot upwards.
 struct Painter<'c> {
     canvas: &'c mut Canvas,
-    /// Left end of the lowest row.
+    /// Page position of the left end of the lowest row.
     corner: (usize, usize),
     repeats: [usize; 2],
-    /// A row of colours.
+    /// Colours of one row.
     line: Vec<Rgb>,
 }
 
@@ -315,7 +313,7 @@ impl Painter<'_> {
     }
 }
 
-/// Colours and their names, one below the other; those that have no room are left out.
+/// Draw the key; entries without room are omitted.
 fn key(canvas: &mut Canvas, sheet: &Sheet, (x, y): (usize, usize), height: usize) {
     let small = Typeface::sans(NOTE_PX, false);
     let side = BAR - 4;
@@ -323,13 +321,13 @@ fn key(canvas: &mut Canvas, sheet: &Sheet, (x, y): (usize, usize), height: usize
         let top = y + i * KEY_STEP + (KEY_STEP - side) / 2;
         canvas.fill(x, top, BAR, side, *colour);
         canvas.frame(x, top, BAR, side);
-        let name = small.fitted(name, MOST_KEY_PX);
+        let name = small.fitted(name, MAX_KEY_PX);
         let at = ((x + BAR + TO_LABEL) as f32, (top + side) as f32 - 4.0);
         canvas.text(at.0, at.1, Anchor::Left, &small, &name);
     }
 }
 
-/// The small print, to the right of the label across if it fits there.
+/// Draw the note, right of the horizontal axis label if it fits there.
 fn note(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
     let small = Typeface::sans(NOTE_PX, false);
     let label = Typeface::sans(LABEL_PX, false).width(sheet.across_label);
@@ -341,7 +339,7 @@ fn note(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
     }
 }
 
-/// An arrow about a point, its name to the right.
+/// Draw an arrow centred on a point, its name to the right.
 fn draw_arrow(canvas: &mut Canvas, arrow: &Arrow, (x, y): (f64, f64)) {
     let (dx, dy) = (ARROW * arrow.right, -ARROW * arrow.up);
     let head = (x + dx, y + dy);

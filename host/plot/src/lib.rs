@@ -1,22 +1,22 @@
-//! Pictures where people would rather look than read.
+//! Plots as PNG: radar images, heat maps and line charts.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `plot`.
 //!
-//! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, with a colour bar. Axes show the
-//! scene's coordinates in metres, rows upwards; those of a turned plane say which way they run
-//! ([`subaperture_model::geometry::SceneAxis`]). A polar grid shows range upwards and its angle, which grows
-//! counter-clockwise, to the left, so that the picture is no mirror image of the scene. Cartesian grids keep
-//! their proportions. Levels above the scale's top are drawn in a colour of their own, which caps the
-//! bar. Large images are reduced by averaging power, so that a lone bright pixel is dimmed
-//! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
+//! [`quicklook`] draws the magnitude of a complex image in decibels, `20 log10 |I|`, with a colour bar. Axes show
+//! scene coordinates in metres, rows upwards; axes of a rotated plane are labelled with their direction
+//! ([`subaperture_model::geometry::SceneAxis`]). A polar grid is drawn with range upwards and its angle, which is
+//! counter-clockwise, to the left, so that the picture is not mirrored. Cartesian grids keep
+//! their aspect. Levels above the upper level have a separate colour, shown as a cap on the colour
+//! bar. Large images are reduced by averaging power, which dims a single bright pixel
+//! but never drops it; small images are enlarged without interpolation. NaN and infinite pixels
 //! are red.
 //!
-//! Colour tells of other images of the same grid, if asked ([`Paint`]): which part of the aperture saw a place, or how its polarisations differ.
+//! [`ColourSource`] selects colour composites of several images of one grid: sub-apertures or polarisations.
 //!
-//! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts of them.
+//! [`heat`] draws real values over two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts.
 //!
-//! Text is set in DejaVu Sans, which the program carries: no font need be installed.
+//! Text uses the embedded font DejaVu Sans; no installed font is needed.
 #![forbid(unsafe_code)]
 
 mod canvas;
@@ -34,22 +34,22 @@ mod ticks;
 use canvas::Packing;
 use layout::{Drawn, Sheet};
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Image, Parts, PartsError, power};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, power};
 
 pub use colours::Colours;
-pub use composite::{Channel, MOST_HUES, Paint};
-pub use heat::{Heat, heat};
+pub use composite::{Channel, ColourSource, MAX_HUES};
+pub use heat::{HeatMap, heat};
 pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
-pub use scale::Scale;
+pub use scale::{Scale, Upper, automatic_levels_db};
 
-/// Where the pixels of a picture come from.
+/// Image source of a picture.
 #[derive(Clone, Copy, Debug)]
 pub enum Source<'a> {
-    /// An image in memory.
+    /// Image in memory.
     Whole(&'a Image),
-    /// One that need not fit there.
-    Parts(&'a dyn Parts),
+    /// Image read window by window.
+    ImageSource(&'a dyn ImageSource),
 }
 
 impl<'a> From<&'a Image> for Source<'a> {
@@ -62,24 +62,24 @@ impl Source<'_> {
     fn size(&self) -> (usize, usize) {
         match self {
             Self::Whole(image) => (image.rows, image.columns),
-            Self::Parts(parts) => parts.size(),
+            Self::ImageSource(parts) => parts.size(),
         }
     }
 
-    /// Mean powers on `height x width` cells that cover the first `rows` and `columns`.
+    /// Mean power on `height` x `width` cells that cover the first `rows` and `columns`.
     fn powers(
         &self,
         (rows, columns): (usize, usize),
         height: usize,
         width: usize,
-    ) -> Result<Vec<f64>, PartsError> {
+    ) -> Result<Vec<f64>, ImageSourceError> {
         match self {
             Self::Whole(image) => {
                 let line = |row: usize| &image.pixels[row * image.columns..];
                 let size = (rows, columns);
                 Ok(raster::resample(size, line, |&z| power(z), height, width))
             }
-            Self::Parts(parts) => {
+            Self::ImageSource(parts) => {
                 let mut reduced = raster::Reduced::new((rows, columns), height, width);
                 for place in parts.places() {
                     if place[0].start >= rows || place[1].start >= columns {
@@ -99,46 +99,46 @@ impl Source<'_> {
     }
 }
 
-/// An image and how to show it.
+/// Picture of an image.
 #[derive(Clone, Debug)]
 pub struct Panel<'a> {
-    /// The image.
+    /// Image to draw.
     pub image: Source<'a>,
-    /// Its grid: rows and columns as the image's.
+    /// Grid of the image, of the same rows and columns.
     pub grid: &'a ImageGrid,
-    /// The line above it; cut short if it does not fit.
+    /// Title, truncated to fit.
     pub title: String,
-    /// Which levels are black and white.
+    /// Levels of black and white.
     pub scale: Scale,
-    /// The colours between.
+    /// Colour map.
     pub colours: Colours,
-    /// What the axes across and up show.
+    /// Horizontal and vertical axis.
     pub axes: [ShownAxis; 2],
-    /// What 0 dB is; empty where the title says it.
+    /// Meaning of 0 dB, drawn as a note; may be empty.
     pub reference: &'static str,
-    /// Directions to mark beside the picture.
+    /// Look direction and north, drawn as arrows.
     pub orientation: Orientation,
-    /// Rows and columns of pixels whose mean power is one pixel of what is shown, as many looks; what is left at the last row and column is not shown.
+    /// Multilook factor, rows x columns: the mean power of that many pixels is one pixel of the picture. Incomplete boxes at the last row and column are omitted. Default: 1 x 1.
     pub looks: [usize; 2],
-    /// Whether row 0 is the uppermost, as in SICD.
+    /// Whether row 0 is at the top, as in SICD.
     pub rows_down: bool,
-    /// What colours are of, if not of levels.
-    pub paint: Paint<'a>,
+    /// Source of the colours.
+    pub paint: ColourSource<'a>,
 }
 
-/// What is written along an axis: `offset + scale * coordinate` of the grid.
+/// Axis labelling: value `offset + scale * coordinate` of the grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShownAxis {
-    /// Its name and unit.
+    /// Name and unit of the quantity.
     pub label: String,
-    /// Value shown at coordinate 0.
+    /// Value at coordinate 0.
     pub offset: f64,
-    /// What a coordinate is multiplied by: -1 where the axis runs backwards, degrees a radian.
+    /// Factor of the coordinate: -1 for a reversed axis, degrees per radian for angles.
     pub scale: f64,
 }
 
 impl ShownAxis {
-    /// An axis that shows the grid's own coordinate.
+    /// Axis with the grid's own coordinate.
     pub fn plain(label: impl Into<String>) -> Self {
         Self {
             label: label.into(),
@@ -147,7 +147,7 @@ impl ShownAxis {
         }
     }
 
-    /// The axes across and up of an image's grid.
+    /// Horizontal and vertical axis of a grid.
     pub fn of_grid(grid: &ImageGrid) -> [Self; 2] {
         let axes = grid.scene_axes();
         if grid.polar {
@@ -183,7 +183,7 @@ impl ShownAxis {
         })
     }
 
-    /// Values at the outer edges of the first and the last pixel.
+    /// Values at the outer edges of the first and last pixel.
     pub fn edges(&self, axis: &Axis) -> (f64, f64) {
         let (first, last) = edges(axis);
         let shown = |coordinate| self.offset + self.scale * coordinate;
@@ -192,7 +192,7 @@ impl ShownAxis {
 }
 
 impl<'a> Panel<'a> {
-    /// A grey picture with a scale of its own, its axes those of an image.
+    /// Grey picture with automatic levels and the grid's axes.
     pub fn new(
         image: impl Into<Source<'a>>,
         grid: &'a ImageGrid,
@@ -209,11 +209,11 @@ impl<'a> Panel<'a> {
             orientation: Orientation::default(),
             looks: [1, 1],
             rows_down: false,
-            paint: Paint::Levels,
+            paint: ColourSource::Levels,
         }
     }
 
-    /// The grid of what is shown: that of boxes of so many looks.
+    /// Grid of the picture after multilooking.
     pub fn shown_grid(&self) -> ImageGrid {
         let boxes = |axis: &Axis, looks: usize| Axis {
             start: axis.start + axis.step * (looks as f64 - 1.0) / 2.0,
@@ -227,8 +227,13 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// Mean powers of an image on the panel's grid, on cells of what is shown: first of boxes, or of cells that are larger than they, then as often as cells repeat them.
-    fn powers(&self, image: &Source, height: usize, width: usize) -> Result<Vec<f64>, PartsError> {
+    /// Mean power of an image on the cells of the picture: multilooked, averaged over larger cells, or repeated for smaller cells.
+    fn powers(
+        &self,
+        image: &Source,
+        height: usize,
+        width: usize,
+    ) -> Result<Vec<f64>, ImageSourceError> {
         let shown = self.shown_grid();
         let count = (shown.rows.count, shown.columns.count);
         let covered = (count.0 * self.looks[0], count.1 * self.looks[1]);
@@ -238,7 +243,7 @@ impl<'a> Panel<'a> {
             let line = |row: usize| &cells[row * across..];
             cells = raster::resample((down, across), line, |&x| x, height, width);
         }
-        // Angles grow to the left.
+        // Angles increase to the left.
         if self.grid.polar {
             cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
         }
@@ -276,95 +281,95 @@ impl<'a> Panel<'a> {
                 false => (length(&grid.columns), length(&grid.rows)),
             },
             colours: match self.paint {
-                Paint::Levels => self.colours,
+                ColourSource::Levels => self.colours,
                 _ => Colours::Grey,
             },
             absent: colours::RED,
-            // Without the image's powers, which only matter to a scale from the data, whose labels,
-            // whole decibels of three digits, fit the least room anyhow.
+            // Without the image's powers, which only automatic levels need; their labels,
+            // whole decibels of three digits, fit the smallest room.
             typical: self.scale.levels(&[]),
             key: self.paint.key(),
             cells: Box::new(move |height, width| self.drawn(height, width)),
         }
     }
 
-    /// What cells show.
-    fn drawn(&self, height: usize, width: usize) -> Result<Drawn, PartsError> {
+    /// Values or colours of the cells.
+    fn drawn(&self, height: usize, width: usize) -> Result<Drawn, ImageSourceError> {
         let powers = |image: &Source| self.powers(image, height, width);
         match &self.paint {
-            Paint::Levels => {
+            ColourSource::Levels => {
                 let cells = powers(&self.image)?;
                 let levels = self.scale.levels(&cells);
                 Ok(Drawn::Powers(cells, levels))
             }
-            Paint::Hues(parts) => composite::hues(&self.image, parts, self.scale, powers),
-            Paint::Channels(channels) => composite::channels(channels, self.scale, powers),
+            ColourSource::Hues(parts) => composite::hues(&self.image, parts, self.scale, powers),
+            ColourSource::Channels(channels) => composite::channels(channels, self.scale, powers),
         }
     }
 }
 
-/// Coordinates at an axis' two ends: the outer edges of its first and last pixel.
+/// Coordinates of the outer edges of an axis' first and last pixel.
 fn edges(axis: &Axis) -> (f64, f64) {
     let half = axis.step / 2.0;
     let last = axis.at(axis.count - 1);
     (axis.start - half, last + half)
 }
 
-/// Why no picture was drawn.
+/// Error of drawing a picture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlotError {
-    /// The image is not on this grid, or there is none.
+    /// The input cannot be drawn.
     #[error("cannot draw {title:?}: {what}")]
     Unsuited {
-        /// The panel's title.
+        /// Title of the panel.
         title: String,
-        /// What is wrong.
+        /// Reason why the data cannot be drawn.
         what: String,
     },
-    /// A part of an image could not be read.
+    /// An image could not be read.
     #[error(transparent)]
-    Parts(PartsError),
+    ImageSource(ImageSourceError),
     /// The picture could not be encoded.
     #[error("cannot encode the picture: {0}")]
     Encoding(#[from] png::EncodingError),
 }
 
-/// One picture, as the bytes of a PNG file: up to 1600 pixels a side, and its margins.
+/// Draw a picture as PNG, up to 1600 pixels per side plus margins.
 ///
 /// # Errors
-/// [`PlotError`].
+/// [`PlotError`] if image and grid differ in size, a setting is invalid, or the image cannot be read.
 pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
     quicklook_within(panel, u64::MAX)
 }
 
-/// [`quicklook`], so much smaller that drawing it takes about `memory_bytes`, or 4 MiB if that is more.
+/// [`quicklook`], reduced in size such that drawing needs about `memory_bytes`, but at least 4 MiB.
 ///
 /// # Errors
-/// [`PlotError`].
+/// As [`quicklook`].
 pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
     let a_cell = BYTES_A_CELL + panel.paint.bytes_a_cell();
     let side = ((memory_bytes / a_cell) as f64).sqrt() as usize;
     page(
         std::slice::from_ref(panel),
         1,
-        side.clamp(LEAST_SHOWN, LONGEST),
+        side.clamp(MIN_SHOWN, LONGEST),
     )
 }
 
-/// What a pixel of a picture takes while it is drawn: its power, that once more to find the scale, its colour, and that
-/// on the way into a PNG file.
+/// Memory per pixel while drawing, bytes: power, a copy for automatic levels, colour, and a copy for
+/// encoding.
 const BYTES_A_CELL: u64 = 24;
 
-/// Pixels a side of a lone picture, at most, and at least where memory is short.
+/// Largest side of a single picture, and smallest where memory is limited, pixels.
 const LONGEST: usize = 1600;
-const LEAST_SHOWN: usize = 400;
+const MIN_SHOWN: usize = 400;
 
-/// Several pictures on one page, `columns` side by side, row by row, as the bytes of a PNG file. The
-/// more columns, the smaller each: up to 800 pixels a side for two, 560 for three or more.
+/// Draw several pictures on one page as PNG, `columns` side by side, row by row. Largest side of each: 1600 pixels for one column,
+/// 800 for two, 560 for three or more.
 ///
 /// # Errors
-/// [`PlotError`].
+/// As [`quicklook`]; also if there is no picture.
 pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
     let limit = match columns.min(panels.len()) {
         0 | 1 => LONGEST,
@@ -385,11 +390,11 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
             let (height, width) = image.size();
             let whole = match image {
                 Source::Whole(image) => height.checked_mul(width) == Some(image.pixels.len()),
-                Source::Parts(_) => true,
+                Source::ImageSource(_) => true,
             };
             if (height, width) != (rows, columns) || !whole {
                 return Err(unsuited(format!(
-                    "the image has {height} rows x {width} columns, the grid {rows} x {columns}"
+                    "expected an image of its grid's size, found {height} rows x {width} columns and a grid of {rows} x {columns}"
                 )));
             }
         }
@@ -400,7 +405,7 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
         let fits = |looks: usize, count: usize| looks >= 1 && looks <= count.max(1);
         if !(fits(down, rows) && fits(across, columns)) {
             return Err(unsuited(format!(
-                "{down} x {across} looks are no part of {rows} rows x {columns} columns"
+                "{down} x {across} looks exceed the image of {rows} rows x {columns} columns, or are 0"
             )));
         }
     }
@@ -410,7 +415,7 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
     if panels.is_empty() || empty.is_some() {
         return Err(PlotError::Unsuited {
             title: empty.map_or_else(String::new, |p| p.title.clone()),
-            what: "there is nothing to draw".to_owned(),
+            what: "expected at least one picture, found none".to_owned(),
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();

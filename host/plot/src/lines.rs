@@ -1,54 +1,54 @@
-//! Curves over two axes: ticks, grid, legend, marked values.
+//! Line charts: curves, ticks, grid, legend, marked values.
 //!
-//! Lines are drawn smooth: a pixel is covered by how far its middle lies from the line. A curve covers each
-//! pixel once, however often it passes, so that dense curves are no darker. Curves are clipped at the
-//! plot's box; a point that is not finite interrupts its curve.
+//! Lines are antialiased by the distance of pixel centres. A curve covers each
+//! pixel once, so that dense curves are not darker. Curves are clipped to the
+//! plot; a non-finite point interrupts its curve.
 
 use super::PlotError;
 use super::canvas::{Anchor, Canvas, INK, Packing, Rgb, Typeface};
 use super::ticks::{ticks, ticks_apart};
 
-/// Curves and how to show them.
+/// Line chart of one or more curves.
 #[derive(Clone, Debug, Default)]
 pub struct Chart {
-    /// The line above; cut short if it does not fit.
+    /// Title, truncated to fit.
     pub title: String,
-    /// Label across, with the unit.
+    /// Label of the horizontal axis, with unit.
     pub across_label: String,
-    /// Label upwards, with the unit.
+    /// Label of the vertical axis, with unit.
     pub up_label: String,
-    /// The curves, in the order of their colours and of the legend.
+    /// Curves, in the order of colours and legend.
     pub curves: Vec<Curve>,
-    /// Values across that are marked by a thin line from bottom to top.
+    /// Horizontal values marked by thin vertical lines.
     pub marks: Vec<f64>,
-    /// First and last value across; `None` for those of the curves, with some air on a map.
+    /// Range of the horizontal axis. Default (`None`): that of the curves, with a margin if `proportional`.
     pub across: Option<(f64, f64)>,
-    /// Lowest and highest value, as a floor in dB is; `None` for those of the curves and some air.
+    /// Range of the vertical axis, such as a floor in dB. Default (`None`): that of the curves with a margin.
     pub up: Option<(f64, f64)>,
-    /// Whether both axes are lengths to be drawn alike, as on a map: one of the ranges is widened, a given one too.
+    /// Whether both axes have equal scale, as on a map; one range is widened, even if given.
     pub proportional: bool,
 }
 
-/// One curve.
+/// Curve of a chart.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// Its name in the legend; none if empty.
+    /// Name in the legend; no entry if empty.
     pub name: String,
-    /// Its points, joined in this order.
+    /// Points, joined in this order.
     pub points: Vec<(f64, f64)>,
-    /// How it is drawn.
+    /// Stroke.
     pub stroke: Stroke,
 }
 
-/// How a curve is drawn.
+/// Stroke of a curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stroke {
-    /// A line.
+    /// Solid line. Default.
     #[default]
     Solid,
-    /// A line with gaps.
+    /// Dashed line.
     Dashed,
-    /// A dot on every point, not joined.
+    /// Unconnected dots.
     Dots,
 }
 
@@ -57,21 +57,21 @@ const HEIGHT: usize = 560;
 const TOP: usize = 48;
 const RIGHT: usize = 32;
 const BOTTOM: usize = 60;
-const LEAST_LEFT: usize = 96;
+const MIN_LEFT: usize = 96;
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;
 const TICK: usize = 6;
 const TO_LABEL: usize = TICK + 6;
 const GRID: Rgb = [225, 225, 225];
 const MARK: Rgb = [130, 130, 130];
-/// Half of a line's width, radius of a dot, pixels.
+/// Half a line's width, and radius of a dot, pixels.
 const HALF_LINE: f64 = 0.9;
 const DOT: f64 = 3.0;
-/// Length of a dash and of the gap after it, pixels.
+/// Length of a dash, and of a gap, pixels.
 const DASH: f64 = 9.0;
 const GAP: f64 = 6.0;
 
-/// Dark enough on white and apart for the colour-blind (Okabe and Ito).
+/// Colour-blind safe palette (Okabe and Ito).
 const COLOURS: [Rgb; 7] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -82,24 +82,24 @@ const COLOURS: [Rgb; 7] = [
     [90, 90, 90],
 ];
 
-/// The picture, as the bytes of a PNG file.
+/// Draw a chart as PNG.
 ///
 /// # Errors
-/// [`PlotError`], if there is nothing finite to draw or a range is empty.
+/// [`PlotError`] if there is no finite point, or a range is empty.
 pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
     drawn(chart)?.into_png(Packing::Small)
 }
 
-/// Several, one below another in one picture, as the bytes of a PNG file.
+/// Draw several charts one below the other as PNG.
 ///
 /// # Errors
-/// [`PlotError`], if there is no chart, or one that [`lines`] would not draw.
+/// As [`lines`]; also if there is no chart.
 pub fn stacked(charts: &[Chart]) -> Result<Vec<u8>, PlotError> {
     let pages: Result<Vec<Canvas>, PlotError> = charts.iter().map(drawn).collect();
     let page = pages?.into_iter().reduce(Canvas::above);
     let page = page.ok_or_else(|| PlotError::Unsuited {
         title: String::new(),
-        what: "there is no chart to draw".to_owned(),
+        what: "expected at least one chart, found none".to_owned(),
     })?;
     page.into_png(Packing::Small)
 }
@@ -112,9 +112,11 @@ fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
     let points = || chart.curves.iter().flat_map(|curve| &curve.points);
     let finite = || points().filter(|p| p.0.is_finite() && p.1.is_finite());
     if finite().next().is_none() {
-        return Err(unsuited("there is no finite point to draw"));
+        return Err(unsuited(
+            "expected at least one point, found no finite point",
+        ));
     }
-    // On a map a place at an end is drawn whole.
+    // On a map, symbols at the ends are drawn whole.
     let air = if chart.proportional { 0.05 } else { 0.0 };
     let across = chart
         .across
@@ -124,7 +126,7 @@ fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
         .unwrap_or_else(|| apart(range(finite().map(|p| p.1)), 0.05));
     let sound = |(low, high): (f64, f64)| low < high && (high - low).is_finite();
     if !(sound(across) && sound(up)) {
-        return Err(unsuited("an axis needs a lowest and a higher value"));
+        return Err(unsuited("expected an axis range with a higher upper value"));
     }
     let page = match chart.proportional {
         true => Page::proportional(chart, across, up),
@@ -133,14 +135,14 @@ fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
     Ok(page.drawn(chart))
 }
 
-/// Smallest and largest.
+/// Smallest and largest value.
 fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
         (low.min(v), high.max(v))
     })
 }
 
-/// A range with `air` of its length on both sides, and never empty.
+/// Extend a range by the fraction `air` on both sides; never empty.
 fn apart((low, high): (f64, f64), air: f64) -> (f64, f64) {
     match high > low {
         true => (low - air * (high - low), high + air * (high - low)),
@@ -151,13 +153,13 @@ fn apart((low, high): (f64, f64), air: f64) -> (f64, f64) {
     }
 }
 
-/// A range of this length about the middle of another.
+/// Range of a given length about the centre of another.
 fn about((low, high): (f64, f64), length: f64) -> (f64, f64) {
     let middle = low + 0.5 * (high - low);
     (middle - 0.5 * length, middle + 0.5 * length)
 }
 
-/// The plot's box on the page, and what its edges stand for.
+/// Plot box on the page, and its axis ranges.
 struct Page {
     left: usize,
     width: usize,
@@ -179,7 +181,7 @@ impl Page {
             LABEL_PX + 12.0
         };
         let room = TO_LABEL as f32 + widest(&font, &up_ticks) + label + 6.0;
-        let left = LEAST_LEFT.max(room.ceil() as usize);
+        let left = MIN_LEFT.max(room.ceil() as usize);
         Self {
             left,
             width: WIDTH - left - RIGHT,
@@ -191,20 +193,20 @@ impl Page {
         }
     }
 
-    /// A page of which a pixel is as much across as up.
+    /// Page with equal scale on both axes.
     fn proportional(chart: &Chart, across: (f64, f64), up: (f64, f64)) -> Self {
         let first = Self::new(chart, across, up);
         let of_up = (up.1 - up.0) / first.height as f64;
         let pixel = |page: &Self| of_up.max((across.1 - across.0) / page.width as f64);
         let of = |pixel: f64| Self::new(chart, across, about(up, pixel * first.height as f64));
-        // Labels of other ticks may leave another width: of both the narrower has room for all.
+        // Tick labels change the width available; the narrower layout fits both.
         let pixel = pixel(&first).max(pixel(&of(pixel(&first))));
         let mut page = of(pixel);
         page.across = about(across, pixel * page.width as f64);
         page
     }
 
-    /// Pixels from the box's left edge, and down from its top.
+    /// Position in pixels from the box's left and top edge.
     fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
         (
             (x - self.across.0) / (self.across.1 - self.across.0) * self.width as f64,
@@ -280,7 +282,7 @@ impl Page {
         canvas.text_upwards(base, middle, &self.font, &chart.up_label);
     }
 
-    /// Names beside samples of their strokes, in a corner.
+    /// Draw the legend in a corner.
     fn legend(&self, canvas: &mut Canvas, chart: &Chart) {
         const LINE: usize = 22;
         const SAMPLE: usize = 34;
@@ -302,7 +304,7 @@ impl Page {
             SAMPLE + widest.ceil() as usize + 26,
             named.len() * LINE + 10,
         );
-        // In the corner where it hides least, upper ones first.
+        // Corner with the fewest curve pixels, upper corners first.
         let [left, top] = [self.left + 10, TOP + 10];
         let [right, bottom] = [
             (self.left + self.width)
@@ -346,7 +348,7 @@ fn widest(font: &Typeface, ticks: &[(f64, String)]) -> f32 {
     ticks.iter().map(|t| font.width(&t.1)).fold(0.0, f32::max)
 }
 
-/// How far a curve covers each pixel of a box.
+/// Coverage of each pixel of the box by a curve.
 struct Cover {
     width: usize,
     height: usize,
@@ -362,7 +364,7 @@ impl Cover {
         }
     }
 
-    /// Draws through points given in pixels.
+    /// Draw through points in pixels.
     fn stroke(&mut self, points: impl Iterator<Item = (f64, f64)>, stroke: Stroke) {
         let mut last: Option<(f64, f64)> = None;
         let mut walked = 0.0;
@@ -381,7 +383,7 @@ impl Cover {
         }
     }
 
-    /// Dashes from `a` to `b`, `walked` pixels into the pattern; how far it is at `b`.
+    /// Draw dashes from `a` to `b`, starting `walked` pixels into the pattern; returns the position in the pattern at `b`.
     fn dashes(&mut self, a: (f64, f64), b: (f64, f64), walked: f64) -> f64 {
         let Some((a, b)) = self.clipped(a, b) else {
             return walked;
@@ -402,7 +404,7 @@ impl Cover {
         (walked + length) % (DASH + GAP)
     }
 
-    /// A line with round ends.
+    /// Draw a line with round ends.
     fn segment(&mut self, a: (f64, f64), b: (f64, f64), half_width: f64) {
         let Some((a, b)) = self.clipped(a, b) else {
             return;
@@ -431,7 +433,7 @@ impl Cover {
         }
     }
 
-    /// The part of a segment within a few pixels of the box (Liang and Barsky 1984).
+    /// Clip a segment to a few pixels around the box (Liang and Barsky 1984).
     fn clipped(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
         let air = DOT + 2.0;
         let (dx, dy) = (b.0 - a.0, b.1 - a.1);

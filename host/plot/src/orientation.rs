@@ -1,23 +1,23 @@
-//! Which way is which: the radar's look and north, as arrows beside a picture.
+//! Look direction and north, as arrows on a picture.
 
 use glam::DVec3;
 
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::phase_history::Collection;
 
-/// Shorter than this in the picture's plane, a direction points out of it and has no arrow.
+/// Smallest length of an arrow in the picture plane, relative to its direction's unit vector.
 const LEAST: f64 = 0.05;
 
-/// Directions in the scene; `None` where they are not known.
+/// Look direction and north in the scene; `None` if unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Orientation {
-    /// From the radar to the scene, at the middle pulse.
+    /// Direction from radar to scene at the middle pulse, unit vector.
     pub look: Option<DVec3>,
-    /// North, of a scene that is tied to the Earth.
+    /// North, unit vector; `None` without a position on the Earth.
     pub north: Option<DVec3>,
 }
 
-/// An arrow on the page: its name, how far to the right and how far up its head lies; of unit length or
+/// Arrow on the page: name, and components to the right and upwards; unit length or
 /// foreshortened.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Arrow {
@@ -27,7 +27,7 @@ pub(super) struct Arrow {
 }
 
 impl Orientation {
-    /// Of a collection's middle pulse, seen from the middle of `grid`.
+    /// Directions of a collection's middle pulse at the centre of `grid`.
     pub fn of(collection: &Collection, grid: &ImageGrid) -> Self {
         let middle = centre(grid);
         let pulse = collection.pulses.get(collection.pulses.len() / 2);
@@ -41,7 +41,7 @@ impl Orientation {
         }
     }
 
-    /// The directions as seen on a picture of `grid`, at its middle.
+    /// Arrows on a picture of `grid`, at its centre.
     pub(super) fn arrows(&self, grid: &ImageGrid) -> Vec<Arrow> {
         let (right, up) = page_axes(grid);
         let arrow = |name, direction: Option<DVec3>| {
@@ -60,15 +60,15 @@ impl Orientation {
     }
 }
 
-/// The scene point in the middle of a grid.
+/// Scene point at the centre of a grid.
 fn centre(grid: &ImageGrid) -> DVec3 {
     let half = |count: usize| (count.max(1) - 1) as f64 / 2.0;
     let at = |axis: &subaperture_model::geometry::Axis| axis.start + half(axis.count) * axis.step;
     grid.point_m(at(&grid.rows), at(&grid.columns))
 }
 
-/// Unit vectors of the scene that point right and up on a picture of `grid`, in its middle. Angles of a
-/// polar grid grow to the left.
+/// Scene directions of right and up on a picture of `grid`, at its centre. Angles of a
+/// polar grid increase to the left.
 fn page_axes(grid: &ImageGrid) -> (DVec3, DVec3) {
     if !grid.polar {
         return (grid.x_axis, grid.y_axis);
@@ -78,7 +78,7 @@ fn page_axes(grid: &ImageGrid) -> (DVec3, DVec3) {
     (grid.x_axis * sin - grid.y_axis * cos, outwards)
 }
 
-/// North at a scene point: the Earth's axis less its part along the vertical there.
+/// North at a scene point: the component of the Earth's axis normal to the vertical.
 fn north(frame: &SceneFrame, point: DVec3) -> Option<DVec3> {
     let SceneFrame::Earth {
         origin_ecf_m,
@@ -90,8 +90,8 @@ fn north(frame: &SceneFrame, point: DVec3) -> Option<DVec3> {
     };
     let z_axis_ecf = x_axis_ecf.cross(y_axis_ecf);
     let at = origin_ecf_m + x_axis_ecf * point.x + y_axis_ecf * point.y + z_axis_ecf * point.z;
-    // The direction from the Earth's centre is the vertical to 0.2 degrees, and that part points north or
-    // south itself: north's azimuth is exact.
+    // The geocentric direction differs from the vertical by up to 0.2 degrees, in the meridian
+    // plane: the azimuth of north is exact.
     let up = at.try_normalize()?;
     let north_ecf = (DVec3::Z - up * up.z).try_normalize()?;
     Some(DVec3::new(
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arrows_point_as_the_picture_does() {
+    fn arrows_follow_picture_axes() {
         let look = Orientation {
             look: Some(DVec3::new(0.0, 0.8, -0.6)),
             north: None,
@@ -118,10 +118,10 @@ mod tests {
             up,
         };
         assert_eq!(arrows("x=-1:1:1,y=-1:1:1"), [arrow(0.0, 0.8)]);
-        // A wall that faces the radar: its look comes down the picture, mostly out of it.
+        // A vertical grid facing the radar: the look direction points down the picture, mostly out of plane.
         let wall = arrows("x=-1:1:1,y=-1:1:1,roll=90");
         assert!((wall[0].up + 0.6).abs() < 1e-12 && wall[0].right.abs() < 1e-12);
-        // At theta = 90 degrees range grows along y, and angles to the left: -x is left.
+        // At theta = 90 degrees range increases along y, and angles to the left: -x is left.
         let polar = arrows("r=1:3:1,theta=80:101:10");
         assert!((polar[0].up - 0.8).abs() < 1e-12 && polar[0].right.abs() < 1e-12);
         let aside = Orientation {
@@ -130,7 +130,7 @@ mod tests {
         };
         let polar = aside.arrows(&"r=1:3:1,theta=80:101:10".parse().unwrap());
         assert!((polar[0].right - 1.0).abs() < 1e-12, "{polar:?}");
-        // Straight down: no arrow.
+        // Normal to the picture: no arrow.
         let down = Orientation {
             look: Some(-DVec3::Z),
             north: None,
@@ -139,8 +139,8 @@ mod tests {
     }
 
     #[test]
-    fn north_is_that_of_the_earth() {
-        // A frame at 30 N, 0 E whose x runs north and y west.
+    fn north_follows_earth_frame() {
+        // Frame at 30 N, 0 E with x north and y west.
         let (sin, cos) = (0.5, 0.75f64.sqrt());
         let frame = SceneFrame::Earth {
             origin_ecf_m: DVec3::new(cos, 0.0, sin) * 6.37e6,

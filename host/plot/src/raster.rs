@@ -1,8 +1,8 @@
-//! Values on a raster of another size.
+//! Area-weighted resampling of rasters.
 
-/// Values of `rows x columns` pixels, `value` of each of the first of a `line`, on `height x width` cells that
-/// cover them evenly, row 0 first: the area-weighted mean of the pixels under each cell. Values that
-/// are not finite do not count; a cell of none else is NaN.
+/// Resample `rows` x `columns` pixels to `height` x `width` cells that
+/// cover them evenly, row 0 first: area-weighted mean of the finite values under each cell; NaN
+/// without any. `value` converts the first pixels of a `line`.
 pub(super) fn resample<'l, T: 'l>(
     (rows, columns): (usize, usize),
     line: impl Fn(usize) -> &'l [T],
@@ -38,40 +38,55 @@ pub(super) fn resample<'l, T: 'l>(
                 }
             }
         }
-        // 0 / 0 is the NaN promised.
+        // 0 / 0 is NaN: no finite value.
         out.iter_mut().zip(&weights).for_each(|(c, w)| *c /= w);
     }
     cells
 }
 
-/// The same of values that come in any order, a run of a row at a time.
+/// As [`resample`], for blocks of a row in any order. Memory: the cells and the longest block, not the image.
 pub(super) struct Reduced {
-    across: Vec<Span>,
-    down: Vec<Span>,
+    size: (usize, usize),
+    height: usize,
     width: usize,
     cells: Vec<f64>,
     weights: Vec<f64>,
+    /// First column of the last block, and the cells of its pixels.
+    across: (usize, Vec<Span>),
 }
 
 impl Reduced {
     pub(super) fn new(size: (usize, usize), height: usize, width: usize) -> Self {
         Self {
-            // The cells that a pixel lies on.
-            across: spans(width, size.1),
-            down: spans(height, size.0),
+            size,
+            height,
             width,
             cells: vec![0.0; height * width],
             weights: vec![0.0; height * width],
+            across: (0, Vec::new()),
         }
     }
 
-    /// Adds pixels from a row and column on.
-    pub(super) fn add(&mut self, row: usize, column: usize, values: impl Iterator<Item = f64>) {
-        for (value, across) in values.zip(&self.across[column..]) {
+    /// Add pixels from a row and column on.
+    pub(super) fn add(
+        &mut self,
+        row: usize,
+        column: usize,
+        values: impl ExactSizeIterator<Item = f64>,
+    ) {
+        let (rows, columns) = self.size;
+        let count = values.len().min(columns.saturating_sub(column));
+        // Blocks of adjacent rows mostly have the same columns.
+        if (self.across.0, self.across.1.len()) != (column, count) {
+            let spans = (column..column + count).map(|i| Span::of(i, self.width, columns));
+            self.across = (column, spans.collect());
+        }
+        let down = Span::of(row, self.height, rows);
+        for (value, across) in values.zip(&self.across.1) {
             if !value.is_finite() {
                 continue;
             }
-            for (cell_row, down) in self.down[row].cells() {
+            for (cell_row, down) in down.cells() {
                 for (cell_column, along) in across.cells() {
                     let cell = cell_row * self.width + cell_column;
                     self.cells[cell] += down * along * value;
@@ -81,20 +96,20 @@ impl Reduced {
         }
     }
 
-    /// The cells.
+    /// Values of the cells.
     pub(super) fn finish(mut self) -> Vec<f64> {
         let cells = self.cells.iter_mut().zip(&self.weights);
-        // 0 / 0 is the NaN promised.
+        // 0 / 0 is NaN: no finite value.
         cells.for_each(|(cell, weight)| *cell /= weight);
         self.cells
     }
 }
 
-/// A run of source pixels, the first and last in part.
+/// Range of source pixels, the first and last fractional.
 struct Span {
     first: usize,
     last: usize,
-    /// Parts of the first and last pixel; of the one there is, if they are the same.
+    /// Fractions of the first and last pixel; of the only pixel if they are the same.
     ends: (f64, f64),
 }
 
@@ -111,22 +126,25 @@ impl Span {
     }
 }
 
-/// Splits `count` pixels evenly over `cells`. In whole numbers: cell `i` runs from `i count / cells`
-/// to `(i + 1) count / cells`, so edges fall on pixels where they should.
+impl Span {
+    /// Cell `i` of `cells` that divide `count` pixels evenly, from `i count / cells` to `(i + 1) count / cells` in integer arithmetic, so that edges
+    /// fall exactly on pixels.
+    fn of(i: usize, count: usize, cells: usize) -> Self {
+        let part = |numerator: usize| numerator as f64 / cells as f64;
+        let (begin, end) = (i * count, (i + 1) * count);
+        let (first, last) = (begin / cells, (end - 1) / cells);
+        let ends = if first == last {
+            (part(end - begin), 0.0)
+        } else {
+            (part((first + 1) * cells - begin), part(end - last * cells))
+        };
+        Self { first, last, ends }
+    }
+}
+
+/// All cells that divide `count` pixels evenly.
 fn spans(count: usize, cells: usize) -> Vec<Span> {
-    let part = |numerator: usize| numerator as f64 / cells as f64;
-    (0..cells)
-        .map(|i| {
-            let (begin, end) = (i * count, (i + 1) * count);
-            let (first, last) = (begin / cells, (end - 1) / cells);
-            let ends = if first == last {
-                (part(end - begin), 0.0)
-            } else {
-                (part((first + 1) * cells - begin), part(end - last * cells))
-            };
-            Span { first, last, ends }
-        })
-        .collect()
+    (0..cells).map(|i| Span::of(i, count, cells)).collect()
 }
 
 #[cfg(test)]
@@ -134,18 +152,18 @@ mod tests {
     use super::{Reduced, resample};
 
     #[test]
-    fn values_are_averaged_by_area() {
-        // Three pixels of 1, 4, 9 on two cells of one and a half each.
+    fn resampling_averages_by_area() {
+        // Three pixels 1, 4, 9 on two cells of one and a half pixels.
         let cells = resample((1, 3), |_| &[1.0, 4.0, 9.0], |&x| x, 1, 2);
         assert!((cells[0] - (1.0 + 2.0) / 1.5).abs() < 1e-12);
         assert!((cells[1] - (2.0 + 9.0) / 1.5).abs() < 1e-12);
-        // Two by two on one.
+        // 2 x 2 pixels on one cell.
         let cells = resample((2, 2), |j| &[[1.0, 4.0], [9.0, 16.0]][j], |&x| x, 1, 1);
         assert!((cells[0] - 30.0 / 4.0).abs() < 1e-12);
     }
 
     #[test]
-    fn pieces_in_any_order_are_the_same() {
+    fn block_order_does_not_change_cells() {
         let value = |i: usize| match i {
             17 => f64::NAN,
             _ => (i * 7919 % 101) as f64,
@@ -167,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_repeated() {
+    fn enlargement_repeats_pixels() {
         let cells = resample((2, 2), |j| &[[1.0, 4.0], [9.0, 16.0]][j], |&x| x, 4, 6);
         let expected = [[1.0, 4.0], [1.0, 4.0], [9.0, 16.0], [9.0, 16.0]];
         for (row, expected) in cells.chunks(6).zip(expected) {
@@ -178,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_does_not_count() {
+    fn non_finite_pixels_are_excluded_from_mean() {
         let values = [1.0, f64::NAN, f64::INFINITY, f64::NAN];
         let cells = resample((1, 4), |_| &values, |&x| x, 1, 2);
         assert!((cells[0] - 1.0).abs() < 1e-12);

@@ -1,40 +1,40 @@
-//! Colours of many powers, without a logarithm of each.
+//! Colour lookup of powers without a logarithm per pixel.
 //!
-//! Levels are logarithms of powers, and colours change with them in steps. The bits of a positive float64 number grow with it, so that those
-//! whose leading bits are the same are a run of levels, at most 0.017 dB long: where both its ends are of one colour, all of the run is, and one look into a table
-//! tells it. Of the few others, and of scales that no table suits, each level is computed. The colours are the same either way.
+//! Colours are steps of the logarithm of power. The bit pattern of a positive float64 increases with it, so powers
+//! with equal leading bits form an interval of levels, at most 0.017 dB long. Where both ends have the same colour, so has the interval, and one table
+//! lookup gives it. For the other intervals, and for scales without a table, the level is computed. The colours are identical.
 
 use super::colours::Colours;
 use super::scale::Levels;
 
-/// Bits of a float64 number that are left out of a run's number: all but 8 of its fraction.
+/// Low bits of a float64 ignored in an interval's index: all but 8 of the fraction.
 const BELOW: u32 = 44;
 
-/// How far the level of a power may be off by rounding, as a part of the scale.
+/// Bound on the rounding error of a level, relative to the scale.
 const OFF: f64 = 1e-9;
 
-/// Scales for which there is a table, dB: their spans, and how far their ends may lie from 0.
+/// Scales with a table: dynamic range, and distance of the ends from 0, dB.
 const SPANS_DB: std::ops::RangeInclusive<f64> = 1.0..=200.0;
 const FARTHEST_DB: f64 = 2000.0;
 
-/// Powers below which no table is worth it.
+/// Smallest number of powers for which a table is built.
 const FEW: usize = 10_000;
 
-/// Colours of powers on a scale.
+/// Colour lookup of a scale.
 pub(super) struct Shades {
     levels: Levels,
     colours: Colours,
     absent: [u8; 3],
-    /// What lies below the table.
+    /// Colour below the table.
     darkest: [u8; 3],
-    /// Number of the first run in the table.
+    /// Index of the first interval in the table.
     first: u64,
-    /// The colour of each run; none if they are several, or above the scale, where few are.
+    /// Colour of each interval; `None` if it has several, or is above the scale.
     runs: Vec<Option<[u8; 3]>>,
 }
 
 impl Shades {
-    /// For so many powers.
+    /// Build the lookup for `count` powers.
     pub(super) fn new(levels: Levels, colours: Colours, absent: [u8; 3], count: usize) -> Self {
         let mut shades = Self {
             levels,
@@ -48,7 +48,7 @@ impl Shades {
         let ends = [bottom, top].iter().all(|db| db.abs() < FARTHEST_DB);
         if count >= FEW && ends && SPANS_DB.contains(&(top - bottom)) {
             let run_of = |db: f64| 10f64.powf(db / 10.0).to_bits() >> BELOW;
-            // A run more at the bottom, and at the top what rounding may lie above.
+            // One more interval at the bottom, and a margin for rounding at the top.
             shades.first = run_of(bottom) - 1;
             let last = run_of(top + 0.01 * (top - bottom)) + 1;
             let parts: Vec<f64> = (shades.first..=last + 1)
@@ -60,21 +60,21 @@ impl Shades {
         shades
     }
 
-    /// How far up the scale a power is, 0 to 1 within it.
+    /// Position of a power on the scale, 0 to 1 within it.
     fn part(&self, power: f64) -> f64 {
         self.levels.part(10.0 * power.log10())
     }
 
-    /// The colour of all levels from one to another, if it is one and of the scale.
+    /// Colour of all levels from `low` to `high`, if it is one and on the scale.
     fn run(&self, low: f64, high: f64) -> Option<[u8; 3]> {
         let within = !self.levels.is_above(high);
         self.colours.of_all(low, high).filter(|_| within)
     }
 
-    /// The colour of a power that is not negative, and whether that lies above the scale.
+    /// Colour of a non-negative power, and whether it is above the scale.
     #[inline]
     pub(super) fn of(&self, power: f64) -> ([u8; 3], bool) {
-        // That of NaN is beyond the table.
+        // NaN is beyond the table.
         let run = power.to_bits() >> BELOW;
         let Some(place) = run.checked_sub(self.first) else {
             return (self.darkest, false);
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_tells_the_computed_colours() {
+    fn colour_table_agrees_with_computed_colours() {
         let absent = [1, 2, 3];
         for (bottom, top) in [(-60.0, 0.0), (-123.0, -69.0), (3.0, 4.0), (-199.5, 0.4)] {
             for colours in [Colours::Grey, Colours::Viridis] {
@@ -108,9 +108,9 @@ mod tests {
                     };
                     let shades = Shades::new(levels, colours, absent, FEW);
                     assert!(!shades.runs.is_empty());
-                    // A table that tells nothing would be no use.
-                    let told = shades.runs.iter().flatten().count();
-                    assert!(top - bottom < 50.0 || told > shades.runs.len() * 4 / 5);
+                    // The table must cover most intervals.
+                    let covered = shades.runs.iter().flatten().count();
+                    assert!(top - bottom < 50.0 || covered > shades.runs.len() * 4 / 5);
                     let db = (0..200_000)
                         .map(|i| bottom - 7.0 + (top - bottom + 14.0) * f64::from(i) / 2e5);
                     let powers = db.map(|db| 10f64.powf(db / 10.0));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn scales_without_a_table_tell_the_same() {
+    fn scale_without_table_gives_same_colours() {
         for (bottom, top) in [(-1e4, -1e4 + 50.0), (0.0, 0.5), (-900.0, 0.0), (5.0, 5.0)] {
             let levels = Levels {
                 bottom,

@@ -1,7 +1,7 @@
-//! Round numbers along an axis.
+//! Tick values at round numbers.
 
-/// Values at multiples of 1, 2 or 5 times a power of ten within `low..=high`, at most `most` of them
-/// (at least one is allowed), and their labels.
+/// Multiples of 1, 2 or 5 times a power of ten within `low..=high`, at most `most`
+/// (and at least one), with labels.
 pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
     let span = high - low;
     if !(span > 0.0 && span.is_finite()) {
@@ -16,17 +16,17 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .unwrap_or((1.0, power + 1.0));
     let step = factor * 10f64.powf(power);
     let digits = (-power).clamp(0.0, 15.0) as usize;
-    // Beyond what float64 resolves, or where all would read 0.000000000000000.
+    // Below float64 resolution, or all labels would read 0.000000000000000.
     let peak = low.abs().max(high.abs());
     let exponential = peak >= 1e16 || power < -15.0;
     let mantissa = (peak.log10().floor() - power).clamp(0.0, 16.0) as usize;
-    // A thousandth of a step is forgiven at the ends, for float rounding.
+    // Tolerance of a thousandth of a step at the ends, for rounding.
     let first = (low / step - 1e-3).ceil();
     let last = (high / step + 1e-3).floor();
     let count = (last - first + 1.0).clamp(0.0, most as f64 + 1.0) as usize;
     (0..count)
         .map(|i| {
-            // Adding zero turns -0 into 0.
+            // Adding zero converts -0 to 0.
             let value = (first + i as f64) * step + 0.0;
             let text = match exponential {
                 true => format!("{value:.mantissa$e}"),
@@ -37,8 +37,8 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .collect()
 }
 
-/// Like [`ticks`], but as few as it takes for labels centred on their values not to touch, where the
-/// axis is `length` long and a label takes up `room` of that.
+/// As [`ticks`], reduced until centred labels do not overlap on an
+/// axis of `length`, where `room` is the length of a label.
 pub(super) fn ticks_apart(
     low: f64,
     high: f64,
@@ -53,7 +53,7 @@ pub(super) fn ticks_apart(
             let distance = (pair[1].0 - pair[0].0) / (high - low) * length;
             distance >= (room(&pair[0].1) + room(&pair[1].1)) / 2.0
         });
-        // A coarse step may have no multiple within the range.
+        // A coarse step may have no multiple in the range.
         if !found.is_empty() {
             fewest = found;
             if apart {
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn round_numbers_within_the_range() {
+    fn ticks_are_round_numbers_in_range() {
         assert_eq!(labels(-50.1, 49.9, 6), ["−40", "−20", "0", "20", "40"]);
         assert_eq!(
             labels(0.0, 1.0, 5),
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn extreme_values_have_short_labels() {
+    fn labels_of_extreme_values_are_short() {
         assert_eq!(labels(0.5e300, 2.5e300, 2), ["1e300", "2e300"]);
         assert_eq!(
             labels(0.0, 2e-20, 2),
@@ -99,7 +99,7 @@ mod tests {
         );
     }
 
-    /// Labels where each character is ten pixels wide and two more keep them apart.
+    /// Labels of ten pixels per character, with a gap of two characters.
     fn apart(low: f64, high: f64, most: usize, length: f64) -> Vec<String> {
         let room = |label: &str| (label.chars().count() * 10 + 20) as f64;
         ticks_apart(low, high, most, length, room)
@@ -109,13 +109,13 @@ mod tests {
     }
 
     #[test]
-    fn labels_stay_apart() {
-        // Steps of 20 are 66 pixels apart, and the widest label with its gap takes 50.
+    fn tick_labels_do_not_overlap() {
+        // Steps of 20 are 66 pixels apart; the widest label with its gap needs 50.
         assert_eq!(
             apart(-45.0, 45.0, 5, 300.0),
             ["−40", "−20", "0", "20", "40"]
         );
-        // Ten characters and the gap take 120 pixels. Of 960 pixels for 0.3, 0.02 has 64, 0.05 has 160.
+        // Ten characters and the gap need 120 pixels. With 960 pixels for 0.3, 0.02 has 64, 0.05 has 160.
         assert_eq!(
             apart(3_999_999.995, 4_000_000.295, 16, 960.0),
             [
@@ -127,11 +127,11 @@ mod tests {
                 "4000000.25"
             ]
         );
-        // Exactly as far apart as they are wide is enough: 1 and 2 take 30 each.
+        // Touching labels are allowed: 1 and 2 need 30 each.
         assert_eq!(apart(1.0, 2.0, 1, 30.0), ["1", "2"]);
-        // Less is not, and then one is left.
+        // Overlapping labels are not; one remains.
         assert_eq!(apart(1.0, 2.0, 1, 29.0), ["1"]);
-        // No multiple of 1 lies within, yet there is a label.
+        // No multiple of 1 in the range, but one label.
         assert_eq!(apart(0.1, 0.7, 3, 60.0), ["0.5"]);
     }
 }

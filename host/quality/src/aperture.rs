@@ -1,69 +1,72 @@
-//! Parts of the aperture: what an image would show had only some of its pulses been used, from the image alone.
+//! Sub-aperture images, computed from an image alone by filtering its cross-range spectrum.
 //!
-//! An image's spectrum across the line of sight is its aperture: where the phase of the path from the aperture's middle is taken off each pixel, what a pulse saw that
-//! was an angle `a` off that middle has the spatial frequencies `2 a / lambda` across, wherever it lies. A patch of the image (what is asked for and [`MARGIN`] pixels around it) is
-//! transformed, the frequencies between two bounds are kept, and it is transformed back. A point that is seen evenly keeps its level.
+//! The cross-range spectrum of an image is its aperture. After multiplication of each pixel by the conjugate phase of its path from the aperture's centre, the
+//! contribution of a pulse at angle `a` off the centre has the cross-range spatial frequency `2 a / lambda` everywhere in the image. A patch (the window requested
+//! and [`MARGIN`] pixels around it) is Fourier transformed, filtered to the frequencies between two bounds, and transformed back. A point that reflects evenly over
+//! the aperture keeps its level.
 //!
-//! A part is two fractions of the aperture: 0 where the antenna begins and 1 where it ends as it goes clockwise about the scene, seen from the side of the grid's normal; of a
-//! radar that looks ahead, from its right to its left. Which was first in time the image does not tell.
+//! A sub-aperture is a range of fractions of the aperture, 0 to 1, clockwise about the scene seen from the side of the grid's normal; for a forward-looking
+//! radar, from right to left. The image does not contain the time order.
 //!
-//! **Neglected.** The direction across is that of the patch's middle: `d` metres off it, it is turned by `d / R`, and a part of the band's width of frequencies in range by as much
-//! taken for frequencies across. Frequencies across grow with the carrier: at the band's edges bounds are off by half the relative bandwidth of their distance from the
-//! middle. Edges are sharp, so that points have side lobes of -13 dB, and those that reach farther than the margin wrap around. Of an image of another program the
-//! aperture lies along columns, as SICD has it, and its middle is where the patch's energy is.
+//! **Neglected.** The cross-range direction is that of the patch centre: at distance `d` it is rotated by `d / R`, which mixes that fraction of the range
+//! bandwidth into cross-range. Cross-range frequencies scale with the carrier: at the band edges, the bounds are off by half the relative bandwidth times their
+//! distance from the centre. The filter has sharp edges: points have sidelobes of -13 dB, and sidelobes longer than the margin wrap around. In an image from other
+//! software the aperture lies along columns, as in SICD, centred at the patch's mean frequency.
 //!
-//! Memory: 8 bytes a pixel of the patch, as much again where several parts are asked for at once, and the parts. Cost: a transform of the patch, and another for each part.
+//! **Memory** 8 bytes per pixel of the patch, as much again for several sub-apertures at once, and the result. **Cost** one transform of the patch, and one per sub-aperture.
 
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::{FftDirection, Real, Transforms};
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::{Image, Parts, PartsError, Place};
+use subaperture_model::image::{
+    Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, Tiling,
+};
 
 use crate::response::{Carrier, Geometry};
 
-/// Pixels around what is asked for that are transformed with it.
+/// Margin around the requested window, pixels.
 pub const MARGIN: usize = 64;
 
-/// Rows and columns of the places of an [`ApertureParts`]: with the margin 640, of which transforms are fast.
+/// Rows and columns of a window of [`ApertureParts`]. With the margin 640, an efficient transform length.
 const SIDE: usize = 512;
 
-/// By which frequencies of an image parts of its aperture are told.
+/// Mapping from an image's spatial frequencies to its aperture.
 #[derive(Clone, Debug)]
 pub struct Aperture {
-    way: Way,
-    /// Weights along it, evenly spaced; empty where they are alike or not known.
+    mapping: Mapping,
+    /// Weights along the aperture, evenly spaced; empty if uniform or unknown.
     weights: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
-enum Way {
-    /// Across the line of sight.
+enum Mapping {
+    /// Along cross-range.
     Seen {
         carrier: Carrier,
-        /// Of the whole aperture, cycles a metre.
+        /// Bandwidth of the whole aperture, cycles per metre.
         width: f64,
     },
-    /// Along columns: of the whole aperture, cycles a pixel.
+    /// Along columns: bandwidth of the whole aperture, cycles per pixel.
     Columns { width: f64 },
 }
 
-/// Which way and how far the aperture's frequencies reach.
+/// Centre and scale of the aperture's frequencies in a patch.
 struct Band {
-    /// Of its middle, cycles a row and a column.
+    /// Centre frequency, cycles per row and per column.
     centre: [f64; 2],
-    /// What a cycle a row and a cycle a column come to, in apertures.
+    /// Fraction of the aperture per cycle per row and per cycle per column.
     across: [f64; 2],
 }
 
 impl Aperture {
-    /// That of an image on a Cartesian grid, by the geometry of its record; `None` where the grid is polar or an aperture of 90 degrees or more is no line of frequencies.
+    /// Aperture of an image on a Cartesian grid, from the geometry of its record. `None` for a polar grid, or an aperture of 90 degrees or more, whose spectrum is no line.
     pub fn seen(seen: &Geometry, grid: &ImageGrid) -> Option<Self> {
         let angle = seen.aperture_angle_deg.to_radians();
         let sound = angle > 0.0 && angle < std::f64::consts::FRAC_PI_2 && seen.wavelength_m > 0.0;
         (sound && !grid.polar).then(|| Self {
-            way: Way::Seen {
+            mapping: Mapping::Seen {
                 carrier: Carrier::of(seen),
                 width: 4.0 * libm::sin(angle / 2.0) / seen.wavelength_m,
             },
@@ -71,50 +74,50 @@ impl Aperture {
         })
     }
 
-    /// That of an image whose aperture lies along columns and fills so many cycles a pixel.
+    /// Aperture along columns with a bandwidth of `width` cycles per pixel. `None` if `width` is not valid.
     pub fn columns(width: f64) -> Option<Self> {
         (width > 0.0 && width <= 1.0).then_some(Self {
-            way: Way::Columns { width },
+            mapping: Mapping::Columns { width },
             weights: Vec::new(),
         })
     }
 
-    /// Of pulses that were weighted so, evenly from one end to the other: parts are made as bright as they would be had all weighed alike.
+    /// Set the slow-time weights of the pulses, evenly spaced over the aperture. Sub-apertures are scaled to the level that uniform weights would give.
     pub fn weighted(mut self, weights: Vec<f64>) -> Self {
         self.weights = weights;
         self
     }
 
-    /// What a part of a point that is seen evenly has in amplitude, of the whole.
+    /// Amplitude of an evenly reflecting point in a sub-aperture, relative to the whole.
     fn share(&self, [from, to]: [f64; 2]) -> f64 {
         let count = self.weights.len() as f64;
         let total: f64 = self.weights.iter().sum();
-        // Each weight is of as much of the aperture, the first and last of those cut in part.
+        // Each weight covers an equal fraction; the first and last may be cut.
         let parts = self.weights.iter().enumerate().map(|(i, weight)| {
             let (first, last) = (i as f64 / count, (i + 1) as f64 / count);
             weight * (to.min(last) - from.max(first)).max(0.0) * count
         });
         let share = parts.sum::<f64>() / total;
-        // Where nothing is known, or next to nothing was weighed, it is what the part is of the aperture.
+        // Without weights, or where they nearly vanish: the fraction of the aperture.
         match share > 1e-3 * (to - from) {
             true => share,
             false => to - from,
         }
     }
 
-    /// The aperture of a patch, from which the phase of its middle's paths is taken off where they are known.
-    fn band(&self, grid: &ImageGrid, place: &Place, patch: &mut Image) -> Option<Band> {
-        match &self.way {
-            Way::Seen { carrier, width } => {
+    /// Frequencies of the aperture in a patch; removes the path phase to the aperture's centre where it is known.
+    fn band(&self, grid: &ImageGrid, place: &PixelBlock, patch: &mut Image) -> Option<Band> {
+        match &self.mapping {
+            Mapping::Seen { carrier, width } => {
                 let middle = |i: usize| (place[i].start + place[i].end) as f64 / 2.0;
                 let row_value = grid.rows.start + middle(0) * grid.rows.step;
                 let column_value = grid.columns.start + middle(1) * grid.columns.step;
-                // Where turns from pixel to pixel are not known, nor is the middle.
+                // Without the phase gradient per pixel, the centre is unknown too.
                 carrier.turn(grid, row_value, column_value)?;
                 let sight = carrier.antenna_m - grid.point_m(row_value, column_value);
                 let (x, y) = (sight.dot(grid.x_axis), sight.dot(grid.y_axis));
                 let flat = libm::hypot(x, y);
-                // Seen from above there is no direction across.
+                // No cross-range direction for a vertical line of sight.
                 if flat < 1e-3 * sight.length() {
                     return None;
                 }
@@ -127,7 +130,7 @@ impl Aperture {
                     ],
                 })
             }
-            Way::Columns { width } => Some(Band {
+            Mapping::Columns { width } => Some(Band {
                 centre: [0.0, middle_frequency(patch)],
                 across: [0.0, 1.0 / width],
             }),
@@ -135,8 +138,8 @@ impl Aperture {
     }
 }
 
-/// Takes the phase of the path from the middle of the aperture, there and back, off each pixel.
-fn take_off(carrier: &Carrier, grid: &ImageGrid, [rows, columns]: &Place, patch: &mut Image) {
+/// Multiply each pixel by the conjugate two-way path phase from the aperture's centre.
+fn take_off(carrier: &Carrier, grid: &ImageGrid, [rows, columns]: &PixelBlock, patch: &mut Image) {
     let lines = patch.pixels.chunks_exact_mut(columns.len().max(1));
     for (row, line) in rows.clone().zip(lines) {
         for (column, z) in columns.clone().zip(line) {
@@ -148,7 +151,7 @@ fn take_off(carrier: &Carrier, grid: &ImageGrid, [rows, columns]: &Place, patch:
     }
 }
 
-/// Cycles a column at which a patch's energy lies: the mean turn from pixel to pixel.
+/// Mean frequency of a patch along columns, cycles per pixel: circular mean of the phase step.
 fn middle_frequency(patch: &Image) -> f64 {
     let mut sum = Complex64::ZERO;
     for line in patch.pixels.chunks_exact(patch.columns) {
@@ -160,20 +163,20 @@ fn middle_frequency(patch: &Image) -> f64 {
     sum.arg() / TAU
 }
 
-/// A place of an image as each of some parts of its aperture shows it; `None` where the aperture is not known.
+/// Window of an image in each of several sub-apertures; `None` where the aperture is unknown.
 ///
 /// # Errors
-/// If the image cannot be read.
+/// [`ImageSourceError`] if the image cannot be read.
 pub fn parts_of(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     grid: &ImageGrid,
     aperture: &Aperture,
-    place: &Place,
+    place: &PixelBlock,
     parts: &[[f64; 2]],
-) -> Result<Option<Vec<Image>>, PartsError> {
+) -> Result<Option<Vec<Image>>, ImageSourceError> {
     let (rows, columns) = image.size();
     let size = [rows, columns];
-    let around: Place =
+    let around: PixelBlock =
         [0, 1].map(|i| place[i].start.saturating_sub(MARGIN)..(place[i].end + MARGIN).min(size[i]));
     let mut patch = image.window(&around)?;
     patch.pixels.iter_mut().for_each(make_finite);
@@ -181,7 +184,7 @@ pub fn parts_of(
         return Ok(None);
     };
     transform(&mut patch, FftDirection::Forward);
-    let inner: Place =
+    let inner: PixelBlock =
         [0, 1].map(|i| place[i].start - around[i].start..place[i].end - around[i].start);
     let show = |mut kept: Image, part: &[f64; 2]| {
         keep(&mut kept, &band, *part, aperture.share(*part));
@@ -195,31 +198,31 @@ pub fn parts_of(
     for part in others {
         shown.push(show(patch.clone(), part)?);
     }
-    // The last takes the spectrum itself.
+    // The last reuses the spectrum's memory.
     shown.push(show(patch, last)?);
     Ok(Some(shown))
 }
 
-/// One pixel that is no number would make all of a patch so.
+/// Replace a non-finite pixel by 0; it would spoil the whole patch.
 fn make_finite(z: &mut Complex32) {
     if !z.is_finite() {
         *z = Complex32::ZERO;
     }
 }
 
-/// An image as a part of its aperture shows it, read part by part. Phases are those about the path to the middle of the aperture, where that is known.
+/// Sub-aperture image, computed window by window. Where the path is known, phases are relative to the path to the aperture's centre.
 #[derive(Debug)]
 pub struct AperturePart<'a> {
-    image: &'a dyn Parts,
+    image: &'a dyn ImageSource,
     grid: &'a ImageGrid,
     aperture: &'a Aperture,
     part: [f64; 2],
 }
 
 impl<'a> AperturePart<'a> {
-    /// The part of an image on a grid between two fractions of its aperture.
+    /// Sub-aperture between two fractions of the aperture, for an image on a grid.
     pub fn new(
-        image: &'a dyn Parts,
+        image: &'a dyn ImageSource,
         grid: &'a ImageGrid,
         aperture: &'a Aperture,
         part: [f64; 2],
@@ -233,37 +236,33 @@ impl<'a> AperturePart<'a> {
     }
 }
 
-impl Parts for AperturePart<'_> {
+impl ImageSource for AperturePart<'_> {
     fn size(&self) -> (usize, usize) {
         self.image.size()
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         let (rows, columns) = self.size();
-        let range = |first: usize, count: usize| first..(first + SIDE).min(count);
-        let places = (0..rows).step_by(SIDE).flat_map(|row| {
-            let across = (0..columns).step_by(SIDE);
-            across.map(move |column| [range(row, rows), range(column, columns)])
-        });
-        places.collect()
+        let image = [rows, columns];
+        PixelBlocks::of_size(Tiling { image, tile: image }, [SIDE; 2])
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         let found = parts_of(self.image, self.grid, self.aperture, place, &[self.part])?;
         let one = found.and_then(|mut found| found.pop());
         one.ok_or_else(|| NOT_KNOWN.into())
     }
 }
 
-/// Why there are no parts.
-const NOT_KNOWN: &str = "which frequencies of the image are which part of the aperture is not known: it was seen from above, or its pixels are too coarse";
+/// Error text of an unknown aperture.
+const NOT_KNOWN: &str = "the mapping of image frequencies to the aperture is unknown: the line of sight is vertical, or the pixels are too coarse";
 
-/// Keeps the frequencies of a part of the aperture of a patch's spectrum, fractions from 0 to 1 of it.
+/// Filter a patch's spectrum to a sub-aperture (fractions from 0 to 1).
 fn keep(patch: &mut Image, band: &Band, part: [f64; 2], share: f64) {
     let size = [patch.rows, patch.columns];
     let count = (size[0] * size[1]) as f32;
     let gain = 1.0 / (count * share.max(1e-3) as f32);
-    // Bins of cycles a row and a column from the middle of the aperture, within half a cycle of it.
+    // Frequency from the aperture's centre, cycles per row and per column, within half a cycle.
     let from_middle = |i: usize, k: usize| {
         let cycles = k as f64 / size[i] as f64 - band.centre[i];
         (cycles - cycles.round()) * band.across[i]
@@ -281,7 +280,7 @@ fn keep(patch: &mut Image, band: &Band, part: [f64; 2], share: f64) {
     }
 }
 
-/// Both axes, in place, without a factor.
+/// Transform both axes in place, without normalisation.
 fn transform(patch: &mut Image, direction: FftDirection) {
     let (rows, columns) = (patch.rows, patch.columns);
     f32::plan(Transforms::Fastest, columns, direction).process(&mut patch.pixels);
@@ -301,7 +300,7 @@ fn transform(patch: &mut Image, direction: FftDirection) {
 mod tests {
     use super::*;
 
-    /// A radar 10 km along -y of the scene and 3 km above it, of 3 cm, over 2 degrees.
+    /// Radar at y = -10 km and 3 km height, wavelength 3 cm, aperture 2 degrees.
     fn seen() -> Geometry {
         Geometry {
             scene_centre_m: [0.0; 3],
@@ -314,8 +313,8 @@ mod tests {
         }
     }
 
-    /// An image of two points, each the sum over pulses and frequencies that defines it: one seen in the first half of the aperture alone (towards -x of the middle), one
-    /// in the second. Distances exact.
+    /// Defining sum of two points, exact distances: one seen in the first half of the aperture only (towards -x of the centre), one
+    /// in the second.
     fn image(grid: &ImageGrid) -> Image {
         let points = [([-8.0, 0.0], 0..16), ([8.0, 3.0], 16..32)];
         let (up, across) = (17f64.to_radians().sin(), 17f64.to_radians().cos());
@@ -351,10 +350,10 @@ mod tests {
         }
     }
 
-    /// Each half of the aperture shows its own point at the level of the whole and the other 20 dB down: what is left of it is what edges of the band and of the pulses'
-    /// steps of 1/32 take from one half to the other, less than one pulse of 16 (-24 dB).
+    /// Each half of the aperture shows its own point at the level of the whole, the other 20 dB lower: leakage from the band edges and the pulse
+    /// steps of 1/32 is less than one pulse of 16 (-24 dB).
     #[test]
-    fn each_half_of_the_aperture_shows_what_it_saw() {
+    fn each_half_aperture_shows_its_own_point() {
         // Cells of 0.43 m across and 1 m along the ground.
         let grid: ImageGrid = "x=-24:24:0.2,y=-12:12:0.25,z=0".parse().unwrap();
         let pixels = image(&grid);
@@ -375,25 +374,25 @@ mod tests {
             .window(&[first.0..first.0 + 1, first.1..first.1 + 1])
             .unwrap();
         assert!((whole.pixels[0].norm() - 1.0).abs() < 0.05);
-        // The whole aperture, and a little more for its edges: nothing is lost.
+        // The whole aperture with a margin loses nothing.
         assert!((level([-0.2, 1.2], first) + 20.0 * 1.4f64.log10()).abs() < 0.3);
         let halves = [[0.0, 0.5], [0.5, 1.0]].map(|part| [level(part, first), level(part, second)]);
         let own = halves[0][0].max(halves[1][0]);
-        // A point of which one half has all keeps what it had, over half the aperture: 6 dB more.
+        // A point contained in one half keeps its energy over half the aperture: 6 dB more.
         assert!((own - 6.0).abs() < 0.7, "{halves:?}");
         for half in halves {
             assert!((half[0] - half[1]).abs() > 20.0, "{halves:?}");
         }
-        // Pulses of the first half are from where x is less than the middle's, the radar's left: the last half of the aperture.
+        // Pulses of the first half have smaller x than the centre, the radar's left: the last half of the aperture.
         assert!(
             halves[0][0] < halves[0][1] && halves[1][0] > halves[1][1],
             "{halves:?}"
         );
     }
 
-    /// Of columns: waves of 0.02 and 0.12 cycles a pixel about a middle of 0.07, of which a half each is kept.
+    /// Along columns: waves of 0.02 and 0.12 cycles per pixel about a centre of 0.07; each half keeps one.
     #[test]
-    fn parts_of_columns_are_parts_of_their_frequencies() {
+    fn column_sub_apertures_split_column_frequencies() {
         let wave = |c: usize, f: f64| {
             let (sin, cos) = libm::sincos(TAU * f * c as f64);
             Complex32::new(cos as f32, sin as f32)
@@ -409,13 +408,13 @@ mod tests {
         let aperture = Aperture::columns(0.2).unwrap();
         for part in [[0.0, 0.5], [0.5, 1.0]] {
             let seen = AperturePart::new(&image, &grid, &aperture, part);
-            // One wave of two, doubled, evenly: 4, to the rounding of float32 transforms.
+            // One of two waves, doubled: 4, within float32 rounding of the transforms.
             for z in seen.window(&[0..8, 0..200]).unwrap().pixels {
                 assert!((z.norm_sqr() - 4.0).abs() < 1e-3, "{z}");
             }
         }
         assert!(Aperture::columns(1.5).is_none());
-        // Weights 1, 3, 3, 1: a quarter of the outer ones is an eighth of all, the middle half three quarters.
+        // Weights 1, 3, 3, 1: an outer quarter has an eighth of the sum, the middle half three quarters.
         let tapered = aperture.clone().weighted(vec![1.0, 3.0, 3.0, 1.0]);
         for (part, share) in [
             ([0.0, 0.25], 0.125),
@@ -425,7 +424,7 @@ mod tests {
             assert!((tapered.share(part) - share).abs() < 1e-12, "{part:?}");
         }
         assert_eq!(aperture.share([0.25, 0.5]), 0.25);
-        // Several at once are the same as each alone, and places cover the image once.
+        // Several at once equal each alone; windows cover the image once.
         let parts = [[0.0, 0.3], [0.3, 1.0]];
         let place = [2..7, 20..150];
         let both = parts_of(&image, &grid, &aperture, &place, &parts).unwrap();
@@ -439,7 +438,7 @@ mod tests {
             pixels: vec![Complex32::ZERO; 513 * 1030],
         };
         let places = AperturePart::new(&large, &grid, &aperture, [0.0, 1.0]).places();
-        let covered: usize = places.iter().map(|[r, c]| r.len() * c.len()).sum();
-        assert_eq!((places.len(), covered), (6, 513 * 1030));
+        let covered: usize = places.clone().map(|[r, c]| r.len() * c.len()).sum();
+        assert_eq!((places.count(), covered), (6, 513 * 1030));
     }
 }

@@ -1,34 +1,34 @@
-//! The coherence of two images around every pixel.
+//! Local coherence of two images.
 //!
 //! ```text
 //! gamma = | sum a conj(b) | / sqrt( sum |a|^2  sum |b|^2 )
 //! ```
 //!
-//! over the `n` by `n` pixels around each, fewer at the border. 1 where the images differ by a factor
-//! only, whatever it is. Of independent images it is not 0: `n^2` independent pixels give
-//! `sqrt(pi / 4) / n` on average (Touzi et al. 1999), and pixels finer than the resolution, being fewer in
-//! truth, more. A linear phase of one image against the other lowers it.
+//! over a window of `n` by `n` pixels, truncated at the border. It is 1 where the images differ by a
+//! constant factor. For independent images it is biased: `n^2` independent pixels give
+//! `sqrt(pi / 4) / n` on average (Touzi et al. 1999), and oversampled pixels, being fewer
+//! independent samples, give more. A linear phase between the images lowers it.
 //!
-//! Running sums, down the columns and along each row, in float64: four additions and four subtractions
-//! a pixel of each of four sums, whatever `n`. Their rounding, up to 1e-16 of all power in the strip
-//! under way, can spoil windows 150 dB below it; those read NaN. So do windows with a pixel that is
-//! not finite, or without power. Memory: 32 bytes a column, and the result.
+//! **Cost** running sums along columns and rows in float64: four additions and four subtractions
+//! per pixel for each of four sums, independent of `n`. **Accuracy** their rounding, up to 1e-16 of the power in the
+//! strip, can spoil windows 150 dB below it; those are NaN. So are windows with a pixel that is
+//! not finite, or without power. **Memory** 32 bytes per column, and the result.
 
 use num_complex::Complex64;
 
 use super::{PairError, PixelMap, check_sizes, widen};
 use subaperture_model::image::Image;
 
-/// Least power of a window against the most that its running sums have held.
-const LEAST_PART: f64 = 1e-15;
+/// Smallest power of a window relative to the largest that its running sums have held.
+const MIN_PART: f64 = 1e-15;
 
-/// Sums over a stretch of pixels.
+/// Running sums over a block of pixels.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     cross: Complex64,
     a: f64,
     b: f64,
-    /// Pixels that are not finite, which count as zero.
+    /// Number of non-finite pixels, which are summed as zero.
     bad: i64,
 }
 
@@ -58,15 +58,15 @@ impl Sums {
     }
 }
 
-/// The coherence of `a` and `b` in windows of `n` by `n` pixels; `n` is odd.
+/// Coherence of `a` and `b` in windows of `n` by `n` pixels, 0 to 1; `n` is odd and at least 3.
 ///
 /// # Errors
-/// [`PairError`].
+/// [`PairError`] if the sizes differ or `n` is not valid.
 pub fn coherence(a: &Image, b: &Image, n: usize) -> Result<PixelMap, PairError> {
     check_sizes(a, b)?;
     if n.is_multiple_of(2) || n < 3 {
         return Err(PairError::Unsuited(format!(
-            "a coherence window of {n} pixels: give an odd number from 3"
+            "coherence window: expected an odd number of pixels from 3, found {n}"
         )));
     }
     let (rows, columns, half) = (a.rows, a.columns, n / 2);
@@ -100,7 +100,7 @@ pub fn coherence(a: &Image, b: &Image, n: usize) -> Result<PixelMap, PairError> 
             }
             most = (most.0.max(window.a), most.1.max(window.b));
             let sound =
-                window.bad == 0 && window.a > LEAST_PART * most.0 && window.b > LEAST_PART * most.1;
+                window.bad == 0 && window.a > MIN_PART * most.0 && window.b > MIN_PART * most.1;
             values.push(match sound {
                 true => (window.cross.norm() / (window.a * window.b).sqrt()).min(1.0) as f32,
                 false => f32::NAN,

@@ -1,49 +1,49 @@
-//! The percent difference of two images, pixel by pixel.
+//! Percent difference of two images per pixel.
 //!
-//! Schone 2020, figure 4.10 and the text before it: the difference of the images, in percent. He shows
-//! 0 to 200 % and notes that the largest values lie where the image is darkest, for a small difference
+//! Schone 2020, figure 4.10 and its text: the difference of the images in percent. The thesis shows
+//! 0 to 200 % and notes that the largest values occur where the image is darkest, because a small difference
 //! from a small value is a large percentage. Of magnitudes:
 //!
 //! ```text
 //! d = 100 | |a| - |b| | / |b|
 //! ```
 //!
-//! Pixels where `b` lies further than a given number of decibels below its peak have no value (NaN), so
-//! that noise on darkness does not count; so have those that are not finite.
+//! Pixels where `b` is more than a given number of decibels below its peak are NaN, which
+//! excludes noise; so are non-finite pixels.
 
 use super::{PairError, PixelMap, check_sizes};
 use subaperture_model::image::{Image, power};
 
-/// Percent differences.
+/// Percent difference map and its summary.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PercentDifference {
-    /// The value of each pixel, percent; NaN where there is none.
+    /// Difference per pixel, percent; NaN for excluded pixels.
     pub map: PixelMap,
-    /// What it comes to.
+    /// Statistics of the map.
     pub summary: PercentSummary,
 }
 
-/// What the percent differences of two images come to. `None` if no pixel has one.
+/// Statistics of the percent difference; `None` if all pixels are excluded.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PercentSummary {
-    /// Pixels with a value.
+    /// Number of pixels compared.
     pub num_pixels: usize,
-    /// Pixels without: too dark, or not finite.
+    /// Number of pixels excluded: below the floor, or not finite.
     pub num_excluded: usize,
-    /// Mean, percent.
+    /// Mean difference, percent.
     pub mean: Option<f64>,
-    /// Median, percent.
+    /// Median difference, percent.
     pub median: Option<f64>,
-    /// The value that 95 of 100 pixels do not exceed, percent.
+    /// 95th percentile, percent.
     pub percentile_95: Option<f64>,
-    /// Largest, percent.
+    /// Largest difference, percent.
     pub largest: Option<f64>,
 }
 
-/// The percent difference of `a` from `b`, where `b` is within `floor_db` (positive) of its peak.
+/// Percent difference of `a` from `b`, for pixels of `b` within `floor_db` (positive, dB) of its peak.
 ///
 /// # Errors
-/// [`PairError`].
+/// [`PairError`] if the sizes differ.
 pub fn percent_difference(
     a: &Image,
     b: &Image,

@@ -1,18 +1,18 @@
-//! How good an image is: responses of points, statistics of regions, one image against another.
+//! Image quality measures: impulse response, region statistics, and comparison of two images.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `quality`.
 //!
-//! - [`response`] measures a point's position, width, side lobes, magnitude and phase; [`subaperture_resolution::theory`] says
-//!   what a windowed band should give, and shares no code with the measurement.
-//! - [`aperture`] shows an image as parts of its aperture saw it.
-//! - [`polarisation`] sets images of several polarisations together.
-//! - [`statistics`] gives level, entropy, contrast and sharpness of an image or a part of it.
-//! - [`difference`], [`coherence`] and [`registration`] set one image against another, beside
-//!   [`subaperture_model::image::Comparison`], which gives the errors of a whole image.
+//! - [`response`] measures a point target: position, resolution (3 dB width), peak and integrated sidelobe ratio (PSLR, ISLR), magnitude and phase;
+//!   [`subaperture_resolution::theory`] gives the theoretical values and shares no code with the measurement.
+//! - [`aperture`] computes sub-aperture images.
+//! - [`polarisation`] computes the Pauli decomposition.
+//! - [`statistics`] computes level, entropy, contrast and sharpness of a region.
+//! - [`difference`], [`coherence`] and [`registration`] compare two images;
+//!   [`subaperture_model::image::Comparison`] gives the error of a whole image.
 //!
-//! Powers are `|I|^2` in float64, levels `10 log10` of them: 0 dB is a unit scatterer. Pixels are
-//! counted from 0, row before column.
+//! Powers are `|I|^2` in float64, levels `10 log10` of powers: 0 dB is a unit scatterer. Pixels are
+//! counted from 0, row first.
 #![forbid(unsafe_code)]
 
 pub mod aperture;
@@ -24,7 +24,7 @@ pub mod response;
 pub mod statistics;
 mod transform;
 
-/// A real value for every pixel of an image, row-major; NaN where there is none.
+/// Real value per pixel, row-major; NaN where undefined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PixelMap {
     /// Number of rows.
@@ -36,7 +36,7 @@ pub struct PixelMap {
 }
 
 impl PixelMap {
-    /// Mean of the values that are there; `None` if none is.
+    /// Mean of the finite values; `None` if there are none.
     pub fn mean(&self) -> Option<f64> {
         let there = || self.values.iter().filter(|v| v.is_finite());
         let sum: f64 = there().map(|&v| f64::from(v)).sum();
@@ -45,22 +45,22 @@ impl PixelMap {
     }
 }
 
-/// Why two images cannot be set against each other.
+/// Error of comparing two images.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PairError {
-    /// Not the same rows and columns.
+    /// The images differ in size.
     #[error(
-        "images of different size: {0} rows x {1} columns and {2} x {3}; form both on one grid",
+        "expected images of one size, found {0} rows x {1} columns and {2} x {3}; form both on one grid",
         image.0, image.1, other.0, other.1
     )]
     Size {
-        /// Rows and columns of the one.
+        /// Rows and columns of the first image.
         image: (usize, usize),
-        /// Rows and columns of the other.
+        /// Rows and columns of the second image.
         other: (usize, usize),
     },
-    /// Not what the measure needs.
+    /// An image or a setting does not suit the measure.
     #[error("{0}")]
     Unsuited(String),
 }

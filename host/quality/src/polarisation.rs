@@ -1,30 +1,30 @@
-//! Images of several polarisations of one collection, on one grid.
+//! Pauli decomposition of polarimetric images on one grid.
 //!
-//! **Pauli's basis** of a scattering matrix `S`: `|S_hh - S_vv| / sqrt 2`, what reflects twice (red by custom), `|S_hv + S_vh| / sqrt 2`, what turns the polarisation (green), and
-//! `|S_hh + S_vv| / sqrt 2`, what reflects once (blue); together with `|S_hv - S_vh| / sqrt 2`, which is nothing where transmitter and receiver stand at one place, they have the power of all four.
+//! Components of the scattering matrix `S`: `|S_hh - S_vv| / sqrt 2`, double bounce (red by convention); `|S_hv + S_vh| / sqrt 2`, cross-polarisation or volume scattering
+//! (green); `|S_hh + S_vv| / sqrt 2`, single bounce (blue). With `|S_hv - S_vh| / sqrt 2`, which is zero for a monostatic radar, they contain the span (total power).
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
 use num_complex::Complex32;
-use subaperture_model::image::{Image, Parts, PartsError, Place};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
-/// `factor (first + sign second)` of two images of one size, read part by part.
+/// Linear combination `factor (first + sign second)` of two images of one size, computed window by window.
 #[derive(Debug)]
 pub struct Sum<'a> {
-    images: [&'a dyn Parts; 2],
+    images: [&'a dyn ImageSource; 2],
     factors: [f32; 2],
 }
 
-impl Parts for Sum<'_> {
+impl ImageSource for Sum<'_> {
     fn size(&self) -> (usize, usize) {
         self.images[0].size()
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         self.images[0].places()
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         let mut sum = self.images[0].window(place)?;
         let other = self.images[1].window(place)?;
         let [a, b] = self.factors;
@@ -34,8 +34,8 @@ impl Parts for Sum<'_> {
     }
 }
 
-/// Pauli's basis of images in HH, HV, VH and VV, of one size: red, green and blue with their names.
-pub fn pauli([hh, hv, vh, vv]: [&dyn Parts; 4]) -> [(&'static str, Sum<'_>); 3] {
+/// Pauli components of images in HH, HV, VH and VV of one size: red, green and blue, with their names.
+pub fn pauli([hh, hv, vh, vv]: [&dyn ImageSource; 4]) -> [(&'static str, Sum<'_>); 3] {
     let sum = |images, sign: f32| Sum {
         images,
         factors: [FRAC_1_SQRT_2, sign * FRAC_1_SQRT_2],
@@ -51,24 +51,24 @@ pub fn pauli([hh, hv, vh, vv]: [&dyn Parts; 4]) -> [(&'static str, Sum<'_>); 3] 
 mod tests {
     use super::*;
 
-    /// A trihedral is blue, a dihedral red, and one turned by 45 degrees green; all of their power in one.
+    /// A trihedral is blue, a dihedral red, a dihedral rotated by 45 degrees green, each with its whole power in one component.
     #[test]
-    fn scatterers_of_each_kind_are_a_colour() {
+    fn canonical_scatterers_have_one_pauli_component() {
         let i = Complex32::new(0.0, 2.0);
         let zero = Complex32::ZERO;
-        // HH, HV, VH, VV of each pixel.
+        // HH, HV, VH, VV per pixel.
         let scatterers = [[i, zero, zero, i], [i, zero, zero, -i], [zero, i, i, zero]];
         let images = [0, 1, 2, 3].map(|k| Image {
             rows: 1,
             columns: 3,
             pixels: scatterers.iter().map(|s| s[k]).collect(),
         });
-        let [hh, hv, vh, vv] = [0, 1, 2, 3].map(|k| &images[k] as &dyn Parts);
+        let [hh, hv, vh, vv] = [0, 1, 2, 3].map(|k| &images[k] as &dyn ImageSource);
         let basis = pauli([hh, hv, vh, vv]);
         for (k, lit) in [(0, 1), (1, 2), (2, 0)] {
             let seen = basis[k].1.window(&[0..1, 0..3]).unwrap();
             for (pixel, z) in seen.pixels.iter().enumerate() {
-                // 4 + 4 of |S|^2; float32 rounds to 1e-6 of it.
+                // |S|^2 is 4 + 4, within float32 rounding of 1e-6.
                 let expected = if pixel == lit { 8.0 } else { 0.0 };
                 assert!((z.norm_sqr() - expected).abs() < 1e-5, "{k} {pixel}");
             }

@@ -1,19 +1,19 @@
-//! By how much one image is shifted against another.
+//! Registration: sub-pixel shift between two images.
 //!
-//! The cross-correlation of their magnitudes, means taken off,
+//! The cross-correlation of the mean-free magnitudes,
 //!
 //! ```text
 //! C(s) = sum_p (|a(p + s)| - mean) (|b(p)| - mean)
 //! ```
 //!
-//! peaks at the shift of `a` against `b`. It is found to a pixel by the transform of the whole images,
-//! and to a fraction by evaluating the transform of the correlation directly on ever finer steps around the
-//! peak (Guizar-Sicairos et al. 2008). Magnitudes, for phases of two recordings need not agree.
+//! peaks at the shift of `a` against `b`. The peak is found to a pixel by FFT of the whole images,
+//! and to a fraction of a pixel by evaluating the Fourier sum of the correlation on successively finer steps
+//! (Guizar-Sicairos et al. 2008). Magnitudes are used because the phases of two recordings may differ.
 //!
-//! The correlation is circular: what leaves on one side is taken to come back on the other, so shifts
-//! should be small against the image. A magnitude's band is wider than the image's; pixels of half
-//! the resolution hold most of it, and the error of what they fold is below a hundredth of a pixel
-//! (`tests/images/quality.rs`). Memory: 48 bytes a pixel. Pixels that are not finite count as the mean.
+//! The correlation is circular, so shifts
+//! should be small against the image size. The magnitude has a wider band than the image; with pixels of half
+//! the resolution, the error by aliasing is below a hundredth of a pixel
+//! (`tests/images/quality.rs`). **Memory** 48 bytes per pixel. Non-finite pixels are replaced by the mean.
 
 use num_complex::Complex64;
 use subaperture_fft::FftDirection;
@@ -22,24 +22,24 @@ use super::transform::{signed, transform};
 use super::{PairError, check_sizes};
 use subaperture_model::image::{Image, power};
 
-/// Finest step, pixels.
+/// Finest search step, pixels.
 const FINEST: f64 = 1.0 / 1024.0;
 
-/// How an image lies against another.
+/// Shift between two images.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Offset {
-    /// By how many rows `a` lies further than `b`.
+    /// Row shift of `a` relative to `b`, pixels.
     pub rows: f64,
-    /// By how many columns.
+    /// Column shift of `a` relative to `b`, pixels.
     pub columns: f64,
-    /// Correlation of the magnitudes there, -1 to 1.
+    /// Correlation coefficient of the magnitudes at that shift, -1 to 1.
     pub correlation: f64,
 }
 
-/// The shift of `a` against `b`.
+/// Estimate the shift of `a` against `b`.
 ///
 /// # Errors
-/// [`PairError`], also if an image has no contrast.
+/// [`PairError`] if the sizes differ or an image has no contrast.
 pub fn offset(a: &Image, b: &Image) -> Result<Offset, PairError> {
     check_sizes(a, b)?;
     let (rows, columns) = (a.rows, a.columns);
@@ -85,7 +85,7 @@ pub fn offset(a: &Image, b: &Image) -> Result<Offset, PairError> {
     })
 }
 
-/// Magnitudes less their mean, and the sum of their squares.
+/// Mean-free magnitudes, and the sum of their squares.
 fn magnitudes(image: &Image) -> Result<(Vec<Complex64>, f64), PairError> {
     let values: Vec<f64> = image.pixels.iter().map(|&z| power(z).sqrt()).collect();
     let finite = || values.iter().filter(|v| v.is_finite());
@@ -99,13 +99,13 @@ fn magnitudes(image: &Image) -> Result<(Vec<Complex64>, f64), PairError> {
     match sum > 0.0 {
         true => Ok((less, sum)),
         false => Err(PairError::Unsuited(
-            "an image without contrast cannot be registered: all its pixels have one magnitude"
+            "registration needs contrast: all pixels of an image have the same magnitude"
                 .to_owned(),
         )),
     }
 }
 
-/// The correlation at all pairs of `offsets` around `(row, column)`, row offsets outermost.
+/// Correlation at all pairs of `offsets` about `(row, column)`, row offsets outermost.
 fn around(
     spectrum: &[Complex64],
     (rows, columns): (usize, usize),

@@ -1,33 +1,33 @@
-//! Level, entropy, contrast and sharpness of an image or of a part of it.
+//! Level, entropy, contrast and sharpness of an image region.
 //!
 //! With `p_i = |I_i|^2` over the `n` pixels that are finite, and `P` their sum:
 //!
 //! ```text
-//! mean level           10 log10 (P / n)                       of an empty region: the noise level
-//! entropy              - sum (p_i / P) ln (p_i / P)           nats; 0 of one bright pixel, ln n of a flat image
+//! mean level           10 log10 (P / n)                       for an empty region: the noise level
+//! entropy              - sum (p_i / P) ln (p_i / P)           nats; 0 for one bright pixel, ln n for a flat image
 //! contrast of power    std(p) / mean(p)                       0 flat, 1 fully developed speckle
-//! contrast of amplitude std(|I|) / mean(|I|)                  sqrt(4 / pi - 1) = 0.523 of speckle
-//! sharpness            sum p_i^2 / P^2                        1 of one bright pixel, 1 / n of a flat image
+//! contrast of amplitude std(|I|) / mean(|I|)                  sqrt(4 / pi - 1) = 0.523 for speckle
+//! sharpness            sum p_i^2 / P^2                        1 for one bright pixel, 1 / n for a flat image
 //! ```
 //!
-//! Standard deviations are of the population, over `n`. Pixels that are NaN or infinite are counted and
-//! left out. The level of an empty region is that of an unit scatterer that equals the noise.
+//! Standard deviations are those of the population (divisor `n`). Non-finite pixels are counted and
+//! excluded. The level of an empty region is that of a unit scatterer with the power of the noise.
 
 use std::ops::Range;
 
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
-use subaperture_model::image::{Image, Parts, PartsError, power};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, power};
 
-/// Rows and columns of an image, ends excluded.
+/// Rectangle of an image, ends excluded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
-    /// Rows.
+    /// Row range.
     pub rows: Range<usize>,
-    /// Columns.
+    /// Column range.
     pub columns: Range<usize>,
 }
 
-/// No pixel of an image lies within an extent.
+/// An extent contains no pixel centre.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
     "no pixel lies within x {} to {}, y {} to {}: the image reaches from x {} to {}, y {} to {}",
@@ -40,7 +40,7 @@ pub struct EmptyRegion {
 }
 
 impl Region {
-    /// The whole image.
+    /// Region of the whole image.
     pub fn whole(image: &Image) -> Self {
         Self {
             rows: 0..image.rows,
@@ -48,13 +48,13 @@ impl Region {
         }
     }
 
-    /// The pixels whose middles lie within an extent of grid coordinates.
+    /// Region of the pixels whose centres lie within an extent in grid coordinates.
     ///
     /// # Errors
-    /// [`EmptyRegion`].
+    /// [`EmptyRegion`] if there are none.
     pub fn within(extent: &Extent, grid: &ImageGrid) -> Result<Self, EmptyRegion> {
         let span = |axis: &Axis, (low, high): (f64, f64)| {
-            // Rounding of start + i step is forgiven.
+            // Tolerance for rounding of start + i step.
             let first = ((low - axis.start) / axis.step - 1e-9).ceil().max(0.0);
             let last = ((high - axis.start) / axis.step + 1e-9).floor() + 1.0;
             first as usize..(last.max(0.0) as usize).min(axis.count)
@@ -76,16 +76,16 @@ impl Region {
     }
 }
 
-/// Figures of a region; those that its pixels leave undefined, all zero or none finite, are `None`.
+/// Statistics of a region; `None` where undefined (all pixels zero or non-finite).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Statistics {
-    /// Pixels that are finite.
+    /// Number of finite pixels.
     pub num_pixels: usize,
-    /// Pixels that are NaN or infinite.
+    /// Number of NaN or infinite pixels.
     pub num_not_finite: usize,
     /// Mean power, dB.
     pub mean_level_db: Option<f64>,
-    /// Median power, dB: of noise 1.6 dB below the mean, and hardly moved by a few bright points.
+    /// Median power, dB: 1.6 dB below the mean for noise, and robust to a few bright points.
     pub median_level_db: Option<f64>,
     /// Highest power, dB.
     pub peak_level_db: Option<f64>,
@@ -100,7 +100,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// The figures of a region of `image`; parts of it outside the image do not count.
+    /// Statistics of a region of `image`, clipped to the image.
     pub fn of(image: &Image, region: &Region) -> Self {
         let rows = region.rows.start..region.rows.end.min(image.rows);
         let columns = region.columns.start..region.columns.end.min(image.columns);
@@ -115,7 +115,7 @@ impl Statistics {
         let n = powers.len() as f64;
         let sum: f64 = powers.iter().sum();
         let db = |p: f64| (p > 0.0).then(|| 10.0 * p.log10());
-        // Figures of a dark region are undefined.
+        // Undefined without power.
         let of_lit = |f: &dyn Fn() -> f64| (sum > 0.0).then(f);
         let contrast = |f: &dyn Fn(f64) -> f64| {
             let mean = powers.iter().map(|&p| f(p)).sum::<f64>() / n;
@@ -124,7 +124,7 @@ impl Statistics {
         };
         let entropy = of_lit(&|| {
             let parts = powers.iter().filter(|p| **p > 0.0).map(|p| p / sum);
-            // Adding zero turns -0, of one bright pixel, into 0.
+            // Adding zero converts -0 (one bright pixel) to 0.
             -parts.map(|q| q * q.ln()).sum::<f64>() + 0.0
         });
         let power_contrast = of_lit(&|| contrast(&|p| p));
@@ -151,19 +151,19 @@ impl Statistics {
     }
 }
 
-/// Regions of so many pixels at most are read whole.
+/// Largest region that is read at once, pixels.
 const FEW_PIXELS: usize = 1 << 23;
 
-/// Bits of a power that a pass over an image tells more of its median.
+/// Bits of the median determined per pass over an image.
 const MEDIAN_BITS: u32 = 16;
 
 impl Statistics {
-    /// The figures of a region of an image that need not fit in memory: it is read five times, part by part, in 0.5 MiB and
-    /// a part. All are as those of [`Self::of`] but for the order of sums; the median is found by its bits, from the highest on.
+    /// Statistics of a region of an image that does not fit in memory: five passes, window by window. Memory: 0.5 MiB and
+    /// one window. Results equal those of [`Self::of`] up to the order of summation; the median is found bit by bit, from the highest.
     ///
     /// # Errors
-    /// [`PartsError`] if a part cannot be read.
-    pub fn by_parts(image: &dyn Parts, region: &Region) -> Result<Self, PartsError> {
+    /// [`ImageSourceError`] if the image cannot be read.
+    pub fn by_parts(image: &dyn ImageSource, region: &Region) -> Result<Self, ImageSourceError> {
         let (rows, columns) = image.size();
         let region = Region {
             rows: region.rows.start..region.rows.end.min(rows),
@@ -212,12 +212,12 @@ impl Statistics {
     }
 }
 
-/// Hands over the power of every pixel of a region that is finite.
+/// Call with the power of every finite pixel of a region.
 fn each_power(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     region: &Region,
     mut of: impl FnMut(f64),
-) -> Result<(), PartsError> {
+) -> Result<(), ImageSourceError> {
     for [rows, columns] in image.places() {
         let common = |a: &Range<usize>, b: &Range<usize>| a.start.max(b.start)..a.end.min(b.end);
         let place = [
@@ -237,8 +237,12 @@ fn each_power(
     Ok(())
 }
 
-/// The power of this rank, from 0. Powers are not negative, so that they are ordered as their bits are.
-fn median(image: &dyn Parts, region: &Region, mut rank: usize) -> Result<f64, PartsError> {
+/// Power of a rank, from 0. Non-negative floats sort as their bits.
+fn median(
+    image: &dyn ImageSource,
+    region: &Region,
+    mut rank: usize,
+) -> Result<f64, ImageSourceError> {
     let mut known = 0u64;
     let mut shift = u64::BITS;
     while shift > 0 {
@@ -281,27 +285,27 @@ mod tests {
     }
 
     #[test]
-    fn figures_by_hand() {
-        // Powers 1, 1, 4, 16 and a NaN and an infinite one; n = 4, P = 22, mean 5.5.
+    fn statistics_agree_with_hand_calculation() {
+        // Powers 1, 1, 4, 16, one NaN and one infinite; n = 4, P = 22, mean 5.5.
         let image = image(&[1.0, -1.0, 2.0, f32::NAN, 4.0, f32::INFINITY], 3);
         let s = Statistics::of(&image, &Region::whole(&image));
         assert_eq!((s.num_pixels, s.num_not_finite), (4, 2));
         near(s.mean_level_db, 10.0 * 5.5f64.log10());
         near(s.peak_level_db, 10.0 * 16f64.log10());
-        // The third of four, counted from the lowest.
+        // Third of four in ascending order.
         near(s.median_level_db, 10.0 * 4f64.log10());
         let part = |p: f64| -(p / 22.0) * (p / 22.0).ln();
         near(s.entropy, 2.0 * part(1.0) + part(4.0) + part(16.0));
-        // Squares of powers: 274; variance 274 / 4 - 5.5^2 = 38.25.
+        // Sum of squared powers 274; variance 274 / 4 - 5.5^2 = 38.25.
         near(s.power_contrast, 38.25f64.sqrt() / 5.5);
         // Amplitudes 1, 1, 2, 4: mean 2, variance 22 / 4 - 4 = 1.5.
         near(s.amplitude_contrast, 1.5f64.sqrt() / 2.0);
         near(s.sharpness, 274.0 / 484.0);
     }
 
-    /// Of more pixels than are read whole.
+    /// Region larger than the limit for reading at once.
     #[test]
-    fn by_parts_they_are_those_of_the_whole() {
+    fn windowed_statistics_equal_those_of_whole_region() {
         let (rows, columns) = (4100, 2200);
         let mut state = 1u32;
         let pixels = (0..rows * columns).map(|i| {
@@ -346,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn extremes() {
+    fn statistics_of_empty_flat_and_single_point_regions() {
         let flat = image(&[2.0; 6], 2);
         let s = Statistics::of(&flat, &Region::whole(&flat));
         near(s.entropy, 6f64.ln());
@@ -365,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_holds_the_pixels_within() {
+    fn region_contains_pixel_centres_within_extent() {
         let grid: ImageGrid = "x=-1:1:0.5,y=0:3:1".parse().unwrap();
         let extent = |x_m, y_m| Extent { x_m, y_m };
         // x is -1, -0.5, 0, 0.5; y is 0, 1, 2.

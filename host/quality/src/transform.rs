@@ -1,9 +1,9 @@
-//! Discrete Fourier transforms of two dimensions, in place, without a factor in either direction.
+//! Two-dimensional discrete Fourier transform, in place, without normalisation.
 
 use num_complex::Complex64;
 use subaperture_fft::{FftDirection, Real, Transforms};
 
-/// Transforms `data`, `rows x columns`, along both axes.
+/// Transform `data` (`rows` x `columns`) along both axes.
 pub(super) fn transform(
     data: &mut [Complex64],
     rows: usize,
@@ -25,7 +25,7 @@ pub(super) fn transform(
     }
 }
 
-/// The frequency of element `k` of `n`, in cycles over the whole length: -n/2 to n/2.
+/// Signed frequency of bin `k` of `n`, cycles over the whole length: -n/2 to n/2.
 pub(super) fn signed(k: usize, n: usize) -> f64 {
     if 2 * k < n {
         k as f64

@@ -1,23 +1,27 @@
-//! The capture: from a plan and a radio to a recording.
+//! Capture of a plan with a radio into a recording.
 //!
 //! ```text
 //! radio (this thread): tune, tune, burst until the reference is steady ──queue──> disk (thread): sigmf::Writer
-//!                                                      └─────────queue (try)────> live: a number a step, levels, counts
+//!                                                      └─────────queue (try)────> live: mixed tone, levels, counters per step
 //! ```
 //!
-//! Rules:
-//! - A burst whose reference is not steady ([`crate::tone`]) is taken again, up to the plan's `bursts` times; the last is kept, marked
-//!   [`Flag::Unsteady`] if it still is not. So how long a step settles is decided by its data alone.
-//! - A late burst, lost samples and full scale are marked and kept, with which samples are none; nothing is taken again for them, so that a sweep
-//!   keeps its pace. What a profile makes of such steps is [`crate::profile`]'s rule.
-//! - The queue to the disk is bounded; where it is full, the radio waits, before the next burst is asked for: no sample is lost, sweeps take
-//!   longer, and it is counted ([`Summary::waits`]). The queue to the live view is bounded and never waited for: what does not fit is not
-//!   shown, and counted.
-//! - A step's carrier is the one that the radio says it has tuned to; a radio that cannot come within a thousandth of a step of the plan's is refused.
-//! - A radio that goes away, a full disk and a stop end the capture; what is recorded by then is closed as always.
+//! # Rules
 //!
-//! Memory: the queue's buffers of two bursts each and the plan; nothing grows. Cost beside the radio's: the mixing of each burst, a
-//! copy to bytes, and writing.
+//! - A burst whose reference is not steady ([`crate::tone`]) is repeated, up to the plan's `bursts` times. The last
+//!   burst is kept, with the flag [`Flag::Unsteady`] if it is still not steady. The settling time of a step is
+//!   therefore decided by its data.
+//! - Late, lost and clipped samples are flagged and kept, with the ranges of lost samples. They are not captured again,
+//!   so that the sweep interval holds. [`crate::profile`] defines how a range profile uses such steps.
+//! - The queue to the disk is bounded. When it is full, the radio waits before it requests the next burst: no sample is
+//!   lost, sweeps take longer, and the waits are counted ([`Summary::waits`]). The queue to the live view is bounded
+//!   and never blocks: steps that do not fit are dropped from the view and counted.
+//! - The carrier of a step is the one reported by the radio. A radio that tunes more than a thousandth of a step off
+//!   the plan's carrier is refused.
+//! - The capture ends when the radio disconnects, the disk is full or a stop is requested. The recording up to that
+//!   point is closed normally.
+//!
+//! Memory: the queue's buffers of two bursts each, and the plan; it does not grow with time. Processing cost: mixing
+//! each burst, converting it to bytes, and writing.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -29,27 +33,28 @@ use num_complex::Complex32;
 use crate::error::RadioError;
 use crate::live::{Counts, Level};
 use crate::plan::Plan;
-use crate::sigmf::{Flag, Setup, SigmfError, Step, Writer};
+use crate::sigmf::{Flag, Setup, SigmfError, Step, Writer, discard};
 use crate::tone::{Mixed, Tone};
 use crate::transceiver::{
     About, Burst, Configuration, Event, EventKind, Sample, Side, Transceiver,
 };
 
-/// Most that a carrier may be off the plan's, of a step. Profiles take carriers as evenly spaced: at the farthest range this turns
-/// one's phase by `2 pi` of it, -44 dB of its echo.
+/// Largest carrier error accepted, in steps. Range profiles assume evenly spaced carriers. At the farthest range the
+/// phase error of a carrier is `2 pi` times this, which puts the error at -44 dB of its echo.
 const OFF_CARRIER: f64 = 1e-3;
 
 pub use crate::live::LiveStep;
 
-/// How a capture is kept in bounds.
+/// Size of the queues of a capture.
 #[derive(Clone, Copy, Debug)]
 pub struct Queues {
-    /// Bursts between radio and disk.
+    /// Bursts in the queue between radio and disk.
     pub disk: usize,
 }
 
 impl Queues {
-    /// As many bursts of a plan as fit so many bytes with those in both hands, and no more than by default.
+    /// Largest queue whose buffers fit `bytes`, counting the two bursts held by the radio and disk threads; at least 1
+    /// and at most the default.
     pub fn within(plan: &Plan, bytes: u64) -> Self {
         let burst_bytes = 8 * plan.samples() as u64;
         let fit = (bytes / burst_bytes.max(1)).saturating_sub(2);
@@ -60,72 +65,72 @@ impl Queues {
 }
 
 impl Default for Queues {
-    /// 64 bursts: two seconds of writing that hangs, at 30 ms a step.
+    /// 64 bursts: bridges two seconds of stalled writing at 30 ms per step.
     fn default() -> Self {
         Self { disk: 64 }
     }
 }
 
-/// Why a capture ended.
+/// Reason why a capture ended.
 #[derive(Debug)]
-pub enum Ended {
-    /// All sweeps are done.
+pub enum EndReason {
+    /// All sweeps are complete.
     Done,
-    /// It was asked to stop.
+    /// A stop was requested.
     Stopped,
-    /// The radio failed.
+    /// The radio reported an error.
     Radio(RadioError),
-    /// The disk failed.
+    /// The recording could not be written, for example because the disk is full.
     Disk(SigmfError),
 }
 
-/// What was captured.
+/// Summary of a capture.
 #[derive(Debug)]
 pub struct Summary {
-    /// Why it ended.
-    pub ended: Ended,
-    /// Steps recorded.
+    /// Reason for the end.
+    pub ended: EndReason,
+    /// Number of steps recorded.
     pub steps: u64,
-    /// Of them late, with lost samples, unsteady, clipped, unlocked.
+    /// Steps flagged late, with lost samples, unsteady, clipped, unlocked, in the order of [`Flag`].
     pub flagged: [u64; 5],
-    /// Bursts asked for.
+    /// Bursts requested from the radio.
     pub bursts: u64,
-    /// Events by kind, in the order of [`EventKind`]: overflows, underflows, late commands, lost packets, gone.
+    /// Events by kind, in the order of [`EventKind`]: overruns, underruns, late commands, lost packets, disconnections.
     pub events: [u64; 5],
-    /// Samples of a channel that did not come.
+    /// Lost samples per channel.
     pub lost_samples: u64,
-    /// How often the radio waited for the disk.
+    /// Number of times that the radio waited for the disk.
     pub waits: u64,
-    /// Most bursts that were in the queue to the disk.
+    /// Largest number of bursts in the queue to the disk.
     pub longest_queue: usize,
-    /// Steps that the live view did not get.
+    /// Steps dropped from the live view.
     pub not_shown: u64,
     /// Sweeps that began later than the plan's interval.
     pub late_sweeps: u64,
-    /// What the radio was set to.
+    /// Settings in effect on the radio.
     pub set: Configuration,
 }
 
-/// What a radio was set to for a plan.
+/// Radio settings in effect for a plan.
 #[derive(Clone, Debug)]
 pub struct Ready {
-    /// By the device.
+    /// Settings in effect on the device.
     pub set: Configuration,
-    /// What holds for all of the recording.
+    /// Parameters common to the whole recording.
     pub setup: Setup,
 }
 
-/// A burst on its way to the disk, or an empty one on its way back.
+/// Captured burst on its way to the disk.
 struct Taken {
     step: Step,
     channels: [Vec<Sample>; 2],
 }
 
-/// Captures a plan to the recording `path`, until it is done or `stop` is set.
+/// Capture a plan into the recording `path`, until the plan is complete or `stop` is set.
 ///
 /// # Errors
-/// If it cannot begin: the plan does not fit the radio, the recording cannot be made. Once it has begun, [`Summary::ended`] says how it
-/// ended, and the recording holds what came until then.
+/// If the capture cannot begin: the plan does not fit the radio, or the recording cannot be created. Later errors are
+/// in [`Summary::ended`], and the recording holds the data up to then.
 pub fn capture(
     radio: &mut dyn Transceiver,
     plan: &Plan,
@@ -138,10 +143,10 @@ pub fn capture(
     capture_ready(radio, plan, ready, path, queues, live, stop)
 }
 
-/// Sets a radio as the plan has it.
+/// Check a plan against a radio and apply the plan's settings.
 ///
 /// # Errors
-/// If the plan does not fit the radio, or that cannot be set.
+/// If the plan does not fit the radio, or a setting cannot be applied.
 pub fn prepare(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Ready, RadioError> {
     plan.check(&radio.about().ranges)?;
     let set = radio.configure(&plan.radio)?;
@@ -149,10 +154,11 @@ pub fn prepare(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Ready, RadioE
     Ok(Ready { set, setup })
 }
 
-/// [`capture`], of a radio that [`prepare`] has set: for those who have to know what was set before it begins.
+/// Capture like [`capture`], with a radio already set by [`prepare`]; for callers that need the settings in effect
+/// first.
 ///
 /// # Errors
-/// If the recording cannot be made.
+/// If the recording cannot be created.
 pub fn capture_ready(
     radio: &mut dyn Transceiver,
     plan: &Plan,
@@ -168,14 +174,21 @@ pub fn capture_ready(
     thread::scope(|scope| {
         let (full_tx, full_rx) = sync_channel::<Taken>(depth);
         let (empty_tx, empty_rx) = channel::<[Vec<Sample>; 2]>();
-        // One more than fit the queue, for the radio's own hands, and one for the disk's.
+        // Two buffers beyond the queue's depth: one held by the radio, one held by the disk thread.
         for _ in 0..depth + 2 {
             let buffer = || vec![Sample::ZERO; plan.samples()];
             let _ = empty_tx.send([buffer(), buffer()]);
         }
         let taken = &waiting;
-        // Its ends of both queues go with it, so that each side sees the other end.
-        let disk = scope.spawn(move || write(writer, &full_rx, &empty_tx, taken));
+        // The engine owns its ends of both queues, so that each side sees the other end.
+        let disk = thread::Builder::new()
+            .name("disk".to_owned())
+            .spawn_scoped(scope, move || write(writer, &full_rx, &empty_tx, taken));
+        let disk = disk.map_err(|source| {
+            // The new recording is still empty.
+            discard(path);
+            CaptureError::Thread(source)
+        })?;
         let tone = Tone::new(setup.period, setup.sample_rate_hz);
         let mut engine = Engine {
             waveform: tone.waveform(plan.amplitude),
@@ -191,7 +204,7 @@ pub fn capture_ready(
             taken: 0,
             events: Vec::new(),
             summary: Summary {
-                ended: Ended::Done,
+                ended: EndReason::Done,
                 steps: 0,
                 flagged: [0; 5],
                 bursts: 0,
@@ -218,15 +231,15 @@ pub fn capture_ready(
             .unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         summary.steps = steps;
         summary.ended = match (disk, ended) {
-            (Err(error), _) => Ended::Disk(error),
-            (Ok(()), Err(error)) => Ended::Radio(error),
+            (Err(error), _) => EndReason::Disk(error),
+            (Ok(()), Err(error)) => EndReason::Radio(error),
             (Ok(()), Ok(ended)) => ended,
         };
         Ok(summary)
     })
 }
 
-/// What holds for all of a capture: the plan, and what the radio was set to.
+/// Recording parameters from the plan and the settings in effect.
 pub fn setup(about: &About, plan: &Plan, set: &Configuration) -> Setup {
     Setup {
         name: plan.name.clone(),
@@ -245,18 +258,22 @@ pub fn setup(about: &About, plan: &Plan, set: &Configuration) -> Setup {
     }
 }
 
-/// Why a capture could not begin.
+/// Reason why a capture could not begin.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// The radio, or the plan for it.
+    /// Error of the radio, or of the plan for it.
     #[error(transparent)]
     Radio(#[from] RadioError),
-    /// The recording.
+    /// Error of the recording.
     #[error(transparent)]
     Disk(#[from] SigmfError),
+    /// The operating system refused a thread.
+    #[error("cannot start the disk thread: {0}; end other programs, or raise the limit on threads")]
+    Thread(std::io::Error),
 }
 
-/// The disk's thread: steps written, and how that ended. After an error it takes no more, which the radio sees.
+/// Disk thread: write queued steps, and return their number and the result. After an error it stops reading the queue,
+/// which the radio thread detects.
 fn write(
     mut writer: Writer,
     full: &Receiver<Taken>,
@@ -272,7 +289,7 @@ fn write(
             break;
         }
         steps += 1;
-        // Nobody takes it where the radio has ended.
+        // The send fails if the radio thread has ended; the buffer is then dropped.
         let _ = empty.send(channels);
     }
     let finished = writer.finish();
@@ -291,25 +308,25 @@ struct Engine<'a> {
     /// Bursts in the queue to the disk.
     waiting: &'a AtomicUsize,
     depth: usize,
-    /// Steps handed to it.
+    /// Steps handed to the disk.
     taken: u64,
     events: Vec<Event>,
     summary: Summary,
 }
 
 impl Engine<'_> {
-    fn sweeps(&mut self, stop: &AtomicBool) -> Result<Ended, RadioError> {
+    fn sweeps(&mut self, stop: &AtomicBool) -> Result<EndReason, RadioError> {
         let mut due_s = None;
         let mut sweep = 0;
         while self.plan.sweeps == 0 || sweep < self.plan.sweeps {
             for (index, step) in self.plan.carriers(sweep).into_iter().enumerate() {
                 if stop.load(Ordering::Relaxed) {
-                    return Ok(Ended::Stopped);
+                    return Ok(EndReason::Stopped);
                 }
                 let due = due_s.filter(|_| index == 0);
                 let Some(began_s) = self.step(sweep, step, due)? else {
-                    // The disk has failed; it will say how.
-                    return Ok(Ended::Stopped);
+                    // The disk has failed; its thread returns the error.
+                    return Ok(EndReason::Stopped);
                 };
                 if index == 0 {
                     if due.is_some_and(|due_s| began_s > due_s) {
@@ -320,10 +337,11 @@ impl Engine<'_> {
             }
             sweep += 1;
         }
-        Ok(Ended::Done)
+        Ok(EndReason::Done)
     }
 
-    /// A step; the time of its first burst, `None` if the disk takes no more. `due_s` is when it is to begin.
+    /// Capture one step, beginning at `due_s` if given, and return the time of its first burst; `None` if the disk
+    /// thread has ended.
     fn step(
         &mut self,
         sweep: u64,
@@ -332,7 +350,7 @@ impl Engine<'_> {
     ) -> Result<Option<f64>, RadioError> {
         let carrier_hz = self.tune(self.plan.carrier_hz(step))?;
         let sensors = self.radio.sensors()?;
-        // As many buffers as fit the queue and both hands: none is waited for but while the disk is slow.
+        // There are as many buffers as fit the queue and both threads: this waits only while the disk is slow.
         let Ok(mut channels) = self.empty.recv() else {
             return Ok(None);
         };
@@ -386,7 +404,7 @@ impl Engine<'_> {
         Ok(self.hand_over(taken).and(began_s))
     }
 
-    /// Tells the live view of a step, if there is one and it has room.
+    /// Send a step to the live view, if there is one and its queue has room.
     fn show(
         &mut self,
         step: &Step,
@@ -410,7 +428,7 @@ impl Engine<'_> {
         }
     }
 
-    /// What has been counted, with the step that is at hand.
+    /// Counters of the live view, including the current step.
     fn counts(&self) -> Counts {
         let so_far = &self.summary;
         Counts {
@@ -427,7 +445,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Tunes both sides; the carrier that is sent, of which the tone and so the response are.
+    /// Tune both sides, and return the transmit carrier, to which the tone and the response refer.
     fn tune(&mut self, asked_hz: f64) -> Result<f64, RadioError> {
         let sent_hz = self.radio.tune(Side::Transmit, asked_hz, None)?;
         let received_hz = self.radio.tune(Side::Receive, asked_hz, None)?;
@@ -435,15 +453,15 @@ impl Engine<'_> {
         for (whom, tuned_hz) in [("transmitter", sent_hz), ("receivers", received_hz)] {
             if (tuned_hz - asked_hz).abs() > most_hz {
                 return Err(RadioError::Unsupported(format!(
-                    "a carrier of {asked_hz} Hz: its {whom} tune to {tuned_hz} Hz, more than {most_hz} Hz off. Choose a start and a stop \
-                     that its synthesisers can step between"
+                    "cannot tune the {whom} to {asked_hz} Hz: nearest is {tuned_hz} Hz, more than {most_hz} Hz off. Choose start and stop frequencies \
+                     that the synthesisers can step between"
                 )));
             }
         }
         Ok(sent_hz)
     }
 
-    /// Counts what is wrong with a step.
+    /// Count the flags and lost samples of a step.
     fn count(&mut self, step: &Step) {
         for flag in &step.flags {
             self.summary.flagged[*flag as usize] += 1;
@@ -452,9 +470,9 @@ impl Engine<'_> {
         self.summary.lost_samples += lost.sum::<u64>();
     }
 
-    /// Hands a burst to the disk; `None` if that takes no more.
+    /// Hand a burst to the disk; `None` if the disk thread has ended.
     fn hand_over(&mut self, taken: Taken) -> Option<()> {
-        // Counted before it is sent, so that the disk's thread never counts below zero.
+        // Counted before the send, so that the disk thread never counts below zero.
         let waiting = self.waiting.fetch_add(1, Ordering::Relaxed) + 1;
         match self.full.try_send(taken) {
             Ok(()) => {}

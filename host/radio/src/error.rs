@@ -1,48 +1,48 @@
-//! What a radio refuses, or fails at, and what to do.
+//! Errors of radios.
 
-/// Why a radio did not do what it was asked.
+/// Error of a radio.
 #[derive(Debug, thiserror::Error)]
 pub enum RadioError {
-    /// Beyond what the device can do.
+    /// A setting outside the limits of the device.
     #[error(
-        "{what} of {asked} {unit} is out of the radio's range, {from} to {to} {unit}: choose one within"
+        "{what} of {asked} {unit} is outside the radio's range: expected {from} to {to} {unit}"
     )]
     OutOfRange {
-        /// The quantity.
+        /// Name of the setting.
         what: &'static str,
-        /// What was asked for.
+        /// Requested value, in `unit`.
         asked: f64,
-        /// The least.
+        /// Lower limit of the device, in `unit`.
         from: f64,
-        /// The most.
+        /// Upper limit of the device, in `unit`.
         to: f64,
-        /// Their unit.
+        /// Unit of the values.
         unit: &'static str,
     },
-    /// The device does not answer any more.
-    #[error("the radio is gone ({0}): check its cable and its power, then list the radios again")]
+    /// The device is disconnected.
+    #[error("radio disconnected ({0}): check its cable and power, then list the radios again")]
     Gone(String),
-    /// A burst before the radio was configured and tuned.
-    #[error("the radio is not ready: {0}")]
+    /// A burst was requested before the radio was configured and tuned.
+    #[error("radio not ready: {0}")]
     NotReady(&'static str),
-    /// A burst that makes no sense.
+    /// The requested burst is invalid, with the reason.
     #[error("burst: {0}")]
     Burst(String),
-    /// Something the device has no means for.
-    #[error("this radio cannot do that: {0}")]
+    /// A request that the device does not support.
+    #[error("not supported by this radio: {0}")]
     Unsupported(String),
-    /// A replayed recording has no more.
-    #[error("the recording ends here: {0}")]
+    /// The replayed recording has no further bursts.
+    #[error("end of recording: {0}")]
     Ended(String),
-    /// What a device's driver says, and what helps.
+    /// Error of the device driver, with advice.
     #[error("{0}")]
     Driver(String),
-    /// What a backend reads from, or a wrapper writes to, failed.
+    /// A file of a backend or of a recording wrapper could not be read or written.
     #[error("{0}")]
     File(String),
 }
 
-/// What to do where a USRP is asked for and this build has no UHD.
+/// Message for a build without UHD when a USRP is requested.
 #[cfg(not(feature = "uhd"))]
-pub const NO_UHD: &str = "this build knows no USRP: install UHD (Debian: libuhd-dev) and build with the feature uhd; UHD is under \
-                          GPL-3.0-or-later, and so is what is linked with it";
+pub const NO_UHD: &str = "this build has no USRP support: install UHD (Debian: libuhd-dev) and build with the feature uhd. UHD is under \
+                          GPL-3.0-or-later, and so are programs linked with it";

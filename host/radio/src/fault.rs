@@ -1,7 +1,8 @@
-//! Faults of the way between a radio and its host, around any radio: each by its own chance a burst and one seed; unplugging at a burst
-//! named.
+//! Fault injection for the link between a radio and its host. Each fault has its own probability per burst;
+//! disconnection happens at a given burst.
 //!
-//! What is lost becomes zeros and is told, as a radio does that knows its samples' times. The same seed gives the same faults.
+//! Lost samples become zeros and are reported in [`Received::lost`], as by a radio with timestamps. The same seed gives
+//! the same faults.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -12,26 +13,26 @@ use crate::transceiver::{
     About, Burst, Configuration, Event, EventKind, Received, Sample, Sensors, Side, Transceiver,
 };
 
-/// Which faults, how often: chances from 0 to 1 a burst.
+/// Fault probabilities per burst, 0 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// Of an overflow: the end of a burst is lost.
+    /// Probability of an overrun, which loses the end of a burst.
     pub overflow: f64,
-    /// Of a lost packet within a burst.
+    /// Probability of a lost packet within a burst.
     pub lost_packet: f64,
-    /// Of a command that comes too late.
+    /// Probability of a late command.
     pub late: f64,
-    /// Of an underflow: the transmitter pauses, and the receivers hear nothing meanwhile.
+    /// Probability of an underrun: the transmitter pauses for one packet, and the receivers hear nothing meanwhile.
     pub underflow: f64,
-    /// Samples of a packet.
+    /// Number of samples per packet, the unit of lost samples.
     pub packet: usize,
-    /// The burst at which the device is unplugged.
+    /// Burst at which the device is disconnected.
     pub unplug_at: Option<u64>,
-    /// Seed of all chances.
+    /// Seed of the random faults.
     pub seed: u64,
 }
 
-/// A radio with faults.
+/// Radio with injected faults.
 #[derive(Debug)]
 pub struct Faulty<T> {
     radio: T,
@@ -42,7 +43,7 @@ pub struct Faulty<T> {
 }
 
 impl<T: Transceiver> Faulty<T> {
-    /// Around `radio`.
+    /// Wrap `radio` with fault injection.
     pub fn new(radio: T, faults: Faults) -> Self {
         Self {
             radio,
@@ -60,7 +61,7 @@ impl<T: Transceiver> Faulty<T> {
         }
     }
 
-    fn tell(&mut self, kind: EventKind, time_s: f64) {
+    fn report(&mut self, kind: EventKind, time_s: f64) {
         self.events.push(Event {
             kind,
             time_s: Some(time_s),
@@ -97,18 +98,19 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
         self.here()?;
         let mut random = ChaCha8Rng::seed_from_u64(self.faults.seed);
         random.set_stream(self.burst);
-        // Always as many numbers, so that one fault's chance does not move another's.
+        // Always draws the same number of values, so that the probability of one fault does not shift the random
+        // numbers of another.
         let drawn: [f64; 6] = std::array::from_fn(|_| unit(&mut random));
         if self.faults.unplug_at.is_some_and(|at| self.burst >= at) {
             self.gone = true;
-            self.tell(EventKind::Gone, burst.at_s);
+            self.report(EventKind::Gone, burst.at_s);
             return self.here().map(|()| Received::default());
         }
         self.burst += 1;
         let [reference, echo] = receive;
         let count = reference.len();
         if drawn[0] < self.faults.late {
-            // A moment that has passed: the radio itself knows what is late.
+            // A start time in the past: the wrapped radio then reports the burst as late.
             let passed = Burst {
                 at_s: self.radio.now_s()? - 1e-3,
                 ..*burst
@@ -125,16 +127,16 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
         if drawn[1] < self.faults.lost_packet {
             let first = at(drawn[2]) / packet * packet;
             gaps.push(first..(first + packet).min(count));
-            self.tell(EventKind::LostPacket, received.first_s);
+            self.report(EventKind::LostPacket, received.first_s);
         }
         if drawn[3] < self.faults.overflow {
             gaps.push(at(drawn[4])..count);
-            self.tell(EventKind::Overflow, received.first_s);
+            self.report(EventKind::Overflow, received.first_s);
         }
         if drawn[5] < self.faults.underflow {
-            // Nothing was sent for a packet from the start; what came is no echo.
+            // Nothing was sent for the first packet, so the samples received there contain no echo.
             gaps.push(0..packet);
-            self.tell(EventKind::Underflow, received.first_s);
+            self.report(EventKind::Underflow, received.first_s);
         }
         for gap in &gaps {
             reference[gap.clone()].fill(Sample::ZERO);
@@ -161,7 +163,7 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
     }
 }
 
-/// The same samples as ascending ranges that do not touch.
+/// Merge ranges into ascending ranges that do not touch.
 fn merged(mut gaps: Vec<std::ops::Range<usize>>) -> Vec<std::ops::Range<usize>> {
     gaps.retain(|gap| !gap.is_empty());
     gaps.sort_by_key(|gap| gap.start);
@@ -180,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gaps_are_merged_where_they_touch() {
+    fn touching_gaps_are_merged() {
         assert_eq!(merged(vec![5..9, 0..2, 2..4, 7..12, 3..3]), [0..4, 5..12]);
     }
 }

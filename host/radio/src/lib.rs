@@ -1,38 +1,43 @@
-//! A stepped-carrier radar on a software-defined radio, after Chim 2018, chapter 5: a USRP B210 or what behaves like one.
+//! Stepped-frequency continuous-wave (SFCW) radar on a software-defined radio, after Chim 2018, chapter 5 (a USRP B210
+//! or compatible).
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation.
 //!
-//! # The way of the data
+//! # Data flow
 //!
 //! ```text
-//! plan (TOML) ──> capture ── tune, burst ──> Transceiver: simulated | replay, in record and fault
+//! plan (TOML) ──> capture ── tune, burst ──> Transceiver: simulated | replay, wrapped in record and fault
 //!                   │  <── two channels of sc16 counts, events ──┘
-//!                   │ settle: the reference tone's own steadiness
-//!                   ├─ queue ──> sigmf: .sigmf-data, an annotation a step ──> replay, profile
-//!                   └─ queue ──> live: sweep by sweep, for those who look
-//! profile: mix (receive with reference, C 5.10) ─> refer to loop or leakage, calibrate ─> fill gaps ─> window, inverse transform ─> range profile
-//! history: responses of all sweeps ─ track, antennas ─> phase history: a sweep is a pulse, its carriers are the samples
+//!                  │ settle: repeat the burst until the reference tone is steady
+//!                  ├─ queue ──> sigmf: .sigmf-data, one annotation per step ──> replay, profile
+//!                  └─ queue ──> live: display, sweep by sweep
+//! profile: mix (echo times conjugate reference, C 5.10) ─> reference to loop or leakage, calibrate ─> fill gaps ─> window, inverse FFT ─> range profile
+//! history: responses of all sweeps ─ track, antennas ─> phase history: one pulse per sweep, one sample per carrier
 //! ```
 //!
-//! At each carrier a tone `f_0` above it is sent and received by two channels at once: the reference (channel 0: the
-//! transmitter by a coupler and a cable, C Fig. 5.4) and the echo (channel 1: the antenna); or two antennas, whose reference is the transmitter heard directly
-//! ([`profile::leakage`]). Both synthesisers have phases of
-//! their own after each retune, and differ in frequency; both channels see the same of it, and the quotient of the two
-//! does not. Over carriers it is the scene's response, `sum_s a_s exp(-j 2 pi f tau_s)`, with `f` the carrier and the tone.
+//! At each carrier the radio sends a tone `f_0` above the carrier and receives on two channels at once. With a loopback
+//! reference, channel 0 is connected to the transmitter by a coupler and a cable (C Fig. 5.4) and channel 1 to the
+//! receiving antenna. With a leakage reference, both channels have antennas and the direct wave from the transmitter is
+//! the reference ([`profile::leakage`]). Each retune gives both synthesisers a new random phase, and their frequencies
+//! differ by an offset. Both are common to the two channels and cancel in their quotient. Over the carriers, the
+//! quotient is the frequency response of the scene, `sum_s a_s exp(-j 2 pi f tau_s)`, where `f` is the carrier plus the
+//! tone's frequency.
 //!
 //! # Units, signs, invariants
-//! - Frequencies in hertz, times in seconds of the device's own clock, float64: a part in a thousand of a sample at 30.72 MS/s for a day.
-//! - Samples on the wire and on disk are counts of 16 bits, in full scale 32768 ([`Sample`]); converters of 12 bits fill the upper ones.
-//! - Of a delay `tau`, the phase at frequency `f` is `-2 pi f tau`, as everywhere here. C (5.10) has the conjugate.
-//! - Samples that did not come are zeros in the buffers and are told ([`Received::lost`]), never closed up: sample `i` of a burst is
-//!   always `i / rate` after its first.
-//! - What a backend cannot do is an error with what would help; what goes wrong on the way ([`Event`]) is counted and marked, and
-//!   ends nothing but what it must.
-//! - Memory: buffers of the queues, each of one step; nothing grows with a capture's length.
+//! - Frequencies are in hertz. Times are seconds of the device clock, float64: after a day the resolution is a
+//!   thousandth of a sample at 30.72 MS/s.
+//! - Samples on the wire and on disk are 16-bit counts, full scale 32768 ([`Sample`]). 12-bit converters fill the upper
+//!   bits.
+//! - A delay `tau` has the phase `-2 pi f tau` at frequency `f`, as in the other crates. C (5.10) uses the conjugate.
+//! - Lost samples are zeros in the buffers and listed in [`Received::lost`]. They are never removed: sample `i` of a
+//!   burst is always `i / rate` after the first.
+//! - A request that a backend cannot fulfil is an error that says what to change. Transport faults ([`Event`]) are
+//!   counted and flagged; the capture goes on unless the device is gone.
+//! - Memory: the queues' buffers, each of one step. Memory does not grow with the length of a capture.
 //!
-//! Backends are an implementation of [`Transceiver`] each: [`simulated`], [`replay`], and, with the feature `uhd`, a USRP by Ettus Research's
-//! driver UHD. That is under GPL-3.0-or-later or a commercial licence: a program linked with it is passed on under these
-//! terms; without the feature nothing of it is needed.
+//! Each backend implements [`Transceiver`]: [`simulated`], [`replay`] and, with the feature `uhd`, a USRP by Ettus
+//! Research's driver UHD. UHD is licensed under GPL-3.0-or-later or a commercial licence: programs linked with it are
+//! distributed under these terms. Without the feature, UHD is not needed.
 #![deny(unsafe_code)]
 
 mod antennas;

@@ -1,7 +1,10 @@
-//! A radio whose every burst is recorded, around any radio: also those that a capture throws away while it settles.
+//! Recording wrapper around any radio. It records every burst, including those that a capture discards while the
+//! reference settles.
 //!
-//! Steps of the recording are bursts; a sweep ends where a carrier is tuned to that it has had; carriers are those that the receivers were tuned to. The recording is closed by
-//! [`Recorder::finish`]; of one that is dropped, its journal tells the steps ([`crate::sigmf`]). All bursts have as many samples.
+//! Each burst is a step of the recording. A new sweep begins when the receivers tune to a carrier that the sweep
+//! already has. Step carriers are those reported by the receivers. [`Recorder::finish`] closes the recording; if the
+//! recorder is dropped instead, the journal keeps the steps ([`crate::sigmf`]). All bursts must have the same number of
+//! samples.
 
 use crate::error::RadioError;
 use crate::sigmf::{Setup, SigmfError, Step, Writer};
@@ -9,7 +12,7 @@ use crate::transceiver::{
     About, Burst, Configuration, Event, Received, Sample, Sensors, Side, Transceiver,
 };
 
-/// A radio that is recorded.
+/// Radio whose bursts are recorded.
 #[derive(Debug)]
 pub struct Recorder<T> {
     radio: T,
@@ -18,12 +21,13 @@ pub struct Recorder<T> {
     gain_db: [f64; 2],
     carrier_hz: f64,
     sweep: u64,
-    /// Carriers that it has had.
+    /// Carriers already visited in the current sweep.
     had: Vec<bool>,
 }
 
 impl<T: Transceiver> Recorder<T> {
-    /// Around `radio`, into a recording that was begun with this set-up, whose carriers are those that will be tuned to.
+    /// Wrap `radio`, and record into `writer`, which was created with the same `setup`. The plan of `setup` must
+    /// contain the carriers that will be tuned.
     pub fn new(radio: T, writer: Writer, setup: Setup) -> Self {
         Self {
             gain_db: setup.receive_gain_db,
@@ -36,16 +40,16 @@ impl<T: Transceiver> Recorder<T> {
         }
     }
 
-    /// Of the carrier that the receivers are tuned to, among those of the plan.
+    /// Index of the receivers' current carrier in the plan.
     fn place(&self) -> usize {
         let place = ((self.carrier_hz - self.setup.start_hz) / self.setup.step_hz).round();
         (place.max(0.0) as usize).min(self.setup.steps.saturating_sub(1))
     }
 
-    /// Closes the recording; the radio goes on.
+    /// Close the recording and return the radio.
     ///
     /// # Errors
-    /// If the disk refuses; the journal then keeps the steps.
+    /// If writing fails; the journal then keeps the steps.
     pub fn finish(self) -> Result<T, SigmfError> {
         self.writer.finish()?;
         Ok(self.radio)

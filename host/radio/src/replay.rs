@@ -1,12 +1,14 @@
-//! A recording in place of a radio: what was received is received again.
+//! Replay of a recording in place of a radio.
 //!
-//! A retune of the receivers goes on to the next step of that carrier; bursts then give its samples, steps of the same carrier that
-//! follow at once in the same sweep (a recording of every burst), the last of them again and again. What is asked beyond a step's
-//! length is lost, and told so. Times are the recording's: bursts come at once, at any time asked for.
+//! A retune of the receivers advances to the next step with that carrier, and bursts return its samples. Directly
+//! following steps with the same carrier and sweep (from a recording of every burst) are returned one per burst; the
+//! last of them is repeated. Samples requested beyond a step's length are reported as lost. Times are those of the
+//! recording: bursts return at once, whatever start time is requested.
 //!
-//! The plan that made a recording replays it, whatever the device rounded: gains may be a decibel off, the largest step that a receiver's gain
-//! has, and rates half as much again, which is as far as a rate can be from the nearest whole part of a master clock. What
-//! [`Replay::configure`](Transceiver::configure) says is what the device was set to. Other gains are refused, as is a waveform of another period than was sent.
+//! The plan that made a recording also replays it, although the device rounded its settings: gains may differ by up to
+//! 1 dB, the largest gain step of a receiver, and sample rates by a factor of up to 1.5, the largest distance of a rate
+//! from an integer fraction of a master clock. [`Replay::configure`](Transceiver::configure) returns the recorded
+//! settings. Other gains are refused, as are waveforms with another period than the recorded one.
 
 use crate::error::RadioError;
 use crate::sigmf::{Flag, Recording};
@@ -15,28 +17,29 @@ use crate::transceiver::{
     Transceiver, check_burst,
 };
 
-/// Most that a device rounds a gain by, dB.
+/// Largest rounding of a gain by a device, dB.
 const GAIN_STEP_DB: f64 = 1.0;
-/// Most that a rate is off the nearest of a clock over 1, 2, 3 ...: asked for 2/3 of it, the clock or half of it are as near.
+/// Largest ratio of a requested rate to the nearest integer fraction of a clock: 2/3 of the clock is equally near to
+/// the clock and to half of it.
 const RATE_RATIO: f64 = 1.5;
 
-/// A recording in place of a radio.
+/// Replay of a recording in place of a radio.
 #[derive(Debug)]
 pub struct Replay {
     recording: Recording,
     about: About,
-    /// The first step that no retune has come to yet.
+    /// First step not yet visited by a retune.
     next: usize,
-    /// The step that a burst gives, after a retune.
+    /// Step whose samples the next burst returns; `None` before a retune.
     current: Option<usize>,
-    /// Whether it has been given.
+    /// Whether a burst has returned its samples.
     given: bool,
     now_s: f64,
     channels: [Vec<Sample>; 2],
 }
 
 impl Replay {
-    /// Of a recording.
+    /// Replay a recording from its first step.
     pub fn new(recording: Recording) -> Self {
         let setup = recording.setup();
         let near_db = |least: f64, most: f64| Range {
@@ -44,7 +47,7 @@ impl Replay {
             to: most + GAIN_STEP_DB,
         };
         let [first_db, second_db] = setup.receive_gain_db;
-        // Not in the recording, and of no consequence to it.
+        // Not in the recording, and without effect on the replay.
         let any = Range {
             from: 0.0,
             to: f64::MAX,
@@ -104,7 +107,7 @@ impl Transceiver for Replay {
                 from: set_db - GAIN_STEP_DB,
                 to: set_db + GAIN_STEP_DB,
             };
-            near.check("a receiving gain", *asked_db, "dB")?;
+            near.check("receive gain", *asked_db, "dB")?;
         }
         Ok(Configuration {
             sample_rate_hz: setup.sample_rate_hz,
@@ -122,10 +125,10 @@ impl Transceiver for Replay {
         self.about
             .ranges
             .carrier_hz
-            .check("a carrier", carrier_hz, "Hz")?;
+            .check("carrier", carrier_hz, "Hz")?;
         if at_s.is_some() {
             return Err(RadioError::Unsupported(
-                "retune at a time: a recording knows its own".to_owned(),
+                "scheduled retune: a replay has the times of its recording".to_owned(),
             ));
         }
         if side == Side::Transmit {
@@ -135,7 +138,7 @@ impl Transceiver for Replay {
             (self.next..self.recording.steps().len()).find(|&index| self.is_of(index, carrier_hz));
         let Some(index) = found else {
             return Err(RadioError::Ended(format!(
-                "no further step of a carrier of {carrier_hz} Hz"
+                "no further step with a carrier of {carrier_hz} Hz"
             )));
         };
         self.current = Some(index);
@@ -153,7 +156,7 @@ impl Transceiver for Replay {
         let period = self.recording.setup().period;
         if burst.waveform.len() != period {
             return Err(RadioError::Burst(format!(
-                "a waveform of {} samples, and the recording's has {period}: replay it with its own tone and rate",
+                "waveform period of {} samples, expected {period} as in the recording: replay it with its own tone and sample rate",
                 burst.waveform.len()
             )));
         }
@@ -164,7 +167,7 @@ impl Transceiver for Replay {
         let same_sweep = steps
             .get(index + 1)
             .is_some_and(|next| next.sweep == steps[index].sweep);
-        // A sweep that turns begins with the carrier that the last one ended with.
+        // In an up-down order, a sweep begins with the carrier of the previous sweep's end.
         if self.given && same_sweep && self.is_of(index + 1, steps[index].carrier_hz) {
             index += 1;
             self.current = Some(index);
@@ -189,7 +192,7 @@ impl Transceiver for Replay {
             lost.push(there..asked);
         }
         self.now_s = step.time_s + step.samples as f64 / self.recording.setup().sample_rate_hz;
-        // Of how many samples were clipped the recording says only whether any was.
+        // The recording only stores whether any sample was clipped, not how many.
         let clipped = u32::from(step.flags.contains(&Flag::Clipped));
         Ok(Received {
             first_s: step.time_s,

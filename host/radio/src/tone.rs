@@ -1,25 +1,27 @@
-//! The tone that is sent at every carrier, and what two channels make of it: C (5.4) to (5.11).
+//! Demodulation of the tone sent at every carrier, and the quotient of the two channels; C (5.4) to (5.11).
 //!
-//! The tone has a whole number `P` of samples a period. Of channel `c`, block `b` of a whole number of periods is
+//! The tone has a whole number `P` of samples per period. For channel `c` and a block `b` of whole periods, the mean is
 //!
 //! ```text
 //! x_c[b] = mean over the block of s_c[i] exp(-j 2 pi i / P)
 //! ```
 //!
-//! in which an offset of DC and the image of an unequal I and Q, at `-f_0`, are zero. Both channels still turn alike by
-//! the synthesisers' phases and their difference of frequency; the least-squares quotient does not:
+//! DC offset and the image due to IQ imbalance, at `-f_0`, average to zero. The block means of both channels still
+//! rotate with the synthesisers' phases and LO offset. Both cancel in the least-squares quotient
 //!
 //! ```text
 //! z = sum_b x_1[b] conj(x_0[b]) / sum_b |x_0[b]|^2
 //! ```
 //!
-//! A block lasts a quarter of a millisecond at the most ([`LONGEST_BLOCK_S`]), however long the burst: a difference of frequency `d` weakens the mean over `T` seconds by
-//! `sinc(d T)` and turns it by `d T` from block to block. Of 1 kHz, more than two synthesisers of a B210 are apart, a tenth of the amplitude and a quarter of a turn: unwrapping
-//! phases has as much again to spare. A sixteenth of a dwell of 20 ms would leave nothing of 800 Hz.
+//! A block lasts at most a quarter of a millisecond ([`LONGEST_BLOCK_S`]), for bursts of any length. An LO offset `d`
+//! reduces the mean over `T` seconds by `sinc(d T)`, and rotates it by `d T` turns from block to block. An offset of 1
+//! kHz, more than that of two synthesisers of a B210, costs a tenth of the amplitude and rotates by a quarter of a
+//! turn, half of the limit of phase unwrapping. With blocks of a sixteenth of a 20 ms dwell, an offset of 800 Hz would
+//! average to zero.
 //!
-//! Neglected: a difference of frequency `d` within a block of `T` seconds weakens both alike (that cancels) and lets DC and image
-//! through by a part `d / f_0` (1 kHz of 125 kHz: -42 dB of what there is of them); noise `n` of the
-//! reference, relative to it, makes `z` smaller by the part `n / blocks`. Cost: two complex products a sample. Memory: none.
+//! Neglected: an LO offset `d` within a block of `T` seconds reduces both channels equally, which cancels, and lets a
+//! fraction `d / f_0` of DC and image through (1 kHz of 125 kHz: -42 dB of their level). Reference noise `n`, relative
+//! to the reference, biases `z` low by the fraction `n / blocks`. Cost: two complex products per sample.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -29,72 +31,77 @@ use subaperture_signal::phase::phasor;
 
 use crate::transceiver::Sample;
 
-/// Blocks that a burst is cut into at the least, if it has periods enough.
+/// Minimum number of blocks of a burst, if it has enough periods.
 pub const BLOCKS: usize = 16;
-/// Longest block, seconds, if a period is not longer.
+/// Maximum duration of a block, seconds, unless a period is longer.
 pub const LONGEST_BLOCK_S: f64 = 0.25e-3;
 
-/// A tone of a whole number of samples a period.
+/// Tone with a whole number of samples per period.
 #[derive(Clone, Debug)]
 pub struct Tone {
     turns: Vec<Complex64>,
-    /// Periods of the longest block.
+    /// Maximum number of periods per block.
     most_periods: usize,
 }
 
-/// What is left of a burst.
+/// Result of demodulating one burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mixed {
-    /// Echo over reference.
+    /// Echo divided by reference.
     pub value: Complex64,
-    /// Echo by itself, referred to the tone as sent: what there is without a reference.
+    /// Echo alone, demodulated by the transmitted tone, without a reference.
     pub unreferred: Complex64,
-    /// Variance of that by what the blocks scatter, 0 where there is one alone.
+    /// Variance of `value`, estimated from the scatter of the blocks; 0 for a single block.
     pub variance: f64,
-    /// RMS of the reference, of full scale.
+    /// RMS of the reference, relative to full scale.
     pub reference: f64,
-    /// Part of the blocks that came whole.
+    /// Fraction of the blocks without lost samples.
     pub whole: f64,
-    /// How far the reference's blocks are from a tone: the larger of a part of its amplitude and radians of its phase.
+    /// Deviation of the reference's blocks from a steady tone: the larger of the relative amplitude error and the phase
+    /// error in radians.
     pub unsteady: f64,
 }
 
 impl Tone {
-    /// A tone of `period` samples, 3 at least (of 2 its image is itself), at `rate_hz` samples a second.
+    /// Make a tone of `period` samples at `rate_hz` samples per second. The period is at least 3, since a tone of 2
+    /// samples equals its image.
     ///
     /// # Panics
-    /// If there are fewer.
+    /// If `period` is below 3.
     pub fn new(period: usize, rate_hz: f64) -> Self {
-        assert!(period >= 3, "a tone of {period} samples a period is none");
+        assert!(
+            period >= 3,
+            "tone period of {period} samples: expected at least 3"
+        );
         let turns = (0..period)
             .map(|i| phasor(i as f64 / period as f64))
             .collect();
         Self {
             turns,
-            // `as` makes nothing of what is no number.
+            // `as` converts NaN to 0.
             most_periods: (LONGEST_BLOCK_S * rate_hz / period as f64) as usize,
         }
     }
 
-    /// Samples a period.
+    /// Number of samples per period.
     pub fn period(&self) -> usize {
         self.turns.len()
     }
 
-    /// One period to be sent.
+    /// One period of the transmitted waveform.
     pub fn waveform(&self, amplitude: f64) -> Vec<Complex32> {
         let scale =
             |z: &Complex64| Complex32::new((z.re * amplitude) as f32, (z.im * amplitude) as f32);
         self.turns.iter().map(scale).collect()
     }
 
-    /// Samples a block of a burst of `samples`.
+    /// Samples per block of a burst of `samples`.
     fn block(&self, samples: usize) -> usize {
         let periods = samples / self.period() / BLOCKS;
         periods.min(self.most_periods).max(1) * self.period()
     }
 
-    /// `x_c` of the block that begins at sample `first`, of full scale.
+    /// Demodulated mean `x_c` of a block, relative to full scale.
     fn mean(&self, samples: &[Sample]) -> Complex64 {
         let mut sum = Complex64::ZERO;
         for period in samples.chunks_exact(self.period()) {
@@ -105,7 +112,8 @@ impl Tone {
         sum / (samples.len() as f64 * 32768.0)
     }
 
-    /// Mixes a burst; `None` if no block came whole or the reference is nothing. `channels` are reference and echo.
+    /// Demodulate a burst of reference and echo channels. Returns `None` if every block has lost samples or the
+    /// reference is zero.
     pub fn mix(&self, channels: [&[Sample]; 2], lost: &[Range<usize>]) -> Option<Mixed> {
         let length = channels[0].len().min(channels[1].len());
         let block = self.block(length);
@@ -131,7 +139,7 @@ impl Tone {
             return None;
         }
         let count = reference.len() as f64;
-        // What the quotient leaves of the echo's blocks, `sum |x_1 - z x_0|^2`.
+        // Residual of the quotient over the blocks, `sum |x_1 - z x_0|^2`.
         let left = (echo_power - cross.norm_sqr() / power).max(0.0);
         Some(Mixed {
             value: cross / power,
@@ -144,9 +152,9 @@ impl Tone {
     }
 }
 
-/// How far blocks are from a tone of one amplitude and one frequency: the larger of the greatest part by which an amplitude
-/// differs from the mean and the greatest phase, radians, by which a block is off the straight line through all. Noise alone makes
-/// some `2 / sqrt(SNR)` of it, with the SNR of a block.
+/// Deviation of blocks from a tone of constant amplitude and frequency: the larger of the greatest relative amplitude
+/// deviation from the mean, and the greatest phase deviation in radians from a straight line through all blocks. Noise
+/// alone gives about `2 / sqrt(SNR)`, with the SNR of a block.
 fn unsteadiness(blocks: &[(usize, Complex64)]) -> f64 {
     let n = blocks.len() as f64;
     let mean = blocks.iter().map(|(_, x)| x.norm()).sum::<f64>() / n;
@@ -154,7 +162,7 @@ fn unsteadiness(blocks: &[(usize, Complex64)]) -> f64 {
         .iter()
         .map(|(_, x)| (x.norm() / mean - 1.0).abs())
         .fold(0.0, f64::max);
-    // Phases from block to block, never more than half a turn apart a block: the plan's tones turn much faster than offsets.
+    // Unwrapped phases: between neighbouring blocks the LO offset never rotates by more than half a turn.
     let mut phases = Vec::with_capacity(blocks.len());
     let mut phase = 0.0;
     let mut before = blocks[0].1;
@@ -188,11 +196,11 @@ mod tests {
         )
     }
 
-    /// A reference and an echo of it, in DC, with an image, and turning at 900 Hz at 1 MS/s. DC of 0.02 and image of 0.03 come through
-    /// by a part of 900 / 125000 each, with some phase: below 5e-4 of 0.5, relative to the echo of 0.1 five times
-    /// that. Rounding to counts: 1e-5.
+    /// A reference and a scaled copy as the echo, with DC, an image, and an LO offset of 900 Hz at 1 MS/s. DC of 0.02
+    /// and image of 0.03 leak by 900 / 125000 each, with some phase: below 5e-4 of 0.5, and five times as much relative
+    /// to the echo of 0.1. Rounding to counts: 1e-5.
     #[test]
-    fn the_quotient_of_channels_knows_no_phase_offset_dc_or_image() {
+    fn channel_quotient_cancels_phase_lo_offset_dc_and_image() {
         let tone = Tone::new(8, 1e6);
         let ratio = Complex64::from_polar(0.2, 1.1);
         for start in [0.0, 0.3, 0.77] {
@@ -216,10 +224,11 @@ mod tests {
         }
     }
 
-    /// 800 Hz apart over 20 ms: a sixteenth of it is one whole turn, of which the mean is nothing. Blocks of 0.25 ms lose `1 - sinc(0.2)`, 6 %, of both
-    /// channels alike; DC and image come through by 800 of 125000, of which 80 blocks at all phases leave less.
+    /// LO offset of 800 Hz over 20 ms: a sixteenth of the burst is one whole turn, with a mean of zero. Blocks of 0.25
+    /// ms lose `1 - sinc(0.2)`, 6 %, of both channels equally. DC and image leak by 800 of 125000, and less after
+    /// averaging over 80 blocks with all phases.
     #[test]
-    fn a_long_dwell_is_no_worse_than_a_short_one() {
+    fn long_dwell_keeps_accuracy_with_lo_offset() {
         let tone = Tone::new(8, 1e6);
         let ratio = Complex64::from_polar(0.2, 1.1);
         let both: [Vec<Sample>; 2] = [Complex64::ONE, ratio].map(|scale| {
@@ -235,9 +244,9 @@ mod tests {
         assert!(mixed.unsteady < 5e-3, "{}", mixed.unsteady);
     }
 
-    /// What was lost is left out: the samples there are no zeros but wrong ones.
+    /// The samples marked as lost hold wrong values instead of zeros, so that using them would show.
     #[test]
-    fn lost_samples_are_left_out_by_blocks() {
+    fn blocks_with_lost_samples_are_skipped() {
         let tone = Tone::new(8, 1e6);
         let echo: Vec<Sample> = (0..1024)
             .map(|i| counts(phasor(f64::from(i) / 8.0) * 0.25))
@@ -249,7 +258,7 @@ mod tests {
             .mix([&echo, &wrong], std::slice::from_ref(&gap))
             .unwrap();
         assert!((mixed.value - 1.0).norm() < 1e-12, "{}", mixed.value);
-        // 16 blocks of 64: those from 64 and from 128 are touched.
+        // Of 16 blocks of 64 samples, those starting at 64 and at 128 contain lost samples.
         assert_eq!(mixed.whole, 14.0 / 16.0);
         assert_eq!(
             tone.mix([&echo, &echo], std::slice::from_ref(&(0..1024))),
@@ -258,9 +267,9 @@ mod tests {
         assert_eq!(tone.mix([&wrong[..0], &wrong[..0]], &[]), None);
     }
 
-    /// A phase that decays by `a exp(-t / T)` is off a line by a good part of `a`; one that has settled is not.
+    /// A phase that decays as `a exp(-t / T)` deviates from a line by a large part of `a`; a settled phase does not.
     #[test]
-    fn a_tone_that_settles_is_unsteady_until_it_has() {
+    fn settling_tone_is_unsteady_until_settled() {
         let tone = Tone::new(8, 1e6);
         let with = |after: f64| {
             let settling = |i: u32| 0.6 * libm::exp(-(f64::from(i) + after) / 300.0);

@@ -1,29 +1,29 @@
-//! What a radio of one transmitter and two receivers that share their synthesisers can do.
+//! Interface of a radio with one transmitter and two receivers that share a synthesiser.
 //!
-//! The order is: configure, tune both sides, burst, burst; tune, burst; and so on. Nothing here waits longer than the burst
-//! asked for and the device's own time to retune.
+//! The order of calls is: configure, tune both sides, burst, burst; tune, burst; and so on. A call blocks no longer
+//! than the burst it requests and the retune time of the device.
 
 use num_complex::{Complex, Complex32};
 
 use crate::error::RadioError;
 
-/// A complex sample as it comes over the wire: counts, full scale 32768.
+/// Complex sample as sent over the wire: 16-bit counts, full scale 32768.
 pub type Sample = Complex<i16>;
 
-/// What a quantity can be, both ends included.
+/// Closed interval of a setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
-    /// The least.
+    /// Lower limit, included.
     pub from: f64,
-    /// The most.
+    /// Upper limit, included.
     pub to: f64,
 }
 
 impl Range {
-    /// Refuses what is outside, and what is no number.
+    /// Refuse a value that is outside the interval or NaN.
     ///
     /// # Errors
-    /// [`RadioError::OutOfRange`].
+    /// [`RadioError::OutOfRange`], with the limits.
     pub fn check(
         &self,
         what: &'static str,
@@ -43,33 +43,35 @@ impl Range {
     }
 }
 
-/// What a device can be set to.
+/// Limits of the settings of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranges {
-    /// Carriers, hertz.
+    /// Carrier frequency, hertz.
     pub carrier_hz: Range,
-    /// Master clock, hertz.
+    /// Master clock rate, hertz.
     pub master_clock_hz: Range,
-    /// Complex samples a second with two receivers.
+    /// Sample rate in samples per second, with two receivers active.
     pub sample_rate_hz: Range,
     /// Analog bandwidth, hertz.
     pub bandwidth_hz: Range,
-    /// Gain of the transmitter, dB.
+    /// Transmit gain, dB.
     pub transmit_gain_db: Range,
-    /// Gain of the receivers, dB.
+    /// Receive gain, dB.
     pub receive_gain_db: Range,
-    /// Names of the transmitter's ports; none where they are not known, and any will do.
+    /// Names of the transmit ports. Empty: unknown, any name is accepted.
     pub transmit_antennas: Vec<String>,
-    /// Names of the receivers' ports.
+    /// Names of the receive ports. Empty: unknown, any name is accepted.
     pub receive_antennas: Vec<String>,
-    /// What a retune of one side takes, seconds.
+    /// Duration of a retune of one side, seconds.
     pub retune_s: f64,
-    /// Whether a retune can be asked for at a time; a B210's cannot, its registers are written over a bus of its own.
+    /// Whether a retune can be scheduled at a device time. A B210 cannot: its synthesiser registers are written over a
+    /// separate bus.
     pub timed_tune: bool,
 }
 
 impl Ranges {
-    /// A USRP B210 with an AD9361, two receivers (Chim 2018, appendix A; 2 ms a retune in its driver).
+    /// Limits of a USRP B210 with an AD9361 and two receivers (Chim 2018, appendix A; retune time of 2 ms by its
+    /// driver).
     pub fn b210() -> Self {
         let range = |from, to| Range { from, to };
         Self {
@@ -87,78 +89,79 @@ impl Ranges {
     }
 }
 
-/// Which device this is.
+/// Identity and limits of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct About {
-    /// Its kind.
+    /// Product name, for example `B210`.
     pub product: String,
-    /// Its serial number.
+    /// Serial number of the device.
     pub serial: String,
-    /// What it can be set to.
+    /// Limits of its settings.
     pub ranges: Ranges,
 }
 
-/// Where a clock or its pulse per second comes from.
+/// Source of the reference clock or of the pulse per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Source {
-    /// The device itself.
+    /// Internal oscillator of the device.
     #[default]
     Internal,
-    /// Its connector.
+    /// External input connector.
     External,
-    /// A GPS-disciplined oscillator within.
+    /// Built-in GPS-disciplined oscillator.
     Gpsdo,
 }
 
-/// All that is set once before a capture.
+/// Settings made once before a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Configuration {
-    /// Master clock, hertz.
+    /// Master clock rate, hertz.
     pub master_clock_hz: f64,
-    /// Complex samples a second, both ways.
+    /// Sample rate of transmitter and receivers, samples per second.
     pub sample_rate_hz: f64,
     /// Analog bandwidth, hertz.
     pub bandwidth_hz: f64,
-    /// Gain of the transmitter, dB.
+    /// Transmit gain, dB.
     pub transmit_gain_db: f64,
-    /// Gains of the two receivers, dB.
+    /// Gains of receivers 0 and 1, dB.
     pub receive_gain_db: [f64; 2],
-    /// Port of the transmitter.
+    /// Name of the transmit port.
     pub transmit_antenna: String,
-    /// Ports of the two receivers.
+    /// Names of the ports of receivers 0 and 1.
     pub receive_antennas: [String; 2],
-    /// What frequencies come from.
+    /// Source of the reference clock.
     pub clock: Source,
-    /// What times come from.
+    /// Source of the pulse per second, which defines device time.
     pub pps: Source,
 }
 
 impl Configuration {
-    /// Checks it against what a device can do.
+    /// Check the settings against the limits of a device.
     ///
     /// # Errors
-    /// [`RadioError::OutOfRange`] for the first number, [`RadioError::Unsupported`] for a port that the device has not.
+    /// [`RadioError::OutOfRange`] for the first number outside its limits, [`RadioError::Unsupported`] for a port that
+    /// the device does not have or a sample rate above the master clock.
     pub fn check(&self, ranges: &Ranges) -> Result<(), RadioError> {
         ranges
             .master_clock_hz
-            .check("a master clock", self.master_clock_hz, "Hz")?;
+            .check("master clock", self.master_clock_hz, "Hz")?;
         ranges
             .sample_rate_hz
-            .check("a sample rate", self.sample_rate_hz, "Hz")?;
+            .check("sample rate", self.sample_rate_hz, "Hz")?;
         ranges
             .bandwidth_hz
-            .check("a bandwidth", self.bandwidth_hz, "Hz")?;
+            .check("bandwidth", self.bandwidth_hz, "Hz")?;
         ranges
             .transmit_gain_db
-            .check("a transmitting gain", self.transmit_gain_db, "dB")?;
+            .check("transmit gain", self.transmit_gain_db, "dB")?;
         for gain_db in self.receive_gain_db {
             ranges
                 .receive_gain_db
-                .check("a receiving gain", gain_db, "dB")?;
+                .check("receive gain", gain_db, "dB")?;
         }
         if self.sample_rate_hz > self.master_clock_hz {
             return Err(RadioError::Unsupported(format!(
-                "{} samples a second from a master clock of {} Hz; raise the clock",
+                "sample rate of {} Hz exceeds the master clock of {} Hz: raise the clock or lower the rate",
                 self.sample_rate_hz, self.master_clock_hz
             )));
         }
@@ -167,7 +170,7 @@ impl Configuration {
                 return Ok(());
             }
             Err(RadioError::Unsupported(format!(
-                "it has no port '{name}'; its ports are {}",
+                "unknown antenna port '{name}': expected one of {}",
                 known.join(", ")
             )))
         };
@@ -178,136 +181,142 @@ impl Configuration {
     }
 }
 
-/// Transmitter or receivers.
+/// Side of the radio that is tuned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// The transmitter.
+    /// Transmitter.
     Transmit,
-    /// Both receivers, which have one synthesiser.
+    /// Both receivers, which share a synthesiser.
     Receive,
 }
 
-/// What is sent, and when.
+/// Burst to transmit, and its start time.
 #[derive(Clone, Copy, Debug)]
 pub struct Burst<'a> {
-    /// One period at baseband, full scale 1; repeated as long as the burst lasts.
+    /// One period of the baseband waveform, full scale 1. The waveform is repeated for the duration of the burst.
     pub waveform: &'a [Complex32],
-    /// Device time of the first sample, sent and received. Two receivers need one to start together.
+    /// Device time at which the first sample is sent and received, seconds. A common start time aligns the two
+    /// receivers.
     pub at_s: f64,
 }
 
-/// What came of a burst.
+/// Result of a burst.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Received {
-    /// Device time of sample 0.
+    /// Device time of sample 0, seconds.
     pub first_s: f64,
-    /// The burst's time had passed when the device got it: nothing was sent, all samples are lost.
+    /// Whether the start time had passed when the device received the command. Nothing was sent and all samples are
+    /// lost.
     pub late: bool,
-    /// Samples that did not come, ascending, of both channels; zeros in the buffers.
+    /// Ranges of lost samples of both channels, ascending. The buffers hold zeros there.
     pub lost: Vec<std::ops::Range<usize>>,
-    /// Samples of each channel of which I or Q was at full scale.
+    /// Number of samples of each channel whose I or Q is at full scale.
     pub clipped: [u32; 2],
 }
 
-/// What the device knows of itself.
+/// Sensor readings of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// Whether the transmitter's synthesiser is locked.
+    /// Whether the transmit synthesiser is locked.
     pub transmit_locked: bool,
-    /// Whether the receivers' is.
+    /// Whether the receive synthesiser is locked.
     pub receive_locked: bool,
-    /// Whether the reference clock is there; `None` where it is the device's own.
+    /// Whether the external reference clock is locked; `None` with the internal clock.
     pub reference_locked: Option<bool>,
-    /// Temperature, degrees Celsius, where it is measured.
+    /// Temperature, degrees Celsius; `None` if not measured.
     pub temperature_c: Option<f64>,
 }
 
-/// Something that went wrong beside the commands.
+/// Kind of a fault reported by the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EventKind {
-    /// The host was too slow to take samples (UHD's O).
+    /// Overrun: the host read received samples too slowly (UHD's O).
     Overflow,
-    /// The host was too slow to give samples (U).
+    /// Underrun: the host supplied transmit samples too slowly (UHD's U).
     Underflow,
-    /// A command came after its time (L).
+    /// Late command: a command arrived after its time (UHD's L).
     LateCommand,
-    /// Packets lost on the way (S, D).
+    /// Lost or out-of-order packet (UHD's S and D).
     LostPacket,
-    /// The device is gone.
+    /// The device is disconnected.
     Gone,
 }
 
-/// An event and how often.
+/// Fault event with its number of occurrences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// What.
+    /// Kind of the fault.
     pub kind: EventKind,
-    /// Device time, where it is known.
+    /// Device time, seconds; `None` if unknown.
     pub time_s: Option<f64>,
-    /// How many at once.
+    /// Number of occurrences.
     pub count: u32,
 }
 
-/// A radio of one transmitter and two receivers.
+/// Radio with one transmitter and two receivers.
 pub trait Transceiver: Send {
-    /// Which device this is, and what it can do.
+    /// Identity and limits of the device.
     fn about(&self) -> &About;
 
-    /// Sets all that is set once. What it has been set to: gains and rates go in steps.
+    /// Apply the settings, and return the settings in effect: gains and rates have steps.
     ///
     /// # Errors
-    /// What [`Configuration::check`] refuses; [`RadioError::Gone`].
+    /// The errors of [`Configuration::check`]; [`RadioError::Gone`].
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError>;
 
-    /// Device time, seconds.
+    /// Return the current device time, seconds.
     ///
     /// # Errors
-    /// [`RadioError::Gone`].
+    /// [`RadioError::Gone`] if the device is disconnected.
     fn now_s(&mut self) -> Result<f64, RadioError>;
 
-    /// Tunes a side, at a time where the device can; the carrier that it has been tuned to. Its phase is another than before.
+    /// Tune one side, at a device time if the device supports it, and return the carrier in effect, hertz. The phase of
+    /// the carrier is random after a retune.
     ///
     /// # Errors
-    /// Out of range; [`RadioError::Unsupported`] for a time where the device knows none; [`RadioError::Gone`].
+    /// [`RadioError::OutOfRange`] for the carrier; [`RadioError::Unsupported`] for a scheduled retune that the device
+    /// cannot do; [`RadioError::Gone`].
     fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError>;
 
-    /// Sends a burst and fills the buffers, of equal length, with what both channels receive meanwhile.
+    /// Send a burst, and fill the two buffers, of equal length, with the samples that both channels receive during the
+    /// burst.
     ///
     /// # Errors
-    /// [`RadioError::NotReady`] before configuring and tuning, [`RadioError::Burst`] for an empty waveform or unequal
-    /// buffers, [`RadioError::Gone`]. A late, lost or clipped burst is no error.
+    /// [`RadioError::NotReady`] before configuration and tuning, [`RadioError::Burst`] for an empty waveform or unequal
+    /// buffers, [`RadioError::Gone`]. Late, lost or clipped bursts are reported in [`Received`], not as errors.
     fn burst(&mut self, burst: &Burst, receive: [&mut [Sample]; 2])
     -> Result<Received, RadioError>;
 
-    /// What the device knows of itself.
+    /// Read the sensors of the device.
     ///
     /// # Errors
-    /// [`RadioError::Gone`].
+    /// [`RadioError::Gone`] if the device is disconnected.
     fn sensors(&mut self) -> Result<Sensors, RadioError>;
 
-    /// Whether a GPS-disciplined oscillator within has found its satellites; `None` where there is none. It listens to what that says, which may take a second.
+    /// Whether the built-in GPS-disciplined oscillator has a satellite lock; `None` without one. Reading it may take a
+    /// second.
     ///
     /// # Errors
-    /// [`RadioError::Gone`].
+    /// [`RadioError::Gone`] if the device is disconnected.
     fn gps_locked(&mut self) -> Result<Option<bool>, RadioError> {
         Ok(None)
     }
 
-    /// Moves what went wrong since the last call to the end of `events`.
+    /// Append the faults since the last call to `events`.
     fn events(&mut self, events: &mut Vec<Event>);
 }
 
-/// Refuses a burst that makes no sense.
+/// Refuse an invalid burst: empty or non-finite waveform, empty or unequal buffers, non-finite time.
 pub(crate) fn check_burst(burst: &Burst, receive: &[&mut [Sample]; 2]) -> Result<(), RadioError> {
     let say = |what: &str| Err(RadioError::Burst(what.to_owned()));
     if burst.waveform.is_empty() || burst.waveform.iter().any(|z| !z.is_finite()) {
-        return say("the waveform is empty or not finite: give one period of it");
+        return say("empty or non-finite waveform: expected one period of finite samples");
     }
     if receive[0].len() != receive[1].len() || receive[0].is_empty() {
-        return say("give two buffers of equal length, not empty");
+        return say("expected two buffers of equal, non-zero length");
     }
     if !burst.at_s.is_finite() {
-        return say("its time is no number");
+        return say("expected a finite start time");
     }
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! A radar of chirps: compression against correlation in float64, and the simulated radio through it, recorded and read again.
+//! Chirp radar: pulse compression against correlation in float64, and capture, recording and replay with the simulated
+//! radio.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -21,14 +22,15 @@ fn plan(chirp: &str) -> Result<Plan, String> {
     Plan::describe(&Description::new("chirp.toml", text, ".")).map_err(|error| error.to_string())
 }
 
-/// A profile that was told: its pulse, place of range zero and values.
-type Told = (u64, f64, Vec<Complex64>);
+/// Emitted profile: pulse index, index of range zero, values.
+type Emitted = (u64, f64, Vec<Complex64>);
 
-fn keep(all: &mut Vec<Told>) -> impl FnMut(&ChirpProfile<'_>) + '_ {
+fn keep(all: &mut Vec<Emitted>) -> impl FnMut(&ChirpProfile<'_>) + '_ {
     |profile| all.push((profile.pulse, profile.zero, profile.values.to_vec()))
 }
 
-/// Both channels' counts of pulses of a chirp of 64 samples: the reference 2.3 samples behind, two echoes, phases that turn.
+/// Counts of both channels for pulses with a chirp of 64 samples: a reference delayed by 2.3 samples, two echoes, and
+/// phases that drift.
 fn channels(plan: &Plan, pulses: usize) -> [Vec<Sample>; 2] {
     let (count, period) = (64.0, plan.period());
     let rate_hz = plan.radio.sample_rate_hz;
@@ -41,12 +43,12 @@ fn channels(plan: &Plan, pulses: usize) -> [Vec<Sample>; 2] {
         }
     };
     let total = plan.period() * (pulses - 1) + plan.samples();
-    let ways: [&[(f64, f64, f64)]; 2] = [&[(2.3, 0.4, 0.3)], &[(9.0, 0.1, 1.1), (21.6, 0.2, 2.0)]];
-    ways.map(|ways| {
+    let paths: [&[(f64, f64, f64)]; 2] = [&[(2.3, 0.4, 0.3)], &[(9.0, 0.1, 1.1), (21.6, 0.2, 2.0)]];
+    paths.map(|paths| {
         let sample = |n: usize| {
             let mut sum = Complex64::ZERO;
-            for (delay, amplitude, phase) in ways {
-                // Of this pulse and the one before.
+            for (delay, amplitude, phase) in paths {
+                // This pulse and the previous one.
                 for pulse in (n / period).saturating_sub(1)..=n / period {
                     let at = (n - pulse * period) as f64 - delay;
                     sum += chirp(at) * Complex64::from_polar(*amplitude, phase + 1e-3 * n as f64);
@@ -62,7 +64,8 @@ fn number(s: Sample) -> Complex64 {
     Complex64::new(f64::from(s.re), f64::from(s.im))
 }
 
-/// The correlation of samples with a chirp between lags: that of which the spectrum is the product of theirs, padded to 128 points, every sum written out.
+/// Correlation of samples with a chirp at a fractional lag: the product of their spectra, padded to 128 points, with
+/// every sum written out.
 fn between(samples: &[Sample], chirp: &[Complex64], at: f64) -> Complex64 {
     let mut sum = Complex64::ZERO;
     for k in -64i32..64 {
@@ -78,7 +81,7 @@ fn between(samples: &[Sample], chirp: &[Complex64], at: f64) -> Complex64 {
     sum / 128.0
 }
 
-/// The place of the top near value `l`, by a sinc under Hann's window of 16 values about it, on a fine grid.
+/// Position of the peak near value `l`, by sinc interpolation of 16 values with a Hann window, on a fine grid.
 fn fine_top(values: &[Complex64], l: usize) -> f64 {
     let power = |at: f64| {
         let mut sum = Complex64::ZERO;
@@ -101,10 +104,10 @@ fn fine_top(values: &[Complex64], l: usize) -> f64 {
         .unwrap()
 }
 
-/// The sums of the module's head, written out. Both are float64, so that what differs is rounding of some hundred terms: 1e-12 of the largest. Pulses lie apart, or so near that the farthest echo comes after the next
-/// has begun.
+/// The sums of the module's head, written out. Both are float64, so that they differ only by rounding of some hundred
+/// terms: 1e-12 of the largest. With the shorter interval the farthest echo arrives after the next pulse has begun.
 #[test]
-fn compression_is_the_correlation() {
+fn compressed_pulse_equals_correlation_with_replica() {
     for interval in ["9.765625 us", "4.8828125 us"] {
         let text = format!(
             "bandwidth = \"16 MHz\"\nduration = \"3.125 us\"\ninterval = \"{interval}\"\nreach = \"290 m\""
@@ -117,20 +120,20 @@ fn compression_is_the_correlation() {
         let (period, chirp) = (plan.period(), plan.chirp());
         for replica in [Replica::Ideal, Replica::Reference] {
             let mut compressor = Compressor::new(&plan, replica).unwrap();
-            let mut told: Vec<Told> = Vec::new();
+            let mut emitted: Vec<Emitted> = Vec::new();
             let mut from = 0;
-            // Parts of many sizes.
+            // Blocks of many sizes.
             for part in (1..).step_by(37) {
                 let to = (from + part).min(both[0].len());
                 let part = [&both[0][from..to], &both[1][from..to]];
-                compressor.push(part, &[], &mut keep(&mut told));
+                compressor.push(part, &[], &mut keep(&mut emitted));
                 from = to;
                 if from == both[0].len() {
                     break;
                 }
             }
-            assert!(told.len() >= pulses, "{}", told.len());
-            for (p, (pulse, zero, values)) in told.iter().enumerate().take(pulses) {
+            assert!(emitted.len() >= pulses, "{}", emitted.len());
+            for (p, (pulse, zero, values)) in emitted.iter().enumerate().take(pulses) {
                 assert_eq!((*pulse, values.len()), (p as u64, lags));
                 let own: Vec<Complex64> = match replica {
                     Replica::Ideal => chirp.clone(),
@@ -148,7 +151,8 @@ fn compression_is_the_correlation() {
                     Replica::Reference => Complex64::from(energy),
                     Replica::Ideal => between(&both[0][p * period..][..64 + lags], &chirp, *zero),
                 };
-                // The chirp comes 2.3 samples late; it is cut off at whole samples, which takes up to half a sample of 64 off each end.
+                // The reference is delayed by 2.3 samples. Truncation at whole samples removes up to half a sample of
+                // 64 at each end.
                 let near = match replica {
                     Replica::Reference => 0.0,
                     Replica::Ideal => 2.3,
@@ -165,32 +169,34 @@ fn compression_is_the_correlation() {
     }
 }
 
-/// Lost samples cost the pulses that need them, and no other.
+/// Lost samples affect only the pulses that need them.
 #[test]
-fn pulses_with_lost_samples_are_left_out() {
+fn pulses_with_lost_samples_are_skipped() {
     let text = "bandwidth = \"16 MHz\"\nduration = \"3.125 us\"\ninterval = \"9.765625 us\"\nreach = \"290 m\"";
     let plan = plan(text).unwrap();
     let both = channels(&plan, 6);
-    let told_of = |lost: &[Range<usize>]| {
+    let emitted_with = |lost: &[Range<usize>]| {
         let mut compressor = Compressor::new(&plan, Replica::Reference).unwrap();
-        let mut told: Vec<Told> = Vec::new();
-        compressor.push([&both[0], &both[1]], lost, &mut keep(&mut told));
-        let pulses: Vec<u64> = told.iter().map(|told| told.0).collect();
+        let mut emitted: Vec<Emitted> = Vec::new();
+        compressor.push([&both[0], &both[1]], lost, &mut keep(&mut emitted));
+        let pulses: Vec<u64> = emitted.iter().map(|profile| profile.0).collect();
         (pulses, compressor.left_out())
     };
-    let (all, none) = told_of(&[]);
+    let (all, none) = emitted_with(&[]);
     assert_eq!((&all[..6], none), (&[0, 1, 2, 3, 4, 5][..], 0));
-    // Of 200 samples a pulse the first 121 matter.
-    let (some, left_out) = told_of(&[110..112, 330..390, 520..521]);
+    // A pulse needs the first 121 of its 200 samples.
+    let (some, left_out) = emitted_with(&[110..112, 330..390, 520..521]);
     assert_eq!((&some[..4], left_out), (&[1, 3, 4, 5][..], 2), "{some:?}");
-    let (some, left_out) = told_of(std::slice::from_ref(&(321..400)));
+    let (some, left_out) = emitted_with(std::slice::from_ref(&(321..400)));
     assert_eq!((some, left_out), (all, 0));
 }
 
-/// C 5.4: 1.2 GHz, 20.48 MS/s. A reflector is where it is to a twentieth of a sample, 0.4 m: side lobes of the others, -13 dB at most and -40 dB eight resolutions off, push its top by some hundredths, interpolation by 16 values by
-/// less; the clock's 2 ppm are nothing. Two of them 2.3 resolutions apart are two peaks, which push each other by a fifth of a sample at most. What was recorded, compressed again, is the same.
+/// C 5.4: 1.2 GHz, 20.48 MS/s. The range of a reflector is correct to a twentieth of a sample, 0.4 m. Sidelobes of the
+/// others, at most -13 dB and -40 dB at eight resolutions, shift its peak by some hundredths; interpolation with 16
+/// values by less; the clock's 2 ppm are negligible. Two reflectors 2.3 resolutions apart give two peaks, which shift
+/// each other by at most a fifth of a sample. Compressing the recording again gives the same profiles.
 #[test]
-fn the_chirp_radar_of_the_thesis_sees_its_reflectors() {
+fn thesis_chirp_radar_finds_reflectors_and_replay_is_identical() {
     let plan = plan("bandwidth = \"16 MHz\"\npulses = 4\nbursts = 2\nreach = \"300 m\"").unwrap();
     plan.check(&Ranges::b210()).unwrap();
     assert!((plan.resolution_m() - 9.37).abs() < 0.005);
@@ -198,7 +204,7 @@ fn the_chirp_radar_of_the_thesis_sees_its_reflectors() {
     assert_eq!((plan.chirp_samples(), plan.period()), (1024, 4096));
     let spacing_m = plan.spacing_m();
     let folder = tempfile::tempdir().unwrap();
-    // As strong as each other at the antenna: the fourth power of range.
+    // Equally strong at the antenna: cross section grows as the fourth power of range.
     let far_m = 120.0 + 3.0 * spacing_m;
     let points = [
         (60.0, 8e3),
@@ -207,17 +213,17 @@ fn the_chirp_radar_of_the_thesis_sees_its_reflectors() {
     ];
     for (replica, name) in [(Replica::Ideal, "ideal"), (Replica::Reference, "reference")] {
         let experiment = experiment(&points, 21);
-        // Loop and antenna's cables alike, so that ranges are those of the scene.
+        // Loopback and antenna cables have equal delays, so that ranges are those of the scene.
         let wiring = Wiring::loopback(15e-9, 15e-9, None);
         let mut radio = SimulatedRadio::new(&experiment, wiring, Analogue::b210()).unwrap();
         let path = folder.path().join(name);
-        let mut told: Vec<Told> = Vec::new();
-        let mut emit = |_: u64, profile: &ChirpProfile<'_>| keep(&mut told)(profile);
+        let mut emitted: Vec<Emitted> = Vec::new();
+        let mut emit = |_: u64, profile: &ChirpProfile<'_>| keep(&mut emitted)(profile);
         let stop = AtomicBool::new(false);
         let summary = capture(&mut radio, &plan, replica, Some(&path), &mut emit, &stop).unwrap();
         assert_eq!((summary.bursts, summary.pulses), (2, [8, 0]));
         assert_eq!(summary.flagged, [0; 3], "{summary:?}");
-        for (pulse, zero, values) in &told {
+        for (pulse, zero, values) in &emitted {
             let power = |l: usize| values[l].norm_sqr();
             let strongest = (0..values.len()).map(power).fold(0.0, f64::max);
             let is_top = |l: &usize| {
@@ -231,24 +237,25 @@ fn the_chirp_radar_of_the_thesis_sees_its_reflectors() {
             assert_eq!(ranges.len(), 3, "{ranges:?}");
             for (range_m, (at_m, _)) in ranges.iter().zip(&points) {
                 let off = (range_m - half_path_m(*at_m)) / spacing_m;
-                // The two that are near one another push each other's tops by their side lobes.
+                // The two close reflectors shift each other's peaks by their sidelobes.
                 let most = if *at_m < 100.0 { 0.05 } else { 0.3 };
                 assert!(off.abs() < most, "{at_m} m: {off} samples");
             }
         }
-        // The synthesisers' phases are the bursts' own and cancel: all pulses tell the same phases.
-        let first = &told[0].2;
+        // The synthesisers' phases differ from burst to burst and cancel: the phase of an echo is the same in all
+        // pulses.
+        let first = &emitted[0].2;
         let at = (60.0 / spacing_m).round() as usize;
-        for (_, _, values) in &told {
+        for (_, _, values) in &emitted {
             let turn = (values[at] * first[at].conj()).arg();
             assert!(turn.abs() < 0.05, "{turn}");
         }
         let mut recording = Recording::open(&path).unwrap();
         assert_eq!(recording.steps().len(), 2);
-        // One carrier has no profile across carriers.
+        // A recording with a single carrier has no range profile across carriers.
         let error = Ranging::new(recording.setup(), Options::default()).unwrap_err();
-        assert!(error.to_string().contains("as of chirps"), "{error}");
-        let mut again: Vec<Told> = Vec::new();
+        assert!(error.to_string().contains("single carrier"), "{error}");
+        let mut again: Vec<Emitted> = Vec::new();
         let mut compressor = Compressor::new(&plan, replica).unwrap();
         let mut channels = [Vec::new(), Vec::new()];
         for index in 0..2 {
@@ -256,40 +263,40 @@ fn the_chirp_radar_of_the_thesis_sees_its_reflectors() {
             compressor.begin();
             compressor.push([&channels[0], &channels[1]], &[], &mut keep(&mut again));
         }
-        assert!(again == told, "the same counts, the same profiles");
+        assert!(again == emitted, "equal counts give equal profiles");
     }
 }
 
 #[test]
-fn plans_that_cannot_be_are_refused_with_the_reason() {
+fn invalid_chirp_plans_are_refused_with_reason() {
     let refused = |text: &str, words: &str| {
         let error = plan(text).unwrap().check(&Ranges::b210()).unwrap_err();
         assert!(error.to_string().contains(words), "{text}: {error}");
     };
-    refused("bandwidth = \"25 MHz\"", "a chirp of 25000000 Hz");
+    refused("bandwidth = \"25 MHz\"", "chirp bandwidth of 25000000 Hz");
     refused(
         "bandwidth = \"16 MHz\"\ninterval = \"33.3333 us\"",
-        "a whole number is needed",
+        "expected a whole number",
     );
     refused(
         "bandwidth = \"16 MHz\"\nduration = \"250 us\"",
-        "ends before the next begins",
+        "no longer than the interval",
     );
     refused(
         "bandwidth = \"16 MHz\"\nduration = \"0.1 us\"",
-        "a chirp of 2 samples",
+        "chirp of 2 samples",
     );
     refused(
         "bandwidth = \"16 MHz\"\nreach = \"40 km\"",
-        "ranges repeat after 29979.2 m",
+        "unambiguous range of 29979.2 m",
     );
     refused(
         "bandwidth = \"16 MHz\"\npulses = 100000",
-        "send fewer pulses",
+        "Send fewer pulses",
     );
     refused(
         "bandwidth = \"16 MHz\"\ncarrier = \"9 GHz\"",
-        "the carrier of 9000000000 Hz",
+        "carrier of 9000000000 Hz",
     );
     assert!(
         plan("carrier = \"1.2 GHz\"")

@@ -1,4 +1,4 @@
-//! The simulated radio against the sums that define it.
+//! Simulated radio against its defining sums.
 
 use std::f64::consts::TAU;
 
@@ -15,10 +15,11 @@ fn turn(turns: f64) -> Complex64 {
     Complex64::new(cos, sin)
 }
 
-/// A chirp of 48 samples, repeated, of a point and the loop, without faults: each line of its spectrum (a sum written out) delayed at its own
-/// frequency. Counts are rounded once, to steps of full scale over 32768, here 20: half a step in I and in Q; the waveform's float32 is a hundredth of that.
+/// Repeated chirp of 48 samples with a point target and the loopback path, without impairments. Each spectral line (a
+/// sum written out) is delayed at its own frequency. Counts are rounded once, to steps of full scale over 32768, with a
+/// full scale of 20: half a step in I and in Q. Rounding of the waveform to float32 is a hundredth of that.
 #[test]
-fn a_burst_is_its_waveform_delayed_at_each_frequency() {
+fn burst_equals_waveform_delayed_at_each_frequency() {
     let mut experiment = experiment(&[(6.3, 1.0)], 5);
     experiment.radar.receiver.noise = None;
     experiment.radar.receiver.phase_noise = None;
@@ -47,13 +48,13 @@ fn a_burst_is_its_waveform_delayed_at_each_frequency() {
     let received = radio.burst(&burst, [a, b]).unwrap();
     assert!(!received.late && received.lost.is_empty() && received.first_s == 1.0);
     let full_scale = 10f64.powf(1.3);
-    let ways = [
+    let paths = [
         (15e-9, 10.0),
         (2.0 * half_path_m(6.3) / LIGHT_M_S + 20e-9, 1.0),
     ];
-    // Spreading counts both ways: the reference is 6.3 m from the transmitter.
+    // Spreading loss of both paths: the reference point is 6.3 m from the transmitter.
     let spreading = [1.0, 6.3 / (2.0 * half_path_m(6.3) - 6.3)];
-    for (channel, (delay_s, amplitude)) in ways.into_iter().enumerate() {
+    for (channel, (delay_s, amplitude)) in paths.into_iter().enumerate() {
         for t in 0..101 {
             let mut sum = Complex64::ZERO;
             for k in -24i32..24 {
@@ -78,7 +79,7 @@ fn a_burst_is_its_waveform_delayed_at_each_frequency() {
 }
 
 #[test]
-fn a_burst_that_comes_too_late_is_told_and_one_that_is_not_ready_refused() {
+fn late_burst_is_reported_and_burst_before_tuning_is_refused() {
     let experiment = experiment(&[(6.3, 1.0)], 5);
     let mut radio = crate::scene::radio(&experiment);
     let mut buffers = [vec![Sample::new(7, 7); 16], vec![Sample::new(7, 7); 16]];
@@ -119,10 +120,10 @@ fn a_burst_that_comes_too_late_is_told_and_one_that_is_not_ready_refused() {
     ));
 }
 
-/// Periods that are repeated are those that would have been made: a difference of frequency that nobody sees has them made. Louder than the converter, so that
-/// samples are clipped, and these are counted alike.
+/// Repeated periods equal computed ones. A negligible LO offset forces computation of every period. The signal exceeds
+/// full scale, so that clipping is counted in both cases.
 #[test]
-fn periods_repeated_are_those_made_and_clip_as_often() {
+fn repeated_periods_equal_computed_ones_and_clip_equally() {
     let mut experiment = experiment(&[(6.3, 1.0)], 5);
     experiment.radar.receiver.noise = None;
     experiment.radar.receiver.phase_noise = None;

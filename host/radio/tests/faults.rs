@@ -1,9 +1,9 @@
-//! Overflows, late commands, lost packets, an unplugged device and a stop in mid-capture.
+//! Overruns, late commands, lost packets, disconnection, and a stop during a capture.
 
 use std::sync::atomic::AtomicBool;
 
 use subaperture_radio::RadioError;
-use subaperture_radio::capture::{Ended, Queues, capture};
+use subaperture_radio::capture::{EndReason, Queues, capture};
 use subaperture_radio::fault::{Faults, Faulty};
 use subaperture_radio::profile::{Reference, Sweep};
 use subaperture_radio::sigmf::{Flag, Recording};
@@ -21,7 +21,7 @@ fn count(recording: &Recording, flag: Flag) -> u64 {
 }
 
 #[test]
-fn steps_with_faults_are_marked_and_the_profile_of_the_rest_is_right() {
+fn steps_with_faults_are_flagged_and_profile_of_the_rest_is_correct() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("faults");
     let experiment = experiment(THESIS, 13);
@@ -41,7 +41,7 @@ fn steps_with_faults_are_marked_and_the_profile_of_the_rest_is_right() {
         &path,
     );
     println!("{summary:?}");
-    assert!(matches!(summary.ended, Ended::Done));
+    assert!(matches!(summary.ended, EndReason::Done));
     let mut recording = Recording::open(&path).unwrap();
     assert_eq!(recording.steps().len(), 100);
     let flagged = [
@@ -59,7 +59,7 @@ fn steps_with_faults_are_marked_and_the_profile_of_the_rest_is_right() {
         .flat_map(|step| &step.lost)
         .map(|gap| (gap.1 - gap.0) as u64);
     assert_eq!(lost.sum::<u64>(), summary.lost_samples);
-    // Of a hundred steps: each kind was there.
+    // Each kind of fault occurs among a hundred steps.
     assert!(flagged[0] > 0 && flagged[1] > 0, "{flagged:?}");
     assert!(
         summary.events[0] > 0
@@ -70,14 +70,14 @@ fn steps_with_faults_are_marked_and_the_profile_of_the_rest_is_right() {
     let calibration = calibration(&folder);
     for sweep in 0..2 {
         let sweep = Sweep::read(&mut recording, sweep, Reference::Loopback).unwrap();
-        assert!(sweep.usable() < 50, "nothing was left out");
+        assert!(sweep.usable() < 50, "no step was skipped");
         let sweep = calibration.apply(recording.setup(), &sweep).unwrap();
         assert_thesis(&sweep.profile(WINDOW, 24, REACH_M).unwrap());
     }
 }
 
 #[test]
-fn an_unplugged_radio_leaves_a_recording_of_what_came() {
+fn disconnected_radio_leaves_valid_recording() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("unplugged");
     let experiment = experiment(THESIS, 13);
@@ -88,7 +88,7 @@ fn an_unplugged_radio_leaves_a_recording_of_what_came() {
     let mut radio = Faulty::new(radio(&experiment), faults);
     let summary = captured(&mut radio, &plan(""), &path);
     assert!(
-        matches!(summary.ended, Ended::Radio(RadioError::Gone(_))),
+        matches!(summary.ended, EndReason::Radio(RadioError::Gone(_))),
         "{summary:?}"
     );
     assert_eq!(summary.events[4], 1);
@@ -101,7 +101,7 @@ fn an_unplugged_radio_leaves_a_recording_of_what_came() {
 }
 
 #[test]
-fn a_stopped_capture_is_whole_and_its_name_is_taken() {
+fn stopped_capture_is_complete_and_is_not_overwritten() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("stopped");
     let experiment = experiment(THESIS, 13);
@@ -110,7 +110,7 @@ fn a_stopped_capture_is_whole_and_its_name_is_taken() {
     let summary = std::thread::scope(|scope| {
         let stop = &stop;
         scope.spawn(move || {
-            // The live view takes seven steps, then looks away.
+            // The live view reads seven steps, then closes.
             shown.iter().take(7).for_each(drop);
             stop.store(true, std::sync::atomic::Ordering::Relaxed);
         });
@@ -125,7 +125,7 @@ fn a_stopped_capture_is_whole_and_its_name_is_taken() {
         .unwrap()
     });
     assert!(
-        matches!(summary.ended, Ended::Stopped) && summary.steps >= 7,
+        matches!(summary.ended, EndReason::Stopped) && summary.steps >= 7,
         "{summary:?}"
     );
     assert!(summary.longest_queue <= 2);
@@ -139,5 +139,5 @@ fn a_stopped_capture_is_whole_and_its_name_is_taken() {
         None,
         &stop,
     );
-    assert!(again.unwrap_err().to_string().contains("not written over"));
+    assert!(again.unwrap_err().to_string().contains("never overwritten"));
 }

@@ -1,4 +1,4 @@
-//! Phases by the leakage, against phases that are known here: responses are sums written out, turned at random.
+//! Phase estimation with a leakage reference, against known phases. Responses are sums written out, with random phases.
 
 use std::f64::consts::TAU;
 
@@ -14,10 +14,10 @@ use crate::profile::WINDOW;
 const LIGHT_M_S: f64 = 299_792_458.0;
 const COUNT: usize = 75;
 const START_HZ: f64 = 1.1e9;
-/// 18.74 m are told apart, half of which are 9.37 m.
+/// Unambiguous range 18.74 m; half of it is 9.37 m.
 const STEP_HZ: f64 = 8e6;
 const REACH_M: f64 = 8.0;
-/// Of antennas 20 cm and 30.7 cm from the one that sends.
+/// Direct delays to antennas 20 cm and 30.7 cm from the transmit antenna.
 const DIRECT_S: [f64; 2] = [0.2 / LIGHT_M_S, 0.307 / LIGHT_M_S];
 
 fn turn(turns: f64) -> Complex64 {
@@ -30,14 +30,15 @@ fn frequency_hz(n: usize) -> f64 {
 }
 
 struct Scene {
-    /// Half of the ways to both receivers, metres, and amplitudes.
+    /// Half path lengths to both receivers, metres, and amplitudes.
     echoes: Vec<([f64; 2], Complex64)>,
     leakage: [Complex64; 2],
     noise: f64,
     missing: &'static [usize],
 }
 
-/// Four echoes; leakage `over_db` over them together, which are `sqrt(1 + 0.49 + 0.25 + 0.16)` of 1, by receivers of different gains and phases; 40 dB over noise.
+/// Four echoes with a total amplitude of `sqrt(1 + 0.49 + 0.25 + 0.16)`, leakage `over_db` above them, receivers with
+/// different gains and phases, 40 dB signal-to-noise ratio.
 fn scene(over_db: f64) -> Scene {
     let all = 1.9f64.sqrt();
     let leakage = all * 10f64.powf(over_db / 20.0);
@@ -55,7 +56,7 @@ fn scene(over_db: f64) -> Scene {
 }
 
 impl Scene {
-    /// Receiver `i`'s echoes at carrier `n`.
+    /// Echo response of receiver `i` at carrier `n`.
     fn echo(&self, i: usize, n: usize) -> Complex64 {
         let one = |(half_m, amplitude): &([f64; 2], Complex64)| {
             amplitude * turn(-frequency_hz(n) * 2.0 * half_m[i] / LIGHT_M_S)
@@ -70,7 +71,7 @@ impl Scene {
             let phase = turn(uniform());
             let z = [0, 1].map(|i| {
                 let (a, b) = (1.0 - uniform(), uniform());
-                // Both parts together of variance 1.
+                // Complex noise of variance 1.
                 let noise = turn(b) * (-a.ln()).sqrt() * self.noise;
                 let direct = self.leakage[i] * turn(-frequency_hz(n) * DIRECT_S[i]);
                 (direct + self.echo(i, n)) * phase + noise
@@ -92,7 +93,8 @@ impl Scene {
         }
     }
 
-    /// Error of what was found, dB of the echoes, phase included: of those over the leakage of each receiver.
+    /// Error of the estimated responses relative to the echoes in dB, phase included; both divided by the leakage of
+    /// each receiver.
     fn error_db(&self, sweeps: &[Sweep; 2]) -> f64 {
         let (mut error, mut power) = (0.0, 0.0);
         for (i, sweep) in sweeps.iter().enumerate() {
@@ -119,10 +121,10 @@ fn solved(scene: &Scene, seed: u64) -> Result<Found, ProfileError> {
     solver().solve(&scene.steps(seed))
 }
 
-/// Of ten noises and phases: 40 dB over noise leave -40 dB, and up to 12 dB more at the edges of the band, where covariances bound echoes least. With every seventh
-/// carrier missing, edges are everywhere: another 6 dB.
+/// Five random seeds each. An SNR of 40 dB gives an error of -40 dB, and up to 12 dB more at the band edges, where the
+/// covariance constrains echoes least. With every seventh carrier missing, all carriers are near an edge: another 6 dB.
 #[test]
-fn echoes_are_those_of_phases_that_are_known() {
+fn leakage_reference_recovers_known_echoes() {
     for over_db in [30.0, 10.0, 4.0] {
         for missing in [
             &[] as &[usize],
@@ -136,9 +138,13 @@ fn echoes_are_those_of_phases_that_are_known() {
                 };
                 let found = solved(&scene, seed).unwrap();
                 worst_db = worst_db.max(scene.error_db(&found.sweeps));
-                let told_db = 10.0 * found.over_echoes.log10();
-                // RMS of four echoes' sum over 75 carriers is not quite that of their powers; the second receiver hears more.
-                assert!((told_db - over_db - 1.3).abs() < 1.0, "{told_db} {over_db}");
+                let estimated_db = 10.0 * found.over_echoes.log10();
+                // The RMS of the sum of four echoes over 75 carriers differs slightly from the sum of their powers; the
+                // second receiver has more leakage.
+                assert!(
+                    (estimated_db - over_db - 1.3).abs() < 1.0,
+                    "{estimated_db} {over_db}"
+                );
                 assert!(found.unexplained < 2e-4, "{}", found.unexplained);
             }
             println!("{over_db} dB, {} missing: {worst_db:.1} dB", missing.len());
@@ -148,16 +154,17 @@ fn echoes_are_those_of_phases_that_are_known() {
     }
 }
 
-/// By the phase of receiver 0 alone each echo has an image as strong before the leakage, and both are half of it; by phases found with the echoes the image is gone.
+/// With the phase of receiver 0 alone, each echo has an equally strong mirror image before the leakage, and both have
+/// half its amplitude. Joint estimation of phases and echoes removes the image.
 #[test]
-fn the_phase_of_one_receiver_mirrors_the_scene_and_phases_found_with_it_do_not() {
+fn joint_phase_estimation_removes_mirror_image_of_single_receiver_phase() {
     let one = Scene {
         echoes: vec![([4.02, 3.98], turn(0.3) * 0.1)],
         noise: 0.0,
         ..scene(0.0)
     };
     let steps = one.steps(1);
-    // Echoes over the leakage by the phase of receiver 0: the magnitude alone is left of it.
+    // Echoes divided by the leakage with the phase of receiver 0: only the magnitude of its value remains.
     let mean = steps
         .mixed
         .iter()
@@ -191,23 +198,23 @@ fn the_phase_of_one_receiver_mirrors_the_scene_and_phases_found_with_it_do_not()
     let halves = [4.02, mirrored_m].map(|range_m| read(&by_phase, range_m));
     let whole = [4.02, mirrored_m].map(|range_m| read(&found.sweeps[0], range_m));
     println!("by one receiver's phase {halves:.2?} dB, found {whole:.2?} dB");
-    // 0.07 of the leakage: of second order are some 0.3 dB.
+    // The echo is 0.07 of the leakage; second-order terms are about 0.3 dB.
     assert!(halves.iter().all(|db| (db + 6.02).abs() < 0.5));
     assert!(whole[0].abs() < 0.1 && whole[1] < -40.0);
 }
 
 #[test]
-fn what_is_no_reference_is_refused_with_the_reason() {
+fn unusable_leakage_is_refused_with_reason() {
     let refused = |scene: &Scene, words: &str| {
         let error = solved(scene, 1).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused(&scene(-3.0), "takes 3 dB to be a reference");
-    // An echo from 12 m, of 8 that were told: it looks mirrored.
+    refused(&scene(-3.0), "expected at least 3 dB for a reference");
+    // An echo from 12 m, beyond the stated reach of 8 m, appears mirrored.
     let mut far = scene(20.0);
     far.echoes.push(([12.0, 12.05], Complex64::ONE));
     refused(&far, "no phases explain both receivers");
-    // Antennas that are told 20 cm too near in one receiver.
+    // The direct path of one receiver is stated 20 cm too long.
     let leakage = Leakage {
         delays_s: [DIRECT_S[0], DIRECT_S[1] + 0.2 / LIGHT_M_S],
         shapes: None,
@@ -232,12 +239,12 @@ fn what_is_no_reference_is_refused_with_the_reason() {
         COUNT,
         9.4,
     );
-    assert!(beyond.unwrap_err().to_string().contains("look as mirrored"));
+    assert!(beyond.unwrap_err().to_string().contains("mirror images"));
 }
 
-/// Nothing but noise to see is no fault: an empty scene has no echoes.
+/// An empty scene is not an error: there are no echoes to explain.
 #[test]
-fn a_scene_of_nothing_is_one() {
+fn empty_scene_is_accepted() {
     let nothing = Scene {
         echoes: vec![],
         ..scene(30.0)
@@ -249,6 +256,6 @@ fn a_scene_of_nothing_is_one() {
         .flatten()
         .map(|z| z.norm_sqr())
         .sum();
-    // Noise of 40 dB below 1.9, leakage of 30 dB above that.
+    // Noise 40 dB below 1.9, leakage 30 dB above it.
     assert!((10.0 * (power / COUNT as f64).log10() + 70.0).abs() < 4.0);
 }

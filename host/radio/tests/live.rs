@@ -1,4 +1,4 @@
-//! A capture as it runs, against its recording.
+//! Live view of a capture, against its recording.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::sync_channel;
@@ -6,7 +6,7 @@ use std::sync::mpsc::sync_channel;
 use subaperture_radio::Transceiver;
 use subaperture_radio::capture::{Queues, Summary, capture, setup};
 use subaperture_radio::fault::{Faults, Faulty};
-use subaperture_radio::live::{Board, Follower, LiveSweep, View};
+use subaperture_radio::live::{LiveState, LiveSweep, SweepAssembler, View};
 use subaperture_radio::plan::Plan;
 use subaperture_radio::profile::{Options, Reference, Sweep};
 use subaperture_radio::sigmf::Recording;
@@ -15,17 +15,17 @@ use tempfile::TempDir;
 use crate::profile::{REACH_M, WINDOW, calibration};
 use crate::scene::{THESIS, experiment, plan, radio};
 
-/// A capture with somebody who follows it; sweeps as they came.
+/// Run a capture with a follower attached, and return the live sweeps.
 fn followed(
     radio: &mut dyn Transceiver,
     plan: &Plan,
     folder: &TempDir,
     view: View,
-) -> (Summary, Board, Vec<LiveSweep>) {
+) -> (Summary, LiveState, Vec<LiveSweep>) {
     let set = radio.configure(&plan.radio).unwrap();
     let setup = setup(radio.about(), plan, &set);
     let bytes = plan.bytes_a_second(&radio.about().ranges);
-    let (mut follower, board) = Follower::new(plan, &setup, bytes, view).unwrap();
+    let (mut follower, board) = SweepAssembler::new(plan, &setup, bytes, view).unwrap();
     let (sender, steps) = sync_channel(1 << 10);
     let path = folder.path().join("live");
     let stop = AtomicBool::new(false);
@@ -40,10 +40,10 @@ fn followed(
     (summary, board, sweeps)
 }
 
-/// Sweeps, with the faults of the way, are those that the recording is read to: the response over carriers and the profile to the bit, so that what is seen is what
-/// is kept; and the rows are the profile, the largest of each place's.
+/// Live sweeps, with injected link faults, are bit-identical to those read from the recording, in frequency response
+/// and profile. Rows of the waterfall are the profile's maxima per column.
 #[test]
-fn what_is_seen_is_what_is_recorded() {
+fn live_sweeps_are_bit_identical_to_recorded_ones() {
     let folder = TempDir::new().unwrap();
     let calibration = calibration(&folder);
     let experiment = experiment(THESIS, 21);
@@ -89,7 +89,7 @@ fn what_is_seen_is_what_is_recorded() {
     let last = sweeps[2].profile.as_ref().unwrap();
     let spacing_m = REACH_M / (rows[1].levels_db.len() - 1) as f64;
     for peak in last.peaks(0.05) {
-        // The row's place next to the peak reads it, less what a place of the profile is off it: 0.3 dB at the most.
+        // The row's column next to the peak has its level, less the scalloping loss of the profile: at most 0.3 dB.
         let level_db = rows[1].levels_db[(peak.range_m / spacing_m).round() as usize];
         let off_db = f64::from(level_db) - 20.0 * peak.magnitude.log10();
         assert!(
@@ -98,7 +98,7 @@ fn what_is_seen_is_what_is_recorded() {
             peak.range_m
         );
     }
-    // Counted alike by both.
+    // Both count the same events.
     let counts = status.counts;
     assert_eq!((counts.steps, counts.not_shown), (150, 0));
     assert_eq!(
@@ -111,8 +111,8 @@ fn what_is_seen_is_what_is_recorded() {
     );
     assert!(counts.events.iter().sum::<u64>() > 0 && status.calibrated);
     assert!(status.free_bytes.is_some() && status.disk_lasts_s.unwrap() > 1.0);
-    // A step is 6 ms, two retunes of 2 ms, a lead and a dwell of 1 ms; 5 ms where it is late, and each further burst is 2 ms more, of which a plan has
-    // seven.
+    // A step takes 6 ms: two retunes of 2 ms, a lead and a dwell of 1 ms. A late step takes 5 ms. Each further burst
+    // takes 2 ms more, and the plan allows seven.
     let rate_hz = status.rate_hz.unwrap();
     assert!(
         (1.0 / (50.0 * 20e-3)..1.0 / (50.0 * 5e-3)).contains(&rate_hz),
@@ -120,9 +120,9 @@ fn what_is_seen_is_what_is_recorded() {
     );
 }
 
-/// Levels are of the samples as they were recorded, and a gain that is too high is seen at once.
+/// Levels equal those of the recorded samples, and an excessive gain shows as clipping.
 #[test]
-fn levels_are_those_of_the_recording_and_clipping_is_seen() {
+fn live_levels_match_recording_and_report_clipping() {
     let folder = TempDir::new().unwrap();
     let experiment = experiment(THESIS, 22);
     let mut loud = plan("");
@@ -144,7 +144,7 @@ fn levels_are_those_of_the_recording_and_clipping_is_seen() {
         }
     }
     for (c, level) in status.levels.iter().enumerate() {
-        // Both sums are exact but for some thousand roundings of 1e-16.
+        // Both sums are exact except for some thousand roundings of 1e-16.
         assert!((level.rms * level.rms / (power[c] / count) - 1.0).abs() < 1e-12);
         assert_eq!(level.peak, peak[c]);
     }
@@ -155,17 +155,17 @@ fn levels_are_those_of_the_recording_and_clipping_is_seen() {
     );
 }
 
-/// A channel of eight steps that nobody empties while a sweep of fifty is taken: the capture does not wait, what did not fit is counted, and
-/// the sweep, most of which is missing, is an empty row.
+/// A queue of eight steps is not read during a sweep of fifty. The capture does not wait, dropped steps are counted,
+/// and the incomplete sweep gives an empty row.
 #[test]
-fn nobody_who_looks_slows_the_capture() {
+fn slow_viewer_does_not_delay_capture() {
     let folder = TempDir::new().unwrap();
     let experiment = experiment(THESIS, 23);
     let mut radio = radio(&experiment);
     let plan = plan("");
     let set = radio.configure(&plan.radio).unwrap();
     let setup = setup(radio.about(), &plan, &set);
-    let (mut follower, board) = Follower::new(&plan, &setup, 1.0, View::default()).unwrap();
+    let (mut follower, board) = SweepAssembler::new(&plan, &setup, 1.0, View::default()).unwrap();
     let (sender, steps) = sync_channel(8);
     let path = folder.path().join("live");
     let stop = AtomicBool::new(false);

@@ -1,4 +1,5 @@
-//! The radio as a whole: the simulated one against sums written out here, the scene of Chim 2018, 5.6, through all faults, and recordings.
+//! Integration tests of the radio: simulated radio against written-out sums, the scene of Chim 2018, 5.6, under all
+//! faults, and recordings.
 
 mod chirp;
 mod echo;

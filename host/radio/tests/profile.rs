@@ -1,4 +1,4 @@
-//! Range profiles of the scene of C 5.6, through the simulated radio with all its faults.
+//! Range profiles of the scene of C 5.6, with all impairments of the simulated radio.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -13,12 +13,12 @@ use tempfile::TempDir;
 
 use crate::scene::{THESIS, captured, experiment, half_path_m, plan, radio};
 
-/// Side lobes below -50 dB, so that peaks do not move each other.
+/// Kaiser window with sidelobes below -50 dB, so that peaks do not shift each other.
 pub(crate) const WINDOW: Window = Window::Kaiser { beta: 7.0 };
-/// Beyond it nothing reflects here, metres.
+/// Maximum range of the scene, metres.
 pub(crate) const REACH_M: f64 = 25.0;
 
-/// The calibration of a radio that saw the sky, then a reflector of 4 m² at 5 m, each with faults of its own.
+/// Calibration from a capture of the sky and a capture of a reflector of 4 m² at 5 m, both with impairments.
 pub(crate) fn calibration(folder: &TempDir) -> Calibration {
     let mut sweeps = Vec::new();
     for (name, points, seed) in [
@@ -49,12 +49,12 @@ pub(crate) fn calibration(folder: &TempDir) -> Calibration {
     unreachable!("two captures");
 }
 
-/// The three objects are within 2 cm of where they are, and no others are seen.
+/// Check that exactly the three objects are detected, within 2 cm of their true ranges.
 ///
-/// What moves them: noise of -20 dB a sample is -50 dB of a step and -64 dB after 50 of them with this window's loss; quantisation is less, side lobes are
-/// below -50 dB, and a disturbance of a part `e` moves a peak by at most `1.9 e` resolutions, 0.75 m: 5 mm for -50 dB. The
-/// clock's 2 ppm are 0.03 mm. Amplitudes are relative to the reflector's, `2 (6.3 / 5)^2`; the places of a profile are less than
-/// a twentieth of a cell apart.
+/// Error budget: noise of -20 dB per sample is -50 dB per step and -64 dB after 50 steps with this window's loss.
+/// Quantisation is less, sidelobes are below -50 dB, and a disturbance of relative amplitude `e` shifts a peak by at
+/// most `1.9 e` resolutions of 0.75 m: 5 mm for -50 dB. The clock's 2 ppm are 0.03 mm. Amplitudes are relative to the
+/// reflector's, `2 (6.3 / 5)^2`. Profile samples are less than a twentieth of a cell apart.
 pub(crate) fn assert_thesis(profile: &Profile) {
     let peaks = profile.peaks(0.05);
     println!("{peaks:?}");
@@ -73,23 +73,25 @@ pub(crate) fn assert_thesis(profile: &Profile) {
 }
 
 #[test]
-fn the_scene_of_the_thesis_has_its_three_peaks_and_none_without_the_reference() {
+fn thesis_scene_has_three_peaks_only_with_loopback_reference() {
     let folder = TempDir::new().unwrap();
     let calibration = calibration(&folder);
     let path = folder.path().join("scene");
     let experiment = experiment(THESIS, 13);
     let summary = captured(&mut radio(&experiment), &plan(""), &path);
     println!("{summary:?}");
-    // A transient that 2 ms do not hide: some steps were taken more than once, by what the reference said.
+    // The settling transient outlasts 2 ms, so that some steps need several bursts.
     assert!(summary.bursts > summary.steps && summary.steps == 50);
     let mut recording = Recording::open(&path).unwrap();
     let mut sweep = |reference| Sweep::read(&mut recording, 0, reference).unwrap();
     let [with, without] = [Reference::Loopback, Reference::None].map(&mut sweep);
     let calibrated = calibration.apply(recording.setup(), &with).unwrap();
     assert_thesis(&calibrated.profile(WINDOW, 24, REACH_M).unwrap());
-    // Neither calibrated, which would put in the sky's own echoes. Fifty phases at random, of which the window takes half: magnitudes are Rayleigh's,
-    // the largest of some fifty is `sqrt(ln 50) / (sqrt(pi) / 2)`, 2.2 times the mean, and beyond 4 in one of some four thousand
-    // (`50 exp(-pi 16 / 4)`). With the reference the leakage stands out by the half of the fifty cells that are not its own.
+    // Neither profile is calibrated, which would add the sky's echoes. Without the reference there are fifty random
+    // phases with a window of half that width: magnitudes are Rayleigh distributed, the largest of about fifty is
+    // `sqrt(ln 50) / (sqrt(pi) / 2)`, 2.2 times the mean, and exceeds 4 in about one of four thousand cases (`50
+    // exp(-pi 16 / 4)`). With the reference, the leakage stands out against the half of the fifty cells that are not
+    // its own.
     let [with, without] =
         [with, without].map(|sweep| sweep.profile(WINDOW, 24, REACH_M).unwrap().contrast());
     println!("contrast {with} with the reference, {without} without");
@@ -97,7 +99,7 @@ fn the_scene_of_the_thesis_has_its_three_peaks_and_none_without_the_reference() 
 }
 
 #[test]
-fn a_calibration_is_kept_and_refused_for_what_it_was_not_made_with() {
+fn calibration_file_round_trips_and_is_refused_for_other_setup() {
     let folder = TempDir::new().unwrap();
     let calibration = calibration(&folder);
     let path = folder.path().join("calibration.json");
@@ -113,7 +115,7 @@ fn a_calibration_is_kept_and_refused_for_what_it_was_not_made_with() {
     };
     let error = calibration.apply(&other, &sweep).unwrap_err().to_string();
     assert!(
-        error.contains("a receiving gain of 40 dB, and this has 43")
+        error.contains("a receive gain of 40 dB, but this set-up has 43")
             && error.contains("2026-11-23"),
         "{error}"
     );
@@ -128,9 +130,9 @@ fn a_calibration_is_kept_and_refused_for_what_it_was_not_made_with() {
     ));
 }
 
-/// A calibration whose file was damaged, a byte at a time here and there, is refused or is another: nothing panics.
+/// A calibration file with a changed byte is refused or read as another calibration, without a panic.
 #[test]
-fn a_damaged_calibration_is_refused_or_another() {
+fn damaged_calibration_file_never_panics() {
     let folder = TempDir::new().unwrap();
     let calibration = calibration(&folder);
     let path = folder.path().join("calibration.json");
@@ -159,11 +161,12 @@ fn a_damaged_calibration_is_refused_or_another() {
     assert!(refused > 100, "{refused}");
 }
 
-/// Phase history by the loop: of the one receiver with an antenna, calibrated, each sample the sum over the scene less the way to the reference point. A tenth of a wavelength's error in
-/// zero would be -4 dB. Noise is -50 dB of the largest echo in a carrier; the reflector's amplitude, read where its own side lobes and noise leave 2 %, and its delay, half a
-/// millimetre, are what is left: -30 dB.
+/// Phase history with a loopback reference: one receiver, calibrated, each sample the sum over the scene minus the path
+/// to the reference point. An error of a tenth of a wavelength in range zero would give -4 dB. Noise is -50 dB of the
+/// largest echo per carrier. The remaining errors are the reflector's amplitude, measured to 2 % because of its
+/// sidelobes and noise, and its delay, half a millimetre: -30 dB.
 #[test]
-fn a_capture_by_the_loop_is_phase_history_of_one_receiver() {
+fn loopback_capture_becomes_phase_history_of_one_receiver() {
     let folder = TempDir::new().unwrap();
     let calibration = calibration(&folder);
     let path = folder.path().join("scene");

@@ -1,4 +1,4 @@
-//! A rail scan of two receivers by the leakage: captured, made phase history, focused.
+//! Rail scan with two receivers and a leakage reference: capture, phase history, image.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -28,10 +28,10 @@ const EXTENT: Extent = Extent {
     x_m: (-3.0, 3.0),
     y_m: (2.5, 7.5),
 };
-/// The beginning of the rail.
+/// Start of the rail.
 const START_M: DVec3 = DVec3::new(-2.5, 0.0, 0.0);
 
-/// Within 8.6 m of all of the rail.
+/// Within 8.6 m of the whole rail.
 const PLACES: [DVec3; 4] = [
     DVec3::new(-1.9, 3.4, 0.0),
     DVec3::new(1.8, 4.3, 0.0),
@@ -39,7 +39,7 @@ const PLACES: [DVec3; 4] = [
     DVec3::new(0.9, 7.0, 0.0),
 ];
 
-/// A capture by a body on a way.
+/// Capture by a body moving along a track.
 pub(crate) fn capture(
     path: &Path,
     fixes: &[Fix],
@@ -56,7 +56,7 @@ pub(crate) fn capture(
     Recording::open(path).unwrap()
 }
 
-/// Along x, at even speed.
+/// Motion along x at constant speed.
 fn rail(speed_m_s: f64) -> Vec<Fix> {
     let fix = |n: u32| {
         let time_s = f64::from(n) - 1.0;
@@ -69,7 +69,7 @@ fn rail(speed_m_s: f64) -> Vec<Fix> {
     (0..100).map(fix).collect()
 }
 
-/// The way as a file says it, times of the device less 7 s.
+/// Track read from a file, with device times minus 7 s.
 fn read_track(folder: &TempDir, fixes: &[Fix]) -> Track {
     let mut text = "time_s,x_m,y_m,z_m\n".to_owned();
     for fix in fixes {
@@ -85,7 +85,7 @@ fn points() -> Vec<(DVec3, f64)> {
     PLACES.iter().map(|place| (*place, 1.0)).collect()
 }
 
-/// Echoes as far as this are told from mirrored ones.
+/// Options with a maximum range of `reach_m`.
 pub(crate) fn reaching(reach_m: f64) -> Options {
     Options {
         profile: profile::Options {
@@ -104,7 +104,7 @@ fn placed(track: &Track) -> Placement<'_> {
     }
 }
 
-/// From the transmitter, on the rail at a time, to a place, to a receiver.
+/// Path from the transmitter on the rail, at a given time, to a point and to a receiver.
 fn path_m(place_m: DVec3, receiver: usize, speed_m_s: f64, time_s: f64) -> f64 {
     let body_m = START_M + DVec3::X * (speed_m_s * time_s);
     let arms_m = [ANTENNAS.transmitter_m, ANTENNAS.receivers_m[receiver]];
@@ -114,16 +114,19 @@ fn path_m(place_m: DVec3, receiver: usize, speed_m_s: f64, time_s: f64) -> f64 {
         .sum()
 }
 
-/// A radar that goes 16 cm while it sweeps, a whole wavelength at its highest carrier. Each sample is the sum over points at its own carrier's moment, less the way to the reference point
-/// at that moment, over the leakage of 20, to the noise: -44 dB of the echo of a point in a carrier, and what edges let through; for carriers up and down. Taken for one
-/// moment it would be nothing alike. A pulse's own account of its antennas says the same paths.
+/// The radar moves 16 cm within a sweep, a wavelength at its highest carrier. Each sample equals the sum over points at
+/// the time of its carrier, minus the path to the reference point at that time, relative to a leakage of 20. The error
+/// is that of the noise, -44 dB of a point's echo per carrier, plus band-edge effects; for ascending and descending
+/// carriers. With a single time for the whole sweep the sums do not agree at all. The intra-pulse motion of each pulse
+/// gives the same paths.
 ///
-/// Shuffled carriers are on no line. Of 8 mm a sweep, some 2 mm RMS remain towards points that are not the reference, of which 0.06 radians are -24 dB; 16 cm are refused, with
-/// how far they are off.
+/// Shuffled carriers fit no line. At 8 mm per sweep, about 2 mm RMS remain towards points other than the reference,
+/// 0.06 radians or -24 dB. 16 cm per sweep are refused, with the size of the deviation.
 ///
-/// In a range profile such a radar has what it comes nearer to with 0.22 m/s by `f v T / B`, 16 cm, too near; with the track it is where it is.
+/// In a range profile, range-Doppler coupling shifts a target approached with 0.22 m/s too near by `f v T / B`, 16 cm;
+/// with the track the range is correct.
 #[test]
-fn a_sweep_in_motion_is_referred_carrier_by_carrier() {
+fn moving_sweep_is_compensated_carrier_by_carrier() {
     let folder = TempDir::new().unwrap();
     let reads = (2.5f64.powi(2) + 36.0) / 20.0;
     for (order, speed_m_s) in [("up", 0.5), ("down", 0.5), ("shuffled", 0.025)] {
@@ -184,10 +187,10 @@ fn a_sweep_in_motion_is_referred_carrier_by_carrier() {
                 if order != "shuffled" {
                     let after = k as f64 - 37.0;
                     for place in PLACES {
-                        let told_m = pulses[n].relative_path_after_m(place, after);
+                        let modelled_m = pulses[n].relative_path_after_m(place, after);
                         let true_m = path_m(place, receiver, speed_m_s, time_s)
                             - path_m(MIDDLE_M, receiver, speed_m_s, time_s);
-                        assert!((told_m - true_m).abs() < 1e-4, "{told_m} {true_m}");
+                        assert!((modelled_m - true_m).abs() < 1e-4, "{modelled_m} {true_m}");
                     }
                 }
             }
@@ -210,17 +213,19 @@ fn a_sweep_in_motion_is_referred_carrier_by_carrier() {
     let refused = made.channels(&placed(&track)).err().unwrap();
     assert!(matches!(refused, HistoryError::Motion(_)), "{refused}");
     assert!(
-        refused.to_string().contains("take carriers in their order"),
+        refused
+            .to_string()
+            .contains("Take carriers in ascending or descending order"),
         "{refused}"
     );
-    // A track of another time.
+    // Track with another time origin.
     let elsewhen = Track {
         zero_s: 900.0,
         ..track
     };
     let refused = made.channels(&placed(&elsewhen)).err().unwrap().to_string();
     assert!(
-        refused.contains("no sweep is within the track"),
+        refused.contains("no sweep lies within the track"),
         "{refused}"
     );
 }
@@ -239,13 +244,13 @@ pub(crate) fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window)
         weights: &Weights::new(history.collection(), window, window),
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let former = Backprojection { error_db: -60.0 };
     former.form_planned(&task).unwrap().image
 }
 
-/// The strongest side lobe of a cut through its peak, dB: beyond the first minima on both sides.
+/// Peak sidelobe level of a cut in dB: the highest level beyond the first minima on both sides of the peak.
 fn side_lobe_db(cut: &[f64]) -> f64 {
     let top = (0..cut.len())
         .max_by(|&a, &b| cut[a].total_cmp(&cut[b]))
@@ -263,11 +268,12 @@ fn side_lobe_db(cut: &[f64]) -> f64 {
     20.0 * (beyond.fold(0.0, |most: f64, x| most.max(*x)) / cut[top]).log10()
 }
 
-/// 5 m of rail in 270 sweeps of 0.31 s, going on meanwhile. Points are where they are, within 5 cm (the resolution is 25 cm and some 10 cm: what moves peaks is below a hundredth), and
-/// their side lobes are those of one point by a sum written out here, over all carriers at their own moments, within 1 dB: other points are some 2 m away, where side
-/// lobes along both are -40 dB.
+/// 5 m of rail in 270 sweeps of 0.31 s with continuous motion. Points appear within 5 cm of their positions; the
+/// resolution is 25 cm by about 10 cm, and peak shifts are below a hundredth of it. The sidelobes agree within 1 dB
+/// with those of a single point from a written-out sum over all carriers at their own times. Other points are about 2 m
+/// away, where sidelobes along both axes are -40 dB.
 #[test]
-fn a_rail_scan_focuses_to_its_points_with_the_side_lobes_of_theory() {
+fn rail_scan_focuses_points_with_theoretical_sidelobes() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("rail");
     let speed_m_s = 0.06;
@@ -310,7 +316,7 @@ fn a_rail_scan_focuses_to_its_points_with_the_side_lobes_of_theory() {
             .flat_map(|row| (0..grid.columns.count).map(move |column| (row, column)))
             .map(|(row, column)| grid.position_m(row, column))
             .collect();
-        // Every third sweep of theory: side lobes of 90 places are those of 270.
+        // Every third sweep: the sidelobes of 90 positions equal those of 270.
         let steps: Vec<_> = recording
             .steps()
             .iter()
@@ -325,7 +331,7 @@ fn a_rail_scan_focuses_to_its_points_with_the_side_lobes_of_theory() {
                         let path = |at: DVec3| path_m(at, receiver, speed_m_s, step.time_s + 32e-6);
                         let turns =
                             (step.carrier_hz + 125e3) * (path(*at) - path(place)) / LIGHT_M_S;
-                        // What the point itself reads, nearer more.
+                        // Amplitude of the point, larger at shorter range.
                         let middle_m = START_M + DVec3::X * (speed_m_s * step.time_s);
                         sum += Complex64::cis(TAU * turns) / (place - middle_m).length_squared();
                     }
@@ -342,14 +348,15 @@ fn a_rail_scan_focuses_to_its_points_with_the_side_lobes_of_theory() {
     }
 }
 
-/// Samples, antennas and how they move while carriers are taken come back from a CPHD file, of both receivers; a sweep of whose carriers too few are left is told.
+/// Samples, antenna positions and intra-pulse motion of both receivers survive a CPHD round trip. A sweep with too few
+/// carriers is skipped with a warning.
 #[test]
-fn a_capture_is_written_as_cphd_and_what_is_left_out_of_it_is_told() {
+fn capture_round_trips_through_cphd_and_skipped_sweeps_give_warnings() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("rail");
     let fixes = rail(0.06);
     let recording = capture(&path, &fixes, &points(), -26.0, [75, 4], "up");
-    // Half of the last sweep is not written: what a killed capture leaves.
+    // Half of the last sweep is missing, as after an interrupted capture.
     let steps: Vec<_> = recording.steps()[..3 * 75 + 37].to_vec();
     let journal: String = steps
         .iter()
@@ -369,10 +376,10 @@ fn a_capture_is_written_as_cphd_and_what_is_left_out_of_it_is_told() {
         ..placed(&track)
     };
     let channels = made.channels(&placement).unwrap();
-    let told = channels.channel(0).warnings();
+    let warnings = channels.channel(0).warnings();
     assert!(
-        told[0].contains("1 of 4 sweeps are left out") && told[1].contains("cut off"),
-        "{told:?}"
+        warnings[0].contains("1 of 4 sweeps are skipped") && warnings[1].contains("interrupted"),
+        "{warnings:?}"
     );
     assert_eq!(
         channels.channel(1).inputs().unwrap()[0].bytes,

@@ -1,11 +1,11 @@
-//! Recordings: what standard readers find in them, what is left of a killed one, and replaying them.
+//! Recordings: SigMF conformity, recovery after interruption, and replay.
 
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::Path;
 
 use num_complex::Complex32;
-use subaperture_radio::capture::Ended;
+use subaperture_radio::capture::EndReason;
 use subaperture_radio::record::Recorder;
 use subaperture_radio::replay::Replay;
 use subaperture_radio::sigmf::{Recording, Setup, Step, Writer};
@@ -69,9 +69,9 @@ fn write(path: &Path, steps: usize) -> Writer {
     writer
 }
 
-/// Keys, types and the order of numbers are SigMF's, read here as JSON and bytes.
+/// Keys, types and sample order conform to SigMF, checked here as JSON and bytes.
 #[test]
-fn a_finished_recording_is_sigmf() {
+fn finished_recording_conforms_to_sigmf() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("new/folder/name");
     write(&path, 3).finish().unwrap();
@@ -109,9 +109,10 @@ fn a_finished_recording_is_sigmf() {
     );
 }
 
-/// A writer that is dropped is what a killed one leaves. A torn line, and data that did not reach the disk, take the last step with them.
+/// Dropping a writer leaves the same files as killing the process. An incomplete line, and data that did not reach the
+/// disk, lose only the last step.
 #[test]
-fn what_a_killed_writer_leaves_opens() {
+fn interrupted_recording_opens_with_complete_steps() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("killed");
     drop(write(&path, 5));
@@ -139,7 +140,7 @@ fn what_a_killed_writer_leaves_opens() {
 }
 
 #[test]
-fn what_is_no_recording_is_refused_with_the_reason() {
+fn invalid_recordings_are_refused_with_reason() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("bad");
     write(&path, 3).finish().unwrap();
@@ -153,30 +154,33 @@ fn what_is_no_recording_is_refused_with_the_reason() {
         let error = Recording::open(&path).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused("", "no SigMF metadata");
-    refused(&good.replace("ci16_le", "cf32_le"), "2 channels of cf32_le");
+    refused("", "invalid SigMF metadata");
+    refused(
+        &good.replace("ci16_le", "cf32_le"),
+        "2 channels of type cf32_le",
+    );
     refused(
         &good.replace("subaperture:setup", "other:setup"),
-        "no capture of stepped carriers",
+        "expected a stepped-frequency capture",
     );
     refused(
         &good.replace("\"period\": 8", "\"period\": 0"),
-        "makes no sense",
+        "invalid \"subaperture:setup\"",
     );
     refused(
         &good.replace(
             "\"core:sample_start\":32",
             "\"core:sample_start\":18446744073709551615",
         ),
-        "cut off",
+        "truncated",
     );
-    refused(&good.replace("[[3,5]]", "[[3,99]]"), "cut off");
-    // An annotation of ours that is no step is no other's.
+    refused(&good.replace("[[3,5]]", "[[3,99]]"), "truncated");
+    // An invalid annotation with a key of this project is an error.
     refused(
         &good.replacen("\"subaperture:sweep\":0", "\"subaperture:sweep\":\"0\"", 1),
         "annotation 0 has \"subaperture:",
     );
-    // Others' annotations are skipped.
+    // Annotations of other software are skipped.
     fs::write(
         &meta,
         good.replace(
@@ -195,9 +199,10 @@ fn what_is_no_recording_is_refused_with_the_reason() {
     );
 }
 
-/// A capture replayed is the capture, to the bit; so is one from the recording of every burst, whose unsteady bursts are thrown away again.
+/// A replayed capture is bit-identical to the original; so is one replayed from a recording of every burst, whose
+/// unsteady bursts are discarded again.
 #[test]
-fn a_replayed_capture_is_the_capture() {
+fn replayed_capture_is_bit_identical() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
     let experiment = experiment(THESIS, 21);
@@ -217,7 +222,7 @@ fn a_replayed_capture_is_the_capture() {
     let data = |name: &str| fs::read(at(name).with_extension("sigmf-data")).unwrap();
     assert!(
         data("recorded") == data("first"),
-        "a wrapper changes what it wraps"
+        "the recorder changed the samples"
     );
     for (from, to) in [("first", "again"), ("all", "from all")] {
         let mut replay = Replay::new(Recording::open(&at(from)).unwrap());
@@ -228,9 +233,9 @@ fn a_replayed_capture_is_the_capture() {
     }
 }
 
-/// A device's gains go in steps: 60.1 and 40.4 dB become 60 and 40, and the rate may be a part of its clock.
+/// A device rounds gains, 60.1 and 40.4 dB to 60 and 40, and its rate may be a fraction of the clock.
 #[test]
-fn what_a_device_rounded_replays_with_the_plan_that_was_asked() {
+fn recording_with_rounded_settings_replays_with_original_plan() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
     let experiment = experiment(THESIS, 21);
@@ -250,7 +255,7 @@ fn what_a_device_rounded_replays_with_the_plan_that_was_asked() {
     assert_eq!(again.set, first.set);
     let data = |name: &str| fs::read(at(name).with_extension("sigmf-data")).unwrap();
     assert!(data("again") == data("first"));
-    // What cannot have been rounded is refused.
+    // Settings that cannot result from rounding are refused.
     let refused = replay().configure(&gains(41.2).radio).unwrap_err();
     assert!(refused.to_string().contains("39 to 41 dB"), "{refused}");
     let mut replay = replay();
@@ -264,15 +269,15 @@ fn what_a_device_rounded_replays_with_the_plan_that_was_asked() {
     let [a, b] = &mut buffers;
     let refused = replay.burst(&burst, [a, b]).unwrap_err().to_string();
     assert!(
-        refused.contains("5 samples") && refused.contains("has 8"),
+        refused.contains("5 samples") && refused.contains("expected 8"),
         "{refused}"
     );
 }
 
-/// A journal that is there and cannot be read is none that is not there: without it a killed capture would have no steps.
+/// An unreadable journal differs from a missing one: ignoring it would lose all steps of an interrupted capture.
 #[cfg(unix)]
 #[test]
-fn a_journal_that_cannot_be_read_is_an_error() {
+fn unreadable_journal_is_an_error() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("killed");
     drop(write(&path, 5));
@@ -283,7 +288,7 @@ fn a_journal_that_cannot_be_read_is_an_error() {
     assert!(error.contains("killed.sigmf-journal"), "{error}");
 }
 
-/// A radio whose synthesisers are off by as much as told.
+/// Radio whose synthesisers have a constant frequency error, hertz.
 struct Off<T>(T, f64);
 
 impl<T: Transceiver> Transceiver for Off<T> {
@@ -311,7 +316,7 @@ impl<T: Transceiver> Transceiver for Off<T> {
 }
 
 #[test]
-fn the_carrier_that_was_tuned_to_is_recorded_and_one_far_off_refused() {
+fn actual_carrier_is_recorded_and_large_carrier_error_is_refused() {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name);
     let experiment = experiment(THESIS, 21);
@@ -319,7 +324,7 @@ fn the_carrier_that_was_tuned_to_is_recorded_and_one_far_off_refused() {
     let recording = Recording::open(&at("near")).unwrap();
     assert_eq!(recording.steps()[7].carrier_hz, 1.128e9 + 3.0);
     let summary = captured(&mut Off(radio(&experiment), 5e3), &plan(""), &at("far"));
-    let Ended::Radio(error) = summary.ended else {
+    let EndReason::Radio(error) = summary.ended else {
         panic!("{summary:?}");
     };
     assert!(

@@ -1,4 +1,4 @@
-//! Two receiving antennas and the leakage as the reference: the set-up that the tests share, and its profiles.
+//! Shared set-up with two receive antennas and a leakage reference, and its range profiles.
 
 use glam::DVec3;
 use subaperture_describe::Description;
@@ -18,13 +18,14 @@ use crate::scene::captured;
 
 const LIGHT_M_S: f64 = 299_792_458.0;
 
-/// Half a wavelength of 1.4 GHz apart, 20 cm beside the one that sends.
+/// Receive antennas half a wavelength at 1.4 GHz apart, 20 cm from the transmit antenna.
 pub(crate) const ANTENNAS: Antennas = Antennas {
     transmitter_m: DVec3::ZERO,
     receivers_m: [DVec3::new(0.2, 0.0, 0.0), DVec3::new(0.307, 0.0, 0.0)],
 };
 
-/// Points of cross sections in m², of which 1 reads 1 from as far as the body is from (0, 6) at first; a B210's receiver with noise of `noise_db` a sample.
+/// Point targets with cross sections in m²; 1 m² gives an amplitude of 1 at the initial distance from the body to (0,
+/// 6). The receiver is a B210's with noise of `noise_db` per sample.
 pub(crate) fn experiment(points: &[(DVec3, f64)], noise_db: f64, seed: u64) -> Experiment {
     let mut text = format!(
         r#"
@@ -66,7 +67,8 @@ pub(crate) fn experiment(points: &[(DVec3, f64)], noise_db: f64, seed: u64) -> E
     Scenario::new("rig.toml", text, ".").experiment().unwrap()
 }
 
-/// A leakage of 20 (26 dB over the echo of 1 m² at 6 m) by cables of 20 ns, the second receiver's longer by `longer_s`, its gain and phase others.
+/// Leakage amplitude of 20 (26 dB above the echo of 1 m² at 6 m), with cables of 20 ns. The second receiver's cable is
+/// longer by `longer_s`, and its gain and phase differ.
 pub(crate) fn radio(experiment: &Experiment, longer_s: f64) -> SimulatedRadio<'_> {
     let direct_s = [0, 1].map(|i| ANTENNAS.direct_s(i));
     let mut wiring = Wiring::leakage(direct_s, [20e-9, 20e-9 + longer_s], 20.0);
@@ -76,7 +78,7 @@ pub(crate) fn radio(experiment: &Experiment, longer_s: f64) -> SimulatedRadio<'_
     SimulatedRadio::new(experiment, wiring, Analogue::b210()).unwrap()
 }
 
-/// 1.1 to 1.7 GHz, so that 25 cm are resolved; in 75 steps 18.7 m are told apart, in 150 37.5 m.
+/// 1.1 to 1.7 GHz: 25 cm resolution; unambiguous range 18.7 m with 75 steps, 37.5 m with 150.
 pub(crate) fn plan(steps: usize, more: &str) -> Plan {
     let text = format!(
         r#"
@@ -97,7 +99,7 @@ pub(crate) fn plan(steps: usize, more: &str) -> Plan {
     Plan::describe(&Description::new("plan.toml", &text, ".")).unwrap()
 }
 
-/// Half of the way from the transmitter to a place to a receiver.
+/// Half of the path from the transmitter to a point and to a receiver.
 fn half_path_m(place_m: DVec3, receiver: usize) -> f64 {
     0.5 * (place_m.distance(ANTENNAS.transmitter_m)
         + place_m.distance(ANTENNAS.receivers_m[receiver]))
@@ -117,13 +119,15 @@ fn recorded(folder: &TempDir, name: &str, points: &[DVec3], seed: u64, longer_s:
     Recording::open(&path).unwrap()
 }
 
-/// Cables of a receiver 3 ns longer than the other's (45 cm of range), a gain and a phase of its own: uncalibrated there is no reference; calibrated, both
-/// receivers' zeros are at their antennas' phase centres, within 2 cm, and the phases of an echo in both differ as its ways do: the angle of arrival.
+/// One receiver has a cable 3 ns longer than the other (45 cm of range), and another gain and phase. Without
+/// calibration the leakage cannot be the reference. With calibration, range zero of both receivers is at the antennas'
+/// phase centres within 2 cm, and the phase difference of an echo is that of its paths: the angle of arrival.
 ///
-/// What moves them: noise of -26 dB a sample and leakage 26 dB over an echo leave some -45 dB in a carrier and -60 dB after 75; side lobes of this window are below
-/// -50 dB and move peaks by less than 1.9 parts of 0.25 m each, 2 mm. A phase of 3 degrees between channels is that of -26 dB.
+/// Error budget: noise of -26 dB per sample and leakage 26 dB above an echo leave about -45 dB per carrier and -60 dB
+/// after 75 carriers. Sidelobes of this window are below -50 dB and shift peaks by less than 1.9 times that of 0.25 m,
+/// 2 mm. A phase of 3 degrees between channels corresponds to -26 dB.
 #[test]
-fn profiles_of_two_receivers_have_their_zeros_and_phases_once_calibrated() {
+fn calibrated_profiles_of_two_receivers_have_correct_range_zero_and_phase() {
     let folder = TempDir::new().unwrap();
     let longer_s = 3e-9;
     let mark_m = DVec3::new(0.0, 4.0, 0.0);
@@ -173,12 +177,12 @@ fn profiles_of_two_receivers_have_their_zeros_and_phases_once_calibrated() {
             assert!((peak.magnitude / mark - 1.0).abs() < 0.05);
         }
     }
-    // At 1.4 GHz, in turns.
+    // Phase at 1.4 GHz, in turns.
     let at = |receiver: usize, place: DVec3| {
         let half_m = half_path_m(place, receiver);
         let index = (half_m / profiles[receiver].spacing_m).round() as usize;
         let off_m = 2.0 * (index as f64 * profiles[receiver].spacing_m - half_m);
-        // The middle carrier's phase turns with the place that is read.
+        // The middle carrier's phase depends on the position at which the profile is sampled.
         profiles[receiver].values[index]
             * num_complex::Complex64::cis(-std::f64::consts::TAU * 1.396125e9 * off_m / LIGHT_M_S)
     };
@@ -188,20 +192,23 @@ fn profiles_of_two_receivers_have_their_zeros_and_phases_once_calibrated() {
         assert!(turn.arg().abs().to_degrees() < 3.0);
     }
 
-    // Elsewhere than it was made.
+    // The antennas have moved since the calibration.
     let mut moved = setup.clone();
     if let Some(antennas) = &mut moved.antennas {
         antennas.receivers_m[1].x += 0.01;
     }
     let error = calibration.check(&moved).unwrap_err().to_string();
-    assert!(error.contains("0.0100 m from where it is now"), "{error}");
+    assert!(
+        error.contains("0.0100 m away from its present position"),
+        "{error}"
+    );
     moved.reference = Reference::Loopback;
     let error = calibration.check(&moved).unwrap_err().to_string();
-    assert!(error.contains("the leakage as the reference"), "{error}");
+    assert!(error.contains("a leakage reference"), "{error}");
 }
 
 #[test]
-fn a_plan_whose_reference_is_the_leakage_says_where_antennas_are() {
+fn leakage_reference_requires_antenna_positions() {
     let text =
         "[plan]\nstart = \"1.1 GHz\"\nstop = \"1.7 GHz\"\nsteps = 75\nreference = \"leakage\"\n";
     let plan = |more: &str| {
@@ -216,7 +223,7 @@ fn a_plan_whose_reference_is_the_leakage_says_where_antennas_are() {
     let both = format!("{one}receiver_0 = \"0, 0, 0 m\"\n");
     let refused = plan(&both).unwrap().check(&ranges).unwrap_err().to_string();
     assert!(
-        refused.contains("in the place of the one that sends"),
+        refused.contains("coincides with the transmit antenna"),
         "{refused}"
     );
 }

@@ -1,4 +1,4 @@
-//! The scene, the radio and the plan that the tests share.
+//! Scene, radio and plan shared by the tests.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -11,7 +11,7 @@ use subaperture_radio::simulated::{Analogue, Coupled, SimulatedRadio, Wiring};
 use subaperture_simulate::Experiment;
 use subaperture_simulate::scenario::Scenario;
 
-/// A B210's faults that are the receiver's; amplitudes are those at 6.3 m.
+/// Receiver impairments of a B210; amplitudes are relative to a range of 6.3 m.
 const RADAR: &str = r#"
     [radar]
     kind = "ideal"
@@ -39,10 +39,11 @@ const RADAR: &str = r#"
     reference = "6.3, 0, 0 m"
 "#;
 
-/// C 5.6: a small part of a wall at 1 m, a corner reflector at 6.3 m, a wall at 16 m: amplitudes 0.79, 1 and 0.78 at the antenna.
+/// Scene of C 5.6: part of a wall at 1 m, a corner reflector at 6.3 m, a wall at 16 m; amplitudes 0.79, 1 and 0.78 at
+/// the antenna.
 pub(crate) const THESIS: &[(f64, f64)] = &[(1.0, 0.0004), (6.3, 1.0), (16.0, 25.0)];
 
-/// What is at these ranges along x, with these cross sections, m².
+/// Point targets at ranges along x, with cross sections in m².
 pub(crate) fn experiment(points: &[(f64, f64)], seed: u64) -> Experiment {
     let mut text = format!("seed = {seed}\n{RADAR}");
     for (range_m, square_m) in points {
@@ -53,12 +54,13 @@ pub(crate) fn experiment(points: &[(f64, f64)], seed: u64) -> Experiment {
     Scenario::new("scene.toml", text, ".").experiment().unwrap()
 }
 
-/// Half the way from the transmitter to a range along x and to the receiver, 0.1 m beside it.
+/// Half of the path from the transmitter to a range along x and to the receiver, which is offset by 0.1 m.
 pub(crate) fn half_path_m(range_m: f64) -> f64 {
     0.5 * (range_m + (range_m * range_m + 0.01).sqrt())
 }
 
-/// The loop of C Fig. 5.4 by 3 m of cable, antennas at 2 m of it, the transmitting antenna heard at three times a corner.
+/// Loopback wiring of C Fig. 5.4 with 3 m of cable, antennas on 2 m of cable, and leakage three times as strong as the
+/// corner reflector.
 pub(crate) fn wiring() -> Wiring {
     let leakage = Coupled {
         delay_s: 0.5e-9,
@@ -67,18 +69,18 @@ pub(crate) fn wiring() -> Wiring {
     Wiring::loopback(15e-9, 20e-9, Some(leakage))
 }
 
-/// A radio with all its faults.
+/// Radio with all impairments.
 pub(crate) fn radio(experiment: &Experiment) -> SimulatedRadio<'_> {
     SimulatedRadio::new(experiment, wiring(), Analogue::b210()).unwrap()
 }
 
-/// 1.1 to 1.3 GHz in 50 steps, and more lines of the plan.
+/// Plan from 1.1 to 1.3 GHz in 50 steps, with additional lines.
 pub(crate) fn plan(more: &str) -> Plan {
     let text = format!("[plan]\nstart = \"1.1 GHz\"\nstop = \"1.3 GHz\"\nsteps = 50\n{more}");
     Plan::describe(&Description::new("plan.toml", text, ".")).unwrap()
 }
 
-/// A capture that nobody stops.
+/// Run a capture to its end.
 pub(crate) fn captured(radio: &mut dyn Transceiver, plan: &Plan, path: &Path) -> Summary {
     capture(
         radio,

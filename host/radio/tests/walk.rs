@@ -1,4 +1,5 @@
-//! An irregular walk of nobody knows where: its track is found of the echoes, and its image is that on the true one.
+//! Irregular walk with an unknown track: the track is estimated from the echoes, and the image is as good as with the
+//! true track.
 
 use std::f64::consts::TAU;
 
@@ -21,10 +22,10 @@ const EXTENT: Extent = Extent {
     x_m: (-6.0, 6.5),
     y_m: (4.0, 14.0),
 };
-/// 2.5 cm a sweep of 0.62 s: a quarter of a turn of phase towards what lies ahead.
+/// 2.5 cm per sweep of 0.62 s: a quarter of a turn of phase for targets straight ahead.
 const SPEED_M_S: f64 = 0.04;
 
-/// Reflectors of sizes such that all are heard alike: magnitude 1 at the middle of the way.
+/// Reflectors with equal received amplitude: magnitude 1 from the middle of the track.
 fn reflectors() -> Vec<(DVec3, f64)> {
     let places = [
         (-4.5, 5.0),
@@ -39,7 +40,7 @@ fn reflectors() -> Vec<(DVec3, f64)> {
     places.map(sized).to_vec()
 }
 
-/// 5 m along x, a decimetre to both sides and in speed, the heading wandering by 4 degrees.
+/// 5 m along x, swaying by a decimetre sideways and in speed, with a heading that varies by 4 degrees.
 fn walk() -> Vec<Fix> {
     let fix = |n: u32| {
         let time_s = 0.5 * f64::from(n) - 1.0;
@@ -68,13 +69,13 @@ fn track(fixes: &[Fix]) -> Track {
 }
 
 #[test]
-fn a_walk_without_a_track_focuses_as_on_the_true_one() {
+fn image_on_estimated_track_matches_image_on_true_track() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("walk");
     capture(&path, &walk(), &reflectors(), 6.0, [150, 200], "up");
     let made = Capture::open(&path, reaching(16.5)).unwrap();
     assert!(made.left_out().is_empty(), "{:?}", made.left_out());
-    // Seven reflectors in 13 m: training cells are few, and half of them may be reflectors.
+    // Seven reflectors within 13 m leave few training cells, and half of them may contain reflectors.
     let settings = Settings {
         ranges_m: Some((3.0, 16.0)),
         cfar: Cfar {
@@ -112,7 +113,7 @@ fn a_walk_without_a_track_focuses_as_on_the_true_one() {
         transmitter_m: arrangement.transmitters_m[0],
         receivers_m: [arrangement.receivers_m[0], arrangement.receivers_m[1]],
     };
-    // The track found begins where the body stands at its origin; the true one says where that is.
+    // The estimated track starts at the body's origin; the true track gives the position of that origin.
     let (truth, by_echoes) = (track(&walk()), track(&fixes));
     let began = truth.pose(fixes[0].time_s);
     let of = |track: &Track, antennas, middle_m: DVec3| {

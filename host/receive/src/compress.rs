@@ -1,31 +1,30 @@
-//! Pulse compression: echoes of a known pulse become flat phase history.
+//! Pulse compression: conversion of echoes of a known pulse into flat phase history.
 //!
-//! With `P[m]` the pulse's discrete spectrum and an echo of delay `tau` in a window that begins at
-//! `t_w`, the spectrum of the raw samples at `f_m` above the centre `f_c` is
+//! With `P[m]` the pulse's discrete spectrum, and an echo with delay `tau` in a receive window that starts at `t_w`,
+//! the spectrum of the raw samples at `f_m` above the centre frequency `f_c` is
 //!
 //! ```text
 //! S[m] = P[m] exp(-j 2 pi (f_c + f_m)(tau - t_w)) exp(-j 2 pi f_c t_w)
 //! z[m] = W[m] S[m] exp(+j 2 pi ((f_c + f_m)(reference_path / c - t_w) + f_c t_w))
 //! ```
 //!
-//! so `W P = 1` leaves `exp(-j 2 pi (f_c + f_m)(tau - tau_ref))`, the definition of phase history.
+//! With `W P = 1`, the result is `exp(-j 2 pi (f_c + f_m)(tau - tau_ref))`, the definition of phase history.
 //!
-//! - [`Filter::Inverse`]: `W = conj(P) / max(|P|^2, 1e-4 mean |P|^2)`, flat over the band but where the
-//!   pulse has next to nothing. White noise of power `s^2` a raw sample becomes `N s^2 / |P[m]|^2`:
-//!   strong where the pulse is weak.
-//! - [`Filter::Matched`]: `W = conj(P) / mean |P|^2`, the mean over the band: the highest signal to noise
-//!   ratio, but the band keeps the shape `|P|^2` as a window of its own. Noise becomes
-//!   `N s^2 |P[m]|^2 / mean^2`.
+//! - [`Filter::Inverse`]: `W = conj(P) / max(|P|^2, 1e-4 mean |P|^2)`, flat over the band except where the pulse has
+//!   almost no power. White noise of power `s^2` per raw sample becomes `N s^2 / |P[m]|^2`: it is amplified where the
+//!   pulse is weak.
+//! - [`Filter::Matched`]: `W = conj(P) / mean |P|^2`, with the mean over the band: the highest signal-to-noise ratio,
+//!   but the band is weighted by `|P|^2`, which acts as a window. Noise becomes `N s^2 |P[m]|^2 / mean^2`.
 //!
-//! For a sweep of length `T` over `B`, `|P|^2` is near `sample_rate^2 T / B` and both give the gain `B T`
-//! in the sum over the band; they differ by the Fresnel ripple.
+//! For a chirp of duration `T` and bandwidth `B`, `|P|^2` is close to `sample_rate^2 T / B`. Both filters then have the
+//! gain `B T` in the sum over the band, and differ by the Fresnel ripple.
 //!
-//! The band is `-B/2 ..= B/2`, `B` the swept bandwidth or the inverse of a chip; frequencies are
-//! `sample_rate / N` apart. What lies beyond the window folds into it, as in any circular filter. Neglected
-//! is, unless it is told ([`Compressed::moving`]), motion while the pulse lasts: its Doppler shift times its length is `2 v T / lambda` turns, 0.07
-//! for 100 m/s, 10 us and 3 cm, the same for all that moves alike.
+//! The band is `-B/2 ..= B/2`, with `B` the swept bandwidth or the inverse of the chip duration; frequencies are
+//! `sample_rate / N` apart. Echoes outside the receive window wrap around, as in any circular filter. Motion during the
+//! pulse is neglected unless given by [`Compressed::moving`]: the Doppler shift times the pulse duration is `2 v T /
+//! lambda` turns, 0.07 for 100 m/s, 10 us and 3 cm, and is common to all scatterers with the same range rate.
 //!
-//! Cost: an FFT in float64 a pulse. Accuracy: `tests/simulate/chain.rs`.
+//! Cost: one float64 FFT per pulse. Accuracy: `tests/simulate/chain.rs`.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -42,18 +41,18 @@ use subaperture_model::quantity::hertz;
 use subaperture_model::radar::{PulseShape, Waveform};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// What echoes are filtered with.
+/// Pulse compression filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
-    /// `1 / P` within the band: flat, whatever the pulse.
+    /// Inverse filter `1 / P` within the band: flat spectrum for any pulse.
     #[default]
     Inverse,
-    /// `conj(P)`: the least noise.
+    /// Matched filter `conj(P)`: least noise.
     Matched,
 }
 
-/// Least `|P|^2` that the inverse filter divides by, relative to its mean over the band.
-const LEAST_POWER: f64 = 1e-4;
+/// Smallest `|P|^2` by which the inverse filter divides, relative to its mean over the band.
+const MIN_POWER: f64 = 1e-4;
 
 /// Phase history of a pulsed radar.
 #[derive(Clone)]
@@ -63,27 +62,27 @@ pub struct Compressed<E> {
     fft: Arc<dyn Fft<f64>>,
     /// FFT bin of sample 0 of the band.
     first_bin: usize,
-    /// `W` of every frequency of the band.
+    /// `W` at every frequency of the band.
     filter: Vec<Complex64>,
     centre_hz: f64,
-    /// Hertz a second, of a linear sweep.
+    /// Chirp rate of an LFM pulse, hertz per second.
     chirp_hz_s: Option<f64>,
 }
 
 impl<E: Echoes> Compressed<E> {
-    /// Of echoes of a pulse.
+    /// Compress the echoes of a pulsed waveform over the pulse's whole band.
     ///
     /// # Errors
-    /// [`ReceiveError`] if the waveform is no pulse, or its band does not fit the sampling rate.
+    /// [`ReceiveError`] if the waveform is not pulsed, or its band exceeds the sample rate.
     pub fn new(echoes: E, filter: Filter) -> Result<Self, ReceiveError> {
         Self::within(echoes, filter, [f64::NEG_INFINITY, f64::INFINITY])
     }
 
-    /// As [`Self::new`], cut to what of the pulse's band lies within `band_hz`: from which frequency to which, about the waveform's
-    /// centre.
+    /// Compress echoes like [`Self::new`], with the band limited to `band_hz`, the lowest and highest frequencies
+    /// relative to the waveform's centre.
     ///
     /// # Errors
-    /// [`ReceiveError`], also if nothing is left.
+    /// Those of [`Self::new`]; [`ReceiveError`] if the limits leave no frequency.
     pub fn within(echoes: E, filter: Filter, band_hz: [f64; 2]) -> Result<Self, ReceiveError> {
         let collection = echoes.collection();
         let fault = |what: String| ReceiveError::new(collection, what);
@@ -95,18 +94,18 @@ impl<E: Echoes> Compressed<E> {
             ..
         } = collection.waveform
         else {
-            return Err(fault("its waveform is not a pulse".to_owned()));
+            return Err(fault("expected a pulsed waveform".to_owned()));
         };
         let bandwidth_hz = shape.bandwidth_hz();
         if !(num_samples > 0 && sample_rate_hz > 0.0 && bandwidth_hz <= sample_rate_hz) {
             return Err(fault(format!(
-                "{num_samples} samples at {} do not hold a band of {}: sample faster",
+                "{num_samples} samples at {} cannot hold a bandwidth of {}: raise the sample rate",
                 hertz(sample_rate_hz),
                 hertz(bandwidth_hz)
             )));
         }
         let step_hz = sample_rate_hz / num_samples as f64;
-        // Rounding must not lose a bin that lies on the band's edge.
+        // Rounding must not lose a bin on the band's edge.
         let reach = |edge_hz: f64| {
             let edge = edge_hz.min(bandwidth_hz / 2.0) / step_hz;
             (edge + edge.abs() * 1e-12).floor() as i64
@@ -116,14 +115,14 @@ impl<E: Echoes> Compressed<E> {
         let above = reach(band_hz[1]).min((num_samples as i64 - 1) / 2);
         if below + above < 0 {
             return Err(fault(format!(
-                "nothing of its band of {} was received",
+                "no frequency of the pulse's band of {} lies within the received band",
                 hertz(bandwidth_hz)
             )));
         }
         let start_hz = centre_hz - below as f64 * step_hz;
         if start_hz.is_nan() || start_hz <= 0.0 {
             return Err(fault(format!(
-                "its band reaches down to {}; frequencies are positive",
+                "the band extends down to {}: expected positive frequencies",
                 hertz(start_hz)
             )));
         }
@@ -134,11 +133,11 @@ impl<E: Echoes> Compressed<E> {
             .collect();
         let mean = pulse.iter().map(Complex64::norm_sqr).sum::<f64>() / pulse.len() as f64;
         let weight = |p: &Complex64| match filter {
-            Filter::Inverse => p.conj() / p.norm_sqr().max(LEAST_POWER * mean),
+            Filter::Inverse => p.conj() / p.norm_sqr().max(MIN_POWER * mean),
             Filter::Matched => p.conj() / mean,
         };
         if mean <= 0.0 {
-            return Err(fault("its pulse has no power in its band".to_owned()));
+            return Err(fault("the pulse has no power in its band".to_owned()));
         }
         let filter = pulse.iter().map(weight).collect();
         let chirp_hz_s = match shape {
@@ -162,11 +161,12 @@ impl<E: Echoes> Compressed<E> {
         })
     }
 
-    /// The antennas of pulse `n` moved on at the velocities `of(n)`, transmitter's and receiver's, metres a second, while a pulse of linear
-    /// frequency modulation lasted: its frequency `f` left at its own moment, `(f - centre) / chirp` after the pulse's middle, of which the
-    /// positions recorded are, and came back a delay later. By the principle of stationary phase its phase is that of the path of
-    /// that moment, and referred to that by way of the reference point, but for `(centre v / c)^2 / (2 chirp)` turns, `v` the path's rate: 3e-4 of 6 THz a second, 9.6 GHz and 2 km/s. Of other
-    /// pulses nothing is changed.
+    /// Include the motion during an LFM pulse, with the velocities of transmitter and receiver in pulse `n` given by
+    /// `of(n)`, metres per second. Frequency `f` is transmitted `(f - centre) / chirp` after the middle of the pulse,
+    /// to which the recorded positions belong, and received one delay later. By the principle of stationary phase, its
+    /// phase is that of the path at that time, and it is compensated by the path to the reference point at that time.
+    /// The error is `(centre v / c)^2 / (2 chirp)` turns, with `v` the rate of the path: 3e-4 turns for 6 THz/s, 9.6
+    /// GHz and 2 km/s. Pulses with other waveforms are unchanged.
     #[must_use]
     pub fn moving(mut self, of: impl Fn(usize) -> [DVec3; 2]) -> Self {
         let Some(chirp_hz_s) = self.chirp_hz_s else {
@@ -174,7 +174,7 @@ impl<E: Echoes> Compressed<E> {
         };
         for (n, pulse) in self.collection.pulses.iter_mut().enumerate() {
             let [transmitter_m_s, receiver_m_s] = of(n);
-            // Positions are the middle sample's.
+            // Positions are those of the middle sample.
             let middle_hz = pulse.frequency_hz(self.filter.len() / 2);
             let after_s = (middle_hz - self.centre_hz) / chirp_hz_s;
             pulse.transmitter_m += transmitter_m_s * after_s;
@@ -191,7 +191,7 @@ impl<E: Echoes> Compressed<E> {
         self
     }
 
-    /// The echoes behind.
+    /// Raw echoes from which the phase history is computed.
     pub fn echoes(&self) -> &E {
         &self.echoes
     }
@@ -239,7 +239,7 @@ impl<E: Echoes> PhaseHistory for Compressed<E> {
     }
 
     fn held_bytes(&self) -> u64 {
-        // The transform's plan is about as large as two of its buffers.
+        // The FFT plan is about as large as two of its buffers.
         let filter = size_of_val(self.filter.as_slice()) + 2 * 16 * self.fft.len();
         let pulses = size_of_val(self.collection.pulses.as_slice());
         self.echoes.held_bytes() + (filter + pulses) as u64

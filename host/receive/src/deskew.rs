@@ -1,61 +1,61 @@
-//! De-chirped sweeps (FMCW) become phase history: residual video phase and range skew removed.
+//! Deskew of dechirped FMCW sweeps into phase history: removal of residual video phase and range skew.
 //!
-//! With `a = chirp_hz_s`, `t_m = mixer_delay_s`, `d = tau - t_m`, a sweep's beat is (see
+//! With `a = chirp_hz_s`, `t_m = mixer_delay_s`, `d = tau - t_m`, the beat signal of a sweep is (see
 //! [`Waveform::Fmcw`](subaperture_model::radar::Waveform::Fmcw))
 //!
 //! ```text
 //! s(t) = exp(-j 2 pi (start + a (t - t_m)) d) exp(+j pi a d^2)
 //! ```
 //!
-//! 1. It is divided by the same expression for the reference, `d_r = tau_ref(t) - t_m` by the measured
-//!    track. With `e = tau - tau_ref`, since `d^2 - d_r^2 = e^2 + 2 e d_r`,
+//! 1. The beat signal is divided by the same expression for the reference, with `d_r = tau_ref(t) - t_m` from the
+//!    measured track. With `e = tau - tau_ref`, since `d^2 - d_r^2 = e^2 + 2 e d_r`, the result is exactly
 //!
 //!    ```text
 //!    s1(t) = exp(-j 2 pi (start + a (t - t_m - d_r)) e) exp(+j pi a e^2)
 //!    ```
 //!
-//!    exactly: the beat with a copy that is `tau_ref` late. The beat frequency is `f = -a e`.
-//! 2. It is filtered with `H(f) = exp(-j pi f^2 / a) exp(+j 2 pi f (d_r - d_0))`, by an FFT over the sweep with
-//!    zeros after it. At `f = -a e` the first factor is `exp(-j pi a e^2)`: the residual video phase goes.
-//!    Its group delay is `f / a = -e`: the echo's own delay goes, so that all echoes lie alike under the
-//!    sweep. The second factor moves the samples to one frequency axis for all pulses, `d_0` being
-//!    the middle of all `d_r`:
+//!    This is the beat signal with a copy delayed by `tau_ref`. The beat frequency is `f = -a e`.
+//! 2. It is filtered with `H(f) = exp(-j pi f^2 / a) exp(+j 2 pi f (d_r - d_0))`, by a zero-padded FFT over the sweep.
+//!    At `f = -a e` the first factor is `exp(-j pi a e^2)`, which removes the residual video phase. Its group delay `f
+//!    / a = -e` removes the echo's own delay (the range skew), so that all echoes are aligned within the sweep. The
+//!    second factor shifts the samples to a common frequency axis for all pulses; `d_0` is the middle of all `d_r`:
 //!
 //!    ```text
 //!    z[k] = exp(-j 2 pi f_k e),    f_k = start + a (k / sample_rate - t_m - d_0)
 //!    ```
 //!
-//! Falling sweeps are turned round, so that frequencies rise.
+//! Descending sweeps are reversed, so that frequencies ascend.
 //!
-//! Chim 2018 (2.12) lets the frequency run at `2 a` (the phase is `2 pi a t^2`), so that (2.22) has
-//! `exp(-j 2 pi a tau^2)` and `f = a tau` together, which no sweep has: with a rate of `2 a` the beat is at
-//! `2 a tau`, with `a` the residual phase is `pi a tau^2`. (3.1) repeats it. Both also leave the skew, the
-//! `exp(j 2 pi (a tau - f) tau)` dropped from (2.19) to (2.20). The sign there is the opposite of
-//! ours: C mixes the other way round.
+//! Chim 2018 (2.12) has a frequency rate of `2 a` (the phase is `2 pi a t^2`). Its (2.22) then combines `exp(-j 2 pi a
+//! tau^2)` with `f = a tau`, which is inconsistent: with a rate of `2 a` the beat frequency is `2 a tau`, and with a
+//! rate of `a` the residual phase is `pi a tau^2`. (3.1) repeats the error. Both also keep the skew, the factor `exp(j
+//! 2 pi (a tau - f) tau)` that is dropped from (2.19) to (2.20). The sign is the opposite of the one here, since C
+//! mixes with the conjugate.
 //!
-//! # What is cut away
-//! A sweep that begins and ends sharply spreads in the filter as Fresnel's ripple does, over all of the band: at a time
-//! `u` from an edge with the amplitude `1 / (2 pi sqrt(a) u)`, -31 dB beside what is cut, -70 dB in the middle. So
-//! the raw sweep is faded in and out first, as the integral of a Gaussian does, of a standard deviation of
-//! `s = 1 / sqrt(2 pi a)`, which the filter spreads to `s' = sqrt(s^2 + 1 / (2 pi a s)^2)`, `sqrt(2) s`, and no more. The
-//! edge lies `4 s` within the sweep (what is left of the raw edge is 3e-5) and `4.4 s'` before what is kept (5e-6).
-//! A Gaussian shorter than some samples is none, and its spectrum about a beat of up to `a h` must end before half the
-//! sampling rate, so `s` is at least `0.6 / (sample_rate / 2 - a h)`, but at most `1.6 / sample_rate` for that reason.
+//! # Edges of the sweep
+//! A sweep with abrupt ends causes a Fresnel ripple over the whole band when filtered: at a time `u` from an edge, with
+//! the amplitude `1 / (2 pi sqrt(a) u)`; -31 dB next to the part that is cut, -70 dB in the middle. The raw sweep is
+//! therefore first faded in and out with the integral of a Gaussian of standard deviation `s = 1 / sqrt(2 pi a)`, which
+//! the filter widens to `s' = sqrt(s^2 + 1 / (2 pi a s)^2)`, `sqrt(2) s`, but not further. The edge lies `4 s` within
+//! the sweep (the remainder of the raw edge is 3e-5), and `4.4 s'` before the part that is kept (5e-6). A Gaussian
+//! shorter than a few samples is not representable, and its spectrum about a beat frequency of up to `a h` must end
+//! before half the sample rate. Therefore `s` is at least `0.6 / (sample_rate / 2 - a h)`, though this condition never
+//! requires more than `1.6 / sample_rate`.
 //!
-//! With delays `|e| <= h` in the scene, the edges lie up to `h` from where they were; the change of `d_r` between
-//! pulses takes its part too. The band lost is `2 a (h + 4 s + 4.4 s' + (max d_r - min d_r) / 2)`. What is left is
-//! below -90 dB beside the edges and -120 dB in the middle for echoes that beat at less than a quarter of the sampling
-//! rate; up to -50 and -100 dB for those at nearly half of it.
+//! For delays `|e| <= h` in the scene, the edges move by up to `h`, and the change of `d_r` between pulses is added.
+//! The lost bandwidth is `2 a (h + 4 s + 4.4 s' + (max d_r - min d_r) / 2)`. The remaining ripple is below -90 dB near
+//! the edges and -120 dB in the middle for echoes with beat frequencies below a quarter of the sample rate, and up to
+//! -50 and -100 dB for those near half of it.
 //!
 //! # Motion
-//! Sample `k` is kept at the place of the raw sample that has its frequency in the middle pulse; an echo `e` late was
-//! there `e + d_r - d_0` later. What the antennas move meanwhile is neglected: at 100 m/s and 0.1 us 10 um, of
-//! which the difference between the lines of sight counts.
+//! Sample `k` is assigned the position of the raw sample with its frequency in the middle pulse; an echo with delay `e`
+//! is there `e + d_r - d_0` later. The antennas' motion in this time is neglected: 10 um at 100 m/s and 0.1 us,
+//! multiplied by the difference of the lines of sight.
 //!
-//! White noise stays white where echoes of the scene can be: every step but the fading, of what is cut away, is a
+//! White noise stays white at the delays of the scene: every step except the fading, whose part is cut away, is a
 //! rotation in time or in frequency.
 //!
-//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate/chain.rs`, against a pulsed radar.
+//! Cost: two float64 FFTs per pulse. Accuracy: `tests/simulate/chain.rs`, against a pulsed radar.
 
 mod sweep;
 
@@ -76,24 +76,24 @@ use subaperture_model::quantity::hertz;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// Whether residual video phase and range skew are removed.
+/// Handling of residual video phase and range skew.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Skew {
     /// Removed.
     #[default]
     Removed,
-    /// Left where they are, to show what they do.
+    /// Kept, to demonstrate their effect.
     Left,
 }
 
-/// How a sweep is faded in: the integral of a Gaussian.
+/// Fade-in of a sweep: the integral of a Gaussian.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
-    /// Its standard deviation.
+    /// Standard deviation, seconds.
     sigma_s: f64,
-    /// From the sweep's begin to the middle of the edge.
+    /// Time from the start of the sweep to the middle of the edge, seconds.
     begin_s: f64,
-    /// From the middle of the edge to where the filter has left nothing of it.
+    /// Time from the middle of the edge to where its effect after the filter has vanished, seconds.
     end_s: f64,
 }
 
@@ -111,18 +111,18 @@ impl Edge {
         }
     }
 
-    /// Amplitudes of the sweep's first samples; 1 for all after them.
+    /// Amplitudes of the sweep's first samples; all later samples have amplitude 1.
     fn fade(&self, sample_rate_hz: f64, num_samples: usize) -> Vec<f64> {
         let step = 1.0 / (sample_rate_hz * self.sigma_s);
         let count = (12.0 / step).ceil() as usize;
         let gauss = |x: f64| libm::exp(-0.5 * x * x);
-        // Simpson's rule over each sample's step: 1e-6 and less with steps below one.
+        // Simpson's rule over the step of each sample: error 1e-6 and less for steps below one.
         const PARTS: usize = 8;
         let mut sum = 0.0;
         let mut fade = Vec::with_capacity(count);
         for k in 0..count.min(num_samples / 2) {
             if k == 0 {
-                // The tail before, by its asymptotic series: within 1 %.
+                // Tail before the first sample, by its asymptotic series: within 1 %.
                 sum = gauss(4.0) / 4.0 * (1.0 - 1.0 / 16.0);
             } else {
                 let h = step / PARTS as f64;
@@ -145,23 +145,23 @@ pub struct Deskewed<E> {
     sweep: Sweep,
     raw_samples: usize,
     skew: Skew,
-    /// How the raw sweep is faded in, and out in reverse: amplitudes of its first samples.
+    /// Fade-in amplitudes of the first raw samples; the fade-out is its reverse.
     fade: Vec<f64>,
-    /// Raw sample of the first one kept.
+    /// Raw sample index of the first sample kept.
     first: usize,
-    /// `d_0`, seconds.
+    /// Common delay `d_0`, seconds.
     common_delay_s: f64,
     forward: Arc<dyn Fft<f64>>,
     inverse: Arc<dyn Fft<f64>>,
 }
 
 impl<E: Echoes> Deskewed<E> {
-    /// Of echoes of a linear sweep, for a scene whose delays are within `half_delay_s` of the
-    /// reference's; that of the collection's extent if `None`.
+    /// Deskew the echoes of an FMCW sweep, for a scene whose delays are within `half_delay_s` of the reference's;
+    /// `None` uses the collection's extent.
     ///
     /// # Errors
-    /// [`ReceiveError`] if the waveform is another one, nothing says how large the scene is, or it is too
-    /// large for the sampling rate or for the sweep.
+    /// [`ReceiveError`] if the waveform is not FMCW, the size of the scene is unknown, or it is too large for the
+    /// sample rate or for the sweep.
     pub fn new(echoes: E, half_delay_s: Option<f64>, skew: Skew) -> Result<Self, ReceiveError> {
         let collection = echoes.collection();
         let fault = |what: String| ReceiveError::new(collection, what);
@@ -181,27 +181,27 @@ impl<E: Echoes> Deskewed<E> {
         let kept = num_samples.saturating_sub(cut.saturating_mul(2));
         if kept < 2 {
             return Err(fault(format!(
-                "a sweep of {num_samples} samples loses {cut} at either end to the scene's delays, and \
-                 little or nothing is left: sweep longer or see less"
+                "a sweep of {num_samples} samples loses {cut} at either end to the delays of the scene, which leaves \
+                                fewer than two: lengthen the sweep, or reduce the extent"
             )));
         }
-        // Turned round, an even number of samples has its middle one elsewhere: one sample less at the raw begin.
-        let turned = chirp_hz_s < 0.0;
-        let first = cut + usize::from(turned && kept % 2 == 0);
+        // When reversed, an even number of samples has another middle sample: drop one sample at the raw start.
+        let reversed = chirp_hz_s < 0.0;
+        let first = cut + usize::from(reversed && kept % 2 == 0);
         let kept = kept - (first - cut);
         let common_delay_s = 0.5 * (least_s + most_s);
         let frequency_hz = |k: usize| {
             let after_s = k as f64 / sample_rate_hz - mixer_delay_s - common_delay_s;
             start_hz + chirp_hz_s * after_s
         };
-        let lowest_hz = frequency_hz(if turned { first + kept - 1 } else { first });
+        let lowest_hz = frequency_hz(if reversed { first + kept - 1 } else { first });
         if lowest_hz <= 0.0 {
             return Err(fault(format!(
-                "its sweep reaches {}; frequencies are positive",
+                "the sweep extends down to {}: expected positive frequencies",
                 hertz(lowest_hz)
             )));
         }
-        // Delays up to half the sampling rate's, and the shift, must not come round.
+        // Delays up to those of half the sample rate, plus the shift, must not wrap around.
         let zeros = (sample_rate_hz * (sample_rate_hz / chirp_hz_s.abs() + drift_s)).ceil();
         let length = fast_length(num_samples + (zeros as usize).min(3 * num_samples));
         let step_hz = chirp_hz_s.abs() / sample_rate_hz;
@@ -222,12 +222,12 @@ impl<E: Echoes> Deskewed<E> {
         })
     }
 
-    /// The echoes behind.
+    /// Raw echoes from which the phase history is computed.
     pub fn echoes(&self) -> &E {
         &self.echoes
     }
 
-    /// Turns `echo` of pulse `n` into `row`; `work` and `scratch` are as long as the transform needs.
+    /// Deskew `echo` of pulse `n` into `row`; `work` and `scratch` have the lengths required by the FFT.
     fn pulse(
         &self,
         n: usize,
@@ -311,7 +311,7 @@ impl<E: Echoes> PhaseHistory for Deskewed<E> {
     }
 
     fn held_bytes(&self) -> u64 {
-        // The transforms' plans are about as large as two of their buffers each.
+        // The FFT plans are about as large as two of their buffers each.
         let plans = 4 * 16 * self.forward.len();
         let pulses = size_of_val(self.collection.pulses.as_slice());
         self.echoes.held_bytes() + (plans + pulses) as u64

@@ -1,4 +1,4 @@
-//! Raw samples held in memory: recordings small enough, which one-box radars' are.
+//! Raw samples held in memory, for small recordings.
 
 use std::ops::Range;
 
@@ -7,23 +7,23 @@ use num_complex::Complex32;
 use super::{EchoCollection, Echoes, ReceiveError};
 use subaperture_model::phase_history::{ReadError, check_finite};
 
-/// Echoes and their record in memory.
+/// Echoes and their description in memory.
 #[derive(Clone, Debug)]
-pub struct Held {
+pub struct StoredEchoes {
     collection: EchoCollection,
     samples: Vec<Complex32>,
 }
 
-impl Held {
-    /// Takes `samples` as pulse-major, as many a pulse as the waveform has.
+impl StoredEchoes {
+    /// Make echoes from pulse-major `samples`, with as many samples per pulse as the waveform has.
     ///
     /// # Errors
-    /// [`ReceiveError`] if there are none, the lengths disagree, or a sample is not finite.
+    /// [`ReceiveError`] if there are no samples, the lengths disagree, or a sample is not finite.
     pub fn new(collection: EchoCollection, samples: Vec<Complex32>) -> Result<Self, ReceiveError> {
         let (pulses, width) = (collection.pulses.len(), collection.waveform.num_samples());
         if samples.is_empty() || samples.len() != pulses * width {
             let what = format!(
-                "{pulses} pulses of {width} samples need as many values and at least one, not {}",
+                "{pulses} pulses of {width} samples: expected as many values and at least one, got {}",
                 samples.len()
             );
             return Err(ReceiveError::new(&collection, what));
@@ -37,7 +37,7 @@ impl Held {
     }
 }
 
-impl Echoes for Held {
+impl Echoes for StoredEchoes {
     fn collection(&self) -> &EchoCollection {
         &self.collection
     }

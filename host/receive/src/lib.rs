@@ -1,37 +1,36 @@
-//! From echoes to phase history: what a receiver's samples need before any image former can use them.
+//! Conversion of radar echoes into phase history, the input of image formers: pulse compression, deskew of FMCW sweeps,
+//! referencing.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `receive`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; module `receive` of the crate
+//! `subaperture`.
 //!
-//! [`Echoes`] are raw samples with the record of how they were taken, simulated or measured. Adapters
-//! on top of them are [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory), read on demand:
+//! [`Echoes`] are raw samples with a description of their acquisition, simulated or measured. Adapters convert them to
+//! [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory), which is computed when read:
 //!
-//! | waveform | adapter | what it does |
+//! | waveform | adapter | processing |
 //! |---|---|---|
-//! | [`Waveform::Pulsed`] | [`Compressed`] | matched or inverse filter, cut to the band |
-//! | [`Waveform::Fmcw`] | [`Deskewed`] | residual video phase and range skew removed |
-//! | [`Waveform::Stepped`], [`Waveform::Ideal`] | [`Referenced`] | nothing more |
-//! | range profiles, real or complex | [`Profiles`] | spectrum over range, cut to the band |
+//! | [`Waveform::Pulsed`] | [`Compressed`] | matched or inverse filter, limited to the band |
+//! | [`Waveform::Fmcw`] | [`Deskewed`] | removal of residual video phase and range skew |
+//! | [`Waveform::Stepped`], [`Waveform::Ideal`] | [`Referenced`] | referencing only |
+//! | range profiles, real or complex | [`Profiles`] | spectrum over range, limited to the band |
 //!
-//! All refer phases to each pulse's reference path, in float64.
+//! All of them reference phases to each pulse's reference path (motion compensation), in float64.
 //!
 //! # Phase of echoes
-//! A scatterer of delay `tau` at frequency `f` gives `exp(-j 2 pi f tau)`, absolute: the oscillator
-//! that echoes are mixed with starts every pulse with phase 0. For a pulse `p(t)` at baseband sample
-//! `i` is `exp(-j 2 pi centre_hz tau) p(t_i - tau)`, `t_i = window_start_s + i / sample_rate_hz`; for a
-//! sweep it is as [`Waveform::Fmcw`] says; for carriers sample `k` is `exp(-j 2 pi f_k tau)`.
+//! A scatterer with delay `tau` has the absolute phase `exp(-j 2 pi f tau)` at frequency `f`: the oscillator with which
+//! echoes are mixed starts every pulse with phase 0. For a baseband pulse `p(t)`, sample `i` is `exp(-j 2 pi centre_hz
+//! tau) p(t_i - tau)` with `t_i = window_start_s + i / sample_rate_hz`. For an FMCW sweep see [`Waveform::Fmcw`]. For
+//! stepped carriers, sample `k` is `exp(-j 2 pi f_k tau)`.
 //!
-//! # Motion while a pulse lasts
-//! [`Echoes::reference_path_m`] gives the reference path of a sample at its own moment, from the
-//! measured track. [`Deskewed`] and [`Referenced`] compensate every sample with it, so that nothing
-//! is neglected for a scatterer at the reference point. For others the difference of delay rates
-//! stays in the phases, and formers compensate it: the geometry recorded is that of the middle sample, and
-//! [`Sweep`] says when the others were taken and how the antennas move from one to the next, by a parabola through
-//! the track at three moments of the sweep. Uncompensated, a sweep of rate `chirp` would shift a scatterer's
-//! delay by `(rate_p - rate_ref) centre_hz / chirp`, the coupling of range and Doppler: with 1 m/s of difference,
-//! 77 GHz and 30 MHz/us 1.3 mm.
-//! [`Compressed`] takes a pulse as short: it neglects the Doppler phase over the pulse's length, unless it is told how fast the
-//! antennas were ([`Compressed::moving`]).
+//! # Intra-pulse motion
+//! [`Echoes::reference_path_m`] is the reference path of a sample at its own time, according to the measured track.
+//! [`Deskewed`] and [`Referenced`] compensate every sample with it, so that nothing is neglected for a scatterer at the
+//! reference point. For other scatterers the difference of delay rates remains in the phases, and image formers
+//! compensate it: the recorded geometry is that of the middle sample, and [`Sweep`] describes the times of the other
+//! samples and the antennas' motion between them, by a parabola through the track at three times of the sweep. Without
+//! compensation, range-Doppler coupling shifts a scatterer's delay by `(rate_p - rate_ref) centre_hz / chirp`: 1.3 mm
+//! for a difference of 1 m/s, 77 GHz and 30 MHz/us. [`Compressed`] treats pulses as short: it neglects the Doppler
+//! phase over the pulse unless the antennas' velocities are given ([`Compressed::moving`]).
 #![forbid(unsafe_code)]
 
 mod background;
@@ -54,76 +53,75 @@ use subaperture_model::radar::Waveform;
 pub use background::remove_background;
 pub use compress::{Compressed, Filter};
 pub use deskew::{Deskewed, Skew};
-pub use held::Held;
+pub use held::StoredEchoes;
 pub use profiles::{ProfileAxis, ProfileError, Profiles};
 pub use refer::Referenced;
 
-/// Geometry of one echo, as recorded. Positions in metres in the scene frame.
+/// Recorded geometry of one echo. Positions are in metres in the scene frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoPulse {
     /// Time of the pulse, seconds from the collection's start.
     pub time_s: f64,
-    /// Phase centre of the transmitting antenna.
+    /// Phase centre of the transmit antenna, metres.
     pub transmitter_m: DVec3,
-    /// Phase centre of the receiving antenna.
+    /// Phase centre of the receive antenna, metres.
     pub receiver_m: DVec3,
-    /// Point to which phases are to be referred.
+    /// Motion compensation reference point, metres.
     pub reference_m: DVec3,
-    /// Two-way path to which phases are to be referred.
+    /// Two-way reference path, metres.
     pub reference_path_m: f64,
 }
 
-/// What a channel of echoes holds beside its samples.
+/// Description of a channel of echoes.
 #[derive(Clone, Debug)]
 pub struct EchoCollection {
-    /// A name for titles and reports.
+    /// Name, for titles and reports.
     pub name: String,
-    /// What was transmitted, and how the echo was sampled.
+    /// Transmitted waveform, and sampling of the echo.
     pub waveform: Waveform,
-    /// Every pulse, in the order of its samples.
+    /// Pulses in the order of their samples.
     pub pulses: Vec<EchoPulse>,
-    /// Where the scene frame lies.
+    /// Position of the scene frame on the Earth.
     pub frame: SceneFrame,
-    /// The part of the scene the collection is meant for, if it says so.
+    /// Extent of the scene to be imaged; `None` if unknown.
     pub extent: Option<Extent>,
-    /// Whether the recording tells times.
+    /// Whether the recording contains pulse times.
     pub timed: bool,
 }
 
-/// Raw samples of one pair of antennas, any run of pulses at a time.
+/// Raw samples of an antenna pair, read by ranges of pulses.
 pub trait Echoes: Sync + Send {
     /// Geometry and waveform.
     fn collection(&self) -> &EchoCollection;
 
-    /// Reads pulses `pulses` into `samples`, pulse-major,
-    /// [`Waveform::num_samples`] each, every value finite.
+    /// Read the pulses `pulses` into `samples`, pulse-major, with [`Waveform::num_samples`] samples each. All values
+    /// are finite.
     ///
     /// # Panics
-    /// If the lengths disagree or `pulses.end` is past the last pulse.
+    /// If the lengths disagree or `pulses.end` is beyond the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
-    /// Whether the radar moves on while a pulse lasts, so that each sample has antennas and a reference path of its
-    /// own.
+    /// Whether the radar moves during a pulse, so that each sample has its own antenna positions and reference path.
     fn moves(&self) -> bool {
         false
     }
 
-    /// Two-way reference path of the sample taken `after_s` after the pulse's start, metres, by the
-    /// measured track. The default is a radar that stands still while a pulse lasts.
+    /// Two-way reference path of the sample taken `after_s` after the pulse's start, metres, according to the measured
+    /// track. Default: stop-and-go, the path of the pulse.
     fn reference_path_m(&self, pulse: usize, _after_s: f64) -> f64 {
         self.collection().pulses[pulse].reference_path_m
     }
 
-    /// Where, by the measured track, the transmitter was when the wave left it and the receiver when the sample
-    /// was taken `after_s` after the pulse's start, metres. The default is a radar that stands still while
-    /// a pulse lasts.
+    /// Positions, according to the measured track, of the transmitter when the wave was transmitted and of the receiver
+    /// when the sample was taken `after_s` after the pulse's start, metres. Default: stop-and-go, the positions of the
+    /// pulse.
     fn antennas_m(&self, pulse: usize, _after_s: f64) -> [DVec3; 2] {
         let pulse = &self.collection().pulses[pulse];
         [pulse.transmitter_m, pulse.receiver_m]
     }
 
-    /// Delay of sample 0 after the start of this pulse, seconds, where the waveform is a pulse: the waveform's own, unless the
-    /// receiver's windows move from pulse to pulse.
+    /// Delay of sample 0 after the start of this pulse, seconds, for pulsed waveforms: that of the waveform, unless the
+    /// receive window changes from pulse to pulse.
     fn window_start_s(&self, _pulse: usize) -> f64 {
         match self.collection().waveform {
             Waveform::Pulsed { window_start_s, .. } => window_start_s,
@@ -131,25 +129,25 @@ pub trait Echoes: Sync + Send {
         }
     }
 
-    /// Where transmitter and receiver truly were, as
+    /// True antenna positions, as in
     /// [`PhaseHistory::true_antennas`](subaperture_model::phase_history::PhaseHistory::true_antennas).
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         None
     }
 
-    /// Bytes held in memory for as long as this lives.
+    /// Memory held for the lifetime of this value, bytes.
     fn held_bytes(&self) -> u64 {
         size_of_val(self.collection().pulses.as_slice()) as u64
     }
 
-    /// The files behind the echoes.
+    /// Files from which the echoes are read.
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         Ok(Vec::new())
     }
 }
 
-/// Echoes as phase history of `count` frequencies from `start_hz` on, the middle raw sample as sample `count / 2`.
-/// `sample_s` is the time from one frequency to the next, seconds.
+/// Phase history description of echoes with `count` frequencies from `start_hz` on; the middle raw sample is sample
+/// `count / 2`. `sample_s` is the time from one frequency to the next, seconds.
 fn collection_of(
     echoes: &impl Echoes,
     (start_hz, step_hz, count): (f64, f64, usize),
@@ -176,8 +174,9 @@ fn collection_of(
     }
 }
 
-/// How the antennas move from sample to sample of pulse `n`. The parabola through the track at the middle and at
-/// `sqrt(3) / 2` of the half sweep before and after (the zeros of Chebyshev's cubic) leaves the least of a cubic.
+/// Intra-pulse motion of the antennas in pulse `n`. The parabola passes through the track at the middle and at `sqrt(3)
+/// / 2` of the half sweep before and after it (the zeros of the cubic Chebyshev polynomial), which minimises the error
+/// of a cubic.
 fn sweep_of(echoes: &impl Echoes, n: usize, count: usize, sample_s: f64) -> Sweep {
     let half_s = 0.75f64.sqrt() * 0.5 * count as f64 * sample_s.abs();
     if !echoes.moves() || half_s == 0.0 {
@@ -190,7 +189,7 @@ fn sweep_of(echoes: &impl Echoes, n: usize, count: usize, sample_s: f64) -> Swee
     let velocity = |i: usize| (after[i] - before[i]) / (2.0 * half_s);
     let acceleration =
         |i: usize, at_m: DVec3| (after[i] - at_m - (at_m - before[i])) / (half_s * half_s);
-    // A path that is the same at both ends and in the middle is one for all samples.
+    // A path that is equal at both ends and in the middle is constant for all samples.
     let followed = [-half_s, half_s]
         .iter()
         .any(|s| echoes.reference_path_m(n, middle_s + s) != pulse.reference_path_m);
@@ -205,20 +204,20 @@ fn sweep_of(echoes: &impl Echoes, n: usize, count: usize, sample_s: f64) -> Swee
 }
 
 impl EchoPulse {
-    /// Delay of `point` after that of the reference path, seconds.
+    /// Delay of `point` relative to the reference path, seconds.
     fn relative_delay_s(&self, point: DVec3) -> f64 {
         let path_m = self.transmitter_m.distance(point) + self.receiver_m.distance(point);
         (path_m - self.reference_path_m) / SPEED_OF_LIGHT_M_S
     }
 }
 
-/// Echoes do not suit an adapter.
+/// Echoes that an adapter cannot process.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name}: {what}")]
 pub struct ReceiveError {
     /// Name of the collection.
     pub name: String,
-    /// What is wrong, and what to do.
+    /// Fault, and what to change.
     pub what: String,
 }
 
@@ -231,11 +230,11 @@ impl ReceiveError {
     }
 }
 
-/// Bytes of raw samples that an adapter reads at a time, at most, or one pulse.
+/// Bytes of raw samples that an adapter reads at a time, unless a single pulse is larger.
 const BLOCK_BYTES: usize = 4 << 20;
 
-/// Reads `pulses` in blocks and hands raw samples, `raw` a pulse, with the rows they go to, `width` a
-/// pulse, and the index of the block's first pulse to `process`.
+/// Read `pulses` in blocks, and call `process` with the index of the block's first pulse, the raw samples (`raw` per
+/// pulse), and the output rows (`width` per pulse).
 fn in_blocks(
     echoes: &impl Echoes,
     raw: usize,

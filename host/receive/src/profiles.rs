@@ -1,23 +1,23 @@
-//! Range profiles become phase history: impulse radars, and radars that deliver profiles compressed already.
+//! Conversion of range profiles into phase history, for impulse radars and radars that deliver compressed profiles.
 //!
-//! Bin `i` of a profile is the echo at the range `r_i = r_0 + i dr`, that is at `t_i = 2 r_i / c`. With `f_c` the
-//! frequency that the profile's 0 Hz stands for, its spectrum over bins is that of the pulse, `P`, turned:
+//! Bin `i` of a profile is the echo at the range `r_i = r_0 + i dr`, or at the time `t_i = 2 r_i / c`. With `f_c` the
+//! frequency to which 0 Hz of the profile corresponds, the spectrum over bins is that of the pulse, `P`, phase-rotated:
 //!
 //! ```text
 //! X[m] = sum_i x[i] exp(-j 2 pi m i / N) = P(f_m) exp(-j 2 pi f_c tau) exp(-j 2 pi f_m (tau - t_0)),   f_m = m c / (2 dr N)
 //! z[m] = g X[m] exp(+j 2 pi ((f_c + f_m) reference_path / c - f_m t_0)) = g P(f_m) exp(-j 2 pi (f_c + f_m)(tau - tau_ref))
 //! ```
 //!
-//! A real-valued waveform has `f_c = 0`; of its spectrum only positive frequencies are kept, which is its
-//! analytic signal, without a Hilbert transform. The band cuts what the pulse does not hold: noise, and
-//! the offset of the converter. With `K` of `N` frequencies kept, `g` is `K / N` of complex profiles and `2 K / N` of real ones,
-//! so that an echo whose envelope in the band peaks at `A` reads `A` in an image without windows.
+//! A real-valued waveform has `f_c = 0`; only the positive frequencies of its spectrum are kept, which is the analytic
+//! signal without a Hilbert transform. The band excludes frequencies outside the pulse: noise, and the converter's
+//! offset. With `K` of `N` frequencies kept, `g` is `K / N` for complex profiles and `2 K / N` for real ones, so that
+//! an echo whose envelope within the band has a peak of `A` has amplitude `A` in an image without windows.
 //!
-//! The pulse's own phase is left in `P`: it blurs range alike for all echoes, and moves them by its group
-//! delay, which belongs to the range bias. What lies beyond the profile's ends folds into it, as in any
-//! circular transform: the scene repeats after `N dr`.
+//! The pulse's own phase remains in `P`: it broadens the range response equally for all echoes, and shifts them by its
+//! group delay, which is part of the range bias. Echoes beyond the ends of the profile wrap around, as in any circular
+//! transform: the unambiguous range is `N dr`.
 //!
-//! Cost: an FFT in float64 a pulse. Memory: the profiles, as they are read.
+//! Cost: one float64 FFT per pulse. Memory: the profiles as read.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -30,20 +30,20 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError, check_finite};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// Where a profile's bins are, and what they hold.
+/// Range axis of profiles, and their frequency reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileAxis {
     /// Range of bin 0, metres.
     pub first_range_m: f64,
-    /// Range from bin to bin, metres; positive.
+    /// Bin spacing in range, metres; positive.
     pub range_step_m: f64,
     /// Number of bins.
     pub num_bins: usize,
-    /// Frequency that 0 Hz of complex profiles stands for, hertz; `None` of a real-valued waveform.
+    /// Frequency to which 0 Hz of complex profiles corresponds, hertz; `None` for a real-valued waveform.
     pub centre_hz: Option<f64>,
 }
 
-/// Profiles do not make phase history.
+/// Profiles that cannot be converted into phase history.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct ProfileError(String);
@@ -60,12 +60,12 @@ pub struct Profiles {
 }
 
 impl Profiles {
-    /// Of `profiles`, pulse-major, cut to the band from `band_hz.0` to `band_hz.1`. The frequencies of
+    /// Convert pulse-major `profiles`, limited to the band from `band_hz.0` to `band_hz.1`. The frequencies of
     /// `collection` and of its pulses are set here.
     ///
     /// # Errors
-    /// [`ProfileError`]: lengths that disagree, a sample that is not finite, or a band that the profiles do not
-    /// hold.
+    /// [`ProfileError`] for lengths that disagree, a sample that is not finite, or a band that the profiles do not
+    /// contain.
     pub fn new(
         mut collection: Collection,
         axis: ProfileAxis,
@@ -76,12 +76,15 @@ impl Profiles {
         let (count, bins) = (collection.pulses.len(), axis.num_bins);
         if bins == 0 || count == 0 || profiles.len() != count * bins {
             return fault(format!(
-                "{count} profiles of {bins} bins need as many values and at least one, not {}",
+                "{count} profiles of {bins} bins: expected as many values and at least one, got {}",
                 profiles.len()
             ));
         }
         if !(axis.range_step_m > 0.0 && axis.range_step_m.is_finite()) {
-            return fault(format!("its bins are {} m apart", axis.range_step_m));
+            return fault(format!(
+                "bin spacing of {} m: expected a positive number",
+                axis.range_step_m
+            ));
         }
         let step_hz = SPEED_OF_LIGHT_M_S / (2.0 * axis.range_step_m * bins as f64);
         let centre_hz = axis.centre_hz.unwrap_or(0.0);
@@ -91,8 +94,8 @@ impl Profiles {
         let least = if axis.centre_hz.is_some() { -half } else { 0.0 };
         if !(first_step > least && last_step < half && band_hz.0 > 0.0) {
             return fault(format!(
-                "bins of {:.6} m hold frequencies above {:.6} GHz and below {:.6} GHz, and the band is from \
-                 {:.6} to {:.6} GHz",
+                "bins of {:.6} m contain frequencies above {:.6} GHz and below {:.6} GHz, but the band is \
+                                {:.6} to {:.6} GHz",
                 axis.range_step_m,
                 (centre_hz + least * step_hz).max(0.0) / 1e9,
                 (centre_hz + half * step_hz) / 1e9,
@@ -102,7 +105,7 @@ impl Profiles {
         }
         if last_step < first_step + 1.0 {
             return fault(format!(
-                "its frequencies are {:.6} MHz apart, so the band holds fewer than two: widen it",
+                "frequency spacing of {:.6} MHz: the band contains fewer than two frequencies. Widen it",
                 step_hz / 1e6
             ));
         }
@@ -214,7 +217,8 @@ mod tests {
         }
     }
 
-    /// A Gaussian pulse of 0.8 GHz standard deviation at 4 GHz and range 4.2345 m: real, or at baseband.
+    /// Gaussian pulse with a standard deviation of 0.8 GHz at 4 GHz and a range of 4.2345 m: real-valued, or at
+    /// baseband.
     fn pulse(complex: bool) -> Vec<Complex32> {
         let (sigma_hz, carrier_hz) = (0.8e9, 4e9);
         (0..BINS)
@@ -233,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn an_echo_has_the_defined_phase_at_every_frequency() {
+    fn profile_echo_has_defined_phase_at_every_frequency() {
         for complex in [false, true] {
             let centre = complex.then_some(4e9);
             let made = Profiles::new(collection(8.0), axis(centre), (3e9, 5e9), pulse(complex));
@@ -246,29 +250,29 @@ mod tests {
                 let expected =
                     phasor(-at.frequency_hz(k) * (2.0 * 4.2345 - 8.0) / SPEED_OF_LIGHT_M_S);
                 let turned = widen(z) * expected.conj();
-                // float32's rounding of 512 values against a spectrum of some 10 at its edges; the
-                // negative frequencies' tail is exp(-(7 / 0.8)^2 / 2).
+                // float32 rounding of 512 values, against a spectrum of about 10 at its edges; the tail of the negative
+                // frequencies is exp(-(7 / 0.8)^2 / 2).
                 assert!(turned.arg().abs() < 1e-4, "{complex} {k}: {}", turned.arg());
             }
-            // The image's value on the echo is the mean; cut to +-1.25 sigma the envelope keeps
-            // erf(1.25 / sqrt 2) = 0.7887 of its peak.
+            // The image value at the echo is the mean; limited to +-1.25 sigma, the envelope keeps erf(1.25 / sqrt 2) =
+            // 0.7887 of its peak.
             let mean = row.iter().zip(0..).fold(Complex64::ZERO, |sum, (&z, k)| {
                 let turns = at.frequency_hz(k) * (2.0 * 4.2345 - 8.0) / SPEED_OF_LIGHT_M_S;
                 sum + widen(z) * phasor(turns)
             }) / width as f64;
-            // The sum over steps against the integral: an end's half step, 1 % of the sum.
+            // Sum over steps against the integral: half a step at an end, 1 % of the sum.
             assert!((mean.norm() - 0.7887).abs() < 0.01, "{}", mean.norm());
         }
     }
 
     #[test]
-    fn bands_that_are_not_there_are_refused() {
+    fn bands_outside_profile_spectrum_are_refused() {
         let refuse =
             |centre, band| match Profiles::new(collection(8.0), axis(centre), band, pulse(false)) {
-                Ok(_) => panic!("taken"),
+                Ok(_) => panic!("accepted"),
                 Err(error) => error.to_string(),
             };
-        // 512 bins of 1 cm: 29.28 MHz steps up to 7.49 GHz.
+        // 512 bins of 1 cm: steps of 29.28 MHz up to 7.49 GHz.
         assert!(refuse(None, (3e9, 8e9)).contains("below 7.49"));
         assert!(refuse(None, (3e9, 3.02e9)).contains("29.2"));
         assert!(refuse(Some(20e9), (3e9, 5e9)).contains("above 12.5"));

@@ -1,11 +1,11 @@
-//! Phases referred to the reference path, sample by sample.
+//! Referencing of phases to the reference path, sample by sample.
 //!
 //! ```text
 //! z[n][k] = s[n][k] exp(+j 2 pi f_k reference_path_n(t_k) / c)
 //! ```
 //!
-//! with the reference path at the sample's own moment, `t_k = k step_s` for carriers one after another
-//! (Chim 2018, 5.5). Phases in float64; a float32 rounding a sample. Cost: one phasor a sample.
+//! with the reference path at the sample's own time, `t_k = k step_s` for stepped carriers (Chim 2018, 5.5). Phases are
+//! float64, with one float32 rounding per sample. Cost: one phasor per sample.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ use subaperture_model::phase_history::{Band, Collection, InputFile, PhaseHistory
 use subaperture_model::radar::Waveform;
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// Phase history of a stepped or an ideal radar.
+/// Phase history of a stepped-frequency or an ideal radar.
 #[derive(Clone, Debug)]
 pub struct Referenced<E> {
     echoes: E,
@@ -30,22 +30,22 @@ pub struct Referenced<E> {
 }
 
 impl<E: Echoes> Referenced<E> {
-    /// Of echoes of carriers one after another, or all at once.
+    /// Reference the echoes of stepped or simultaneous carriers.
     ///
     /// # Errors
-    /// [`ReceiveError`] if the waveform is another one or its carriers do not rise.
+    /// [`ReceiveError`] if the waveform is another one, or its carriers are not positive and ascending.
     pub fn new(echoes: E) -> Result<Self, ReceiveError> {
         let collection = echoes.collection();
         let (band, step_s) = match collection.waveform {
             Waveform::Ideal { band } => (band, 0.0),
             Waveform::Stepped { band, step_s, .. } => (band, step_s),
             _ => {
-                let what = "its waveform is not a set of carriers; compress or deskew it";
+                let what = "expected a stepped or ideal waveform: compress a pulsed or deskew an FMCW waveform instead";
                 return Err(ReceiveError::new(collection, what));
             }
         };
         if !(band.start_hz > 0.0 && band.step_hz > 0.0 && band.count > 0) {
-            let what = format!("{band:?}: there must be carriers, positive and rising");
+            let what = format!("{band:?}: expected positive, ascending carriers");
             return Err(ReceiveError::new(collection, what));
         }
         let axis = (band.start_hz, band.step_hz, band.count);
@@ -58,7 +58,7 @@ impl<E: Echoes> Referenced<E> {
         })
     }
 
-    /// The echoes behind.
+    /// Raw echoes from which the phase history is computed.
     pub fn echoes(&self) -> &E {
         &self.echoes
     }

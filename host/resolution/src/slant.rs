@@ -1,24 +1,24 @@
-//! The slant plane of a collection: that in which its samples lie, range and cross-range.
+//! Slant plane of a collection: the plane of range and cross-range.
 //!
-//! Seen from a place, the middle pulse's path grows the fastest along `u`, the direction of range; from the first pulse to the last that direction
-//! turns by some `d`. The plane through the place along both is the slant plane: y along `u`, away from the antennas, x along what of `d` is
-//! square to it, with the normal `x cross y` upwards in the scene frame. For a straight track it holds the track.
+//! At a scene point, the path of the middle pulse increases fastest along `u`, the range direction. From the first pulse to the last that direction
+//! changes by `d`. The slant plane passes through the point along both: y along `u`, away from the antennas, x along the component of `d`
+//! normal to it, with the normal `x cross y` upwards in the scene frame. It contains a straight track.
 //!
-//! In it a collection's resolution is the finest, and a scatterer off the plane is displaced to where its own circle about the track meets the plane.
+//! Resolution is finest in this plane. A scatterer off the plane is displaced to the intersection of its circle about the track with the plane (layover).
 
 use glam::DVec3;
 
 use crate::support::{Looks, path_gradient};
 use crate::survey::default_grid::round_to_two_digits;
-use crate::survey::{MOST_PIXELS, NoDefaultGrid};
+use crate::survey::{MAX_PIXELS, NoDefaultGrid};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::window::Window;
 
-/// A direction that turns by less than this, radians, spans no plane.
-const LEAST_TURN: f64 = 1e-9;
+/// Smallest change of the range direction that defines a plane, radians.
+const MIN_TURN: f64 = 1e-9;
 
-/// Axes x and y of the slant plane at a place; none where the antennas do not move across their line of sight.
+/// Axes x and y of the slant plane at a scene point; `None` if the antennas do not move across the line of sight.
 pub fn slant_axes(collection: &Collection, place_m: DVec3) -> Option<[DVec3; 2]> {
     let pulses = &collection.pulses;
     let gradient = |n: usize| {
@@ -32,7 +32,7 @@ pub fn slant_axes(collection: &Collection, place_m: DVec3) -> Option<[DVec3; 2]>
     let y = gradient(pulses.len() / 2)?.normalize_or_zero();
     let turn = gradient(pulses.len().checked_sub(1)?)? - gradient(0)?;
     let across = turn - y * turn.dot(y);
-    if across.length().is_nan() || across.length() < LEAST_TURN {
+    if across.length().is_nan() || across.length() < MIN_TURN {
         return None;
     }
     let x = across.normalize();
@@ -42,11 +42,11 @@ pub fn slant_axes(collection: &Collection, place_m: DVec3) -> Option<[DVec3; 2]>
     })
 }
 
-/// The grid in the slant plane at a horizontal one's origin that covers what that covers, its pixels half of what they may be apart without folding;
-/// its middle, where that is more than [`MOST_PIXELS`].
+/// Grid in the slant plane at the origin of a horizontal grid that covers the same area, with half the largest alias-free pixel spacing.
+/// Cropped about its centre to [`MAX_PIXELS`].
 ///
 /// # Errors
-/// [`NoDefaultGrid`] where there is no slant plane.
+/// [`NoDefaultGrid`] if there is no slant plane.
 pub fn slant_grid(
     collection: &Collection,
     horizontal: &ImageGrid,
@@ -79,7 +79,7 @@ pub fn slant_grid(
         if !(step.is_finite() && step > 0.0) {
             return Err(NoDefaultGrid::no_slant_plane());
         }
-        let most = (MOST_PIXELS as f64).sqrt() * step;
+        let most = (MAX_PIXELS as f64).sqrt() * step;
         let middle = low.midpoint(high);
         let half = (0.5 * (high - low)).min(0.5 * most);
         let half = (half / step + 1e-9).floor().max(1.0) * step;
@@ -105,9 +105,9 @@ mod tests {
     use subaperture_model::geometry::SceneFrame;
     use subaperture_model::phase_history::{Pulse, Sweep};
 
-    /// A straight track 3 km up and 4 km before the scene: the plane through both lines, whose normal is (0, -3, 4) / 5.
+    /// A straight track at 3 km height and 4 km ground distance: the normal of the slant plane is (0, -3, 4) / 5.
     #[test]
-    fn a_straight_track_lies_in_its_slant_plane() {
+    fn slant_plane_contains_straight_track() {
         let pulse = |x: f64| Pulse {
             time_s: 0.0,
             transmitter_m: DVec3::new(x, -4000.0, 3000.0),
@@ -138,8 +138,8 @@ mod tests {
             assert!(y.distance(DVec3::new(0.0, 0.8, -0.6)) < 1e-9, "{y}");
             let horizontal: ImageGrid = "x=-10:10:1,y=-20:20:1".parse().unwrap();
             let grid = slant_grid(&collection, &horizontal).unwrap();
-            // 40 m of ground are 32 m of slant range. From the track's ends 10 GHz lie at the cosine of 200 m over 5 km, 0.9992, along y:
-            // 2 (10.1 GHz - 9.992 GHz) / c are 0.72 cycles a metre, and half a period rounds down to 0.69 m.
+            // 40 m of ground range are 32 m of slant range. At the track's ends 10 GHz projects on y with the cosine of 200 m over 5 km, 0.9992:
+            // 2 (10.1 GHz - 9.992 GHz) / c are 0.72 cycles per metre, and half a period rounds down to 0.69 m.
             assert!((grid.rows.step - 0.69).abs() < 1e-12, "{:?}", grid.rows);
             let reach = grid.rows.count as f64 * grid.rows.step;
             assert!((30.5..=32.0).contains(&reach), "{reach}");

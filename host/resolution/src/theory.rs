@@ -1,47 +1,47 @@
-//! What the response of a windowed band should be, and of any support ([`crate::support`]), whose projection
-//! on the line of a cut takes the band's place.
+//! Theoretical impulse response of a windowed band, or of any support ([`crate::support`]) whose projection
+//! on a cut replaces the band.
 //!
-//! The transform of `n` weights `w_k` that fill a band of one cycle a cell, evaluated directly,
+//! The transform of `n` weights `w_k` over a band of one cycle per cell is evaluated directly,
 //!
 //! ```text
 //! D(x) = sum_k w_k cos(2 pi (k - (n - 1) / 2) x / n) / sum_k w_k
 //! ```
 //!
-//! at `x` cells from the peak; a cell is one over the band's width, `c / (2 B)` in range of a monostatic
-//! radar. Unweighted it is Dirichlet's kernel: 0.886 cells wide, first null at 1 cell, PSLR -13.26 dB.
-//! Weights are taken as symmetric about the middle, as all of [`subaperture_signal::window`] are.
+//! at `x` cells from the peak; a cell is one over the bandwidth, `c / (2 B)` in range for a monostatic
+//! radar. Unweighted it is the Dirichlet kernel: 3 dB width 0.886 cells, first null at 1 cell, PSLR -13.26 dB.
+//! Weights are assumed symmetric about the centre, as all of [`subaperture_signal::window`] are.
 //!
-//! Widths are found by bisection, lobes on a grid of 1/64 cell with a parabola, energies by Simpson's
-//! rule on it. Cost: `128 span n` cosines.
+//! Widths are found by bisection, sidelobes on a grid of 1/64 cell with a parabola, energies by Simpson's
+//! rule on that grid. **Cost** `128 span n` cosines.
 
 use std::f64::consts::PI;
 
-/// Steps a cell.
+/// Steps per cell.
 const FINE: usize = 64;
 
-/// Side lobes by one rule of what the main lobe is, dB.
+/// Sidelobe ratios for one definition of the main lobe, dB.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SideLobes {
-    /// Highest local maximum outside the main lobe over the peak, of power; `None` if there is none.
+    /// Peak sidelobe ratio (PSLR), dB: highest local maximum outside the main lobe; `None` if there is none.
     pub pslr_db: Option<f64>,
-    /// Energy outside the main lobe, within the span, over the energy inside it.
+    /// Integrated sidelobe ratio (ISLR), dB: energy outside the main lobe, within the span, over the energy inside.
     pub islr_db: Option<f64>,
 }
 
-/// A response in theory; lengths in cells, or in whatever [`expected_of`] was given them in.
+/// Theoretical response; lengths in cells, or in the unit given to [`expected_of`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Expected {
-    /// Width between the points of half the peak's power.
+    /// 3 dB width.
     pub width_3db: f64,
-    /// First minimum; `None` if there is none within the span.
+    /// First minimum; `None` if it is outside the span.
     pub null: Option<f64>,
-    /// Side lobes where the main lobe ends at the first minimum.
+    /// Sidelobes for a main lobe up to the first minimum.
     pub null_rule: SideLobes,
-    /// Side lobes where it ends a given number of widths from the peak.
+    /// Sidelobes for a main lobe of a fixed number of 3 dB widths.
     pub fixed_rule: SideLobes,
 }
 
-/// `D(x)` of these weights.
+/// Transform `D(x)` of the weights at `cells` from the peak.
 pub fn transform(weights: &[f64], cells: f64) -> f64 {
     let middle = (weights.len() as f64 - 1.0) / 2.0;
     let turn = 2.0 * PI * cells / weights.len() as f64;
@@ -52,8 +52,8 @@ pub fn transform(weights: &[f64], cells: f64) -> f64 {
     sum / weights.iter().sum::<f64>()
 }
 
-/// The response out to `span` cells on both sides; the fixed rule's main lobe reaches
-/// `main_lobe_widths` widths. `None` of no weights, or if the half-power points are not within the span.
+/// Theoretical response within `span` cells on both sides; the fixed main lobe extends
+/// `main_lobe_widths` 3 dB widths. `None` without weights, or if the half-power points are outside the span.
 pub fn expected(weights: &[f64], span: f64, main_lobe_widths: f64) -> Option<Expected> {
     if weights.is_empty() {
         return None;
@@ -62,8 +62,8 @@ pub fn expected(weights: &[f64], span: f64, main_lobe_widths: f64) -> Option<Exp
     expected_of(&power, 1.0, span, main_lobe_widths)
 }
 
-/// The same of any response by its power over the peak's, the same on both sides of the peak, as that of weights
-/// which are not negative is; `cell` is the scale on which it changes.
+/// As [`expected`], for any symmetric response given as power relative to the peak (non-negative weights);
+/// `cell` is the scale on which it varies.
 pub fn expected_of(
     power: &dyn Fn(f64) -> f64,
     cell: f64,
@@ -105,7 +105,7 @@ pub fn expected_of(
     })
 }
 
-/// The minimum next to sample `i`, by trisection.
+/// Minimum near sample `i`, by trisection.
 fn least(power: &dyn Fn(f64) -> f64, i: usize) -> f64 {
     let (mut low, mut high) = (
         (i as f64 - 1.0) / FINE as f64,
@@ -122,7 +122,7 @@ fn least(power: &dyn Fn(f64) -> f64, i: usize) -> f64 {
     low.midpoint(high)
 }
 
-/// The highest maximum beyond `end` cells, with a parabola through its three samples.
+/// Highest maximum beyond `end` cells, by a parabola through three samples.
 fn highest(samples: &[f64], end: f64) -> Option<f64> {
     (1..samples.len().checked_sub(1)?)
         .filter(|&i| i as f64 / FINE as f64 > end)
@@ -134,7 +134,7 @@ fn highest(samples: &[f64], end: f64) -> Option<f64> {
         .reduce(f64::max)
 }
 
-/// Simpson's rule with at least [`FINE`] steps a cell.
+/// Simpson's rule with at least [`FINE`] steps per cell.
 fn simpson(power: &dyn Fn(f64) -> f64, from: f64, to: f64) -> f64 {
     let pairs = (((to - from) * FINE as f64 / 2.0).ceil() as usize).max(8);
     let step = (to - from) / (2 * pairs) as f64;
@@ -161,9 +161,9 @@ mod tests {
     }
 
     #[test]
-    fn textbook_figures() {
-        // A long unweighted band is sin(pi x) / (pi x): half power at x = 0.44295, first null at 1,
-        // first side lobe -13.261 dB. Its energy between the nulls is 0.902823 of the whole, 1, and
+    fn theoretical_responses_agree_with_published_values() {
+        // A long uniform band is sin(pi x) / (pi x): half power at x = 0.44295, first null at 1,
+        // first sidelobe -13.261 dB. Its energy between the nulls is 0.902823 of the whole, 1, and
         // beyond +-X about 1 / (pi^2 X): with X = 10, 0.010132.
         let e = expected(&Window::None.weights(1000), 10.0, 1.5).unwrap();
         near(e.width_3db, 0.885_89, 1e-4);
@@ -175,7 +175,7 @@ mod tests {
             10.0 * (beyond / 0.902_823).log10(),
             0.02,
         );
-        // Harris 1978, table 1: Hamming is 1.30 cells wide, its highest side lobe -43 dB.
+        // Harris 1978, table 1: Hamming has a 3 dB width of 1.30 cells, highest sidelobe -43 dB.
         let e = expected(&Window::Hamming.weights(1000), 10.0, 1.5).unwrap();
         near(e.width_3db, 1.30, 5e-3);
         near(e.null.unwrap(), 2.0, 1e-3);
@@ -183,12 +183,12 @@ mod tests {
         let taylor = Window::Taylor { side_lobe_db: 35.0 };
         let e = expected(&taylor.weights(1000), 10.0, 1.5).unwrap();
         near(e.null_rule.pslr_db.unwrap(), -35.0, 0.3);
-        // Fewer samples: Dirichlet's kernel, sin(pi x) / (n sin(pi x / n)), at its own points.
+        // Few samples: the Dirichlet kernel sin(pi x) / (n sin(pi x / n)).
         let d = transform(&[1.0; 5], 1.3);
         near(d, (1.3 * PI).sin() / (5.0 * (1.3 * PI / 5.0).sin()), 1e-12);
         assert_eq!(expected(&[], 10.0, 1.5), None);
         assert_eq!(expected(&[1.0; 9], 0.4, 1.5), None);
-        // Half power at 0.44, but no null within 0.6: what needs one is not said.
+        // Half power at 0.44, but no null within 0.6: measures that need it are `None`.
         let short = expected(&[1.0; 9], 0.6, 1.5).unwrap();
         assert_eq!((short.null, short.null_rule.pslr_db), (None, None));
     }

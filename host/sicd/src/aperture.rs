@@ -1,4 +1,4 @@
-//! The way of the radar (`Position`, `Timeline`) and what is seen of the scene's centre at the centre of the aperture (`SCPCOA`).
+//! Antenna trajectory (`Position`, `Timeline`) and geometry at the centre of aperture (`SCPCOA`).
 
 use glam::DVec3;
 
@@ -6,23 +6,23 @@ use subaperture_io::product::Antennas;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 
 use crate::polynomial::Path;
-use crate::{Placing, SicdError};
+use crate::{Georeference, SicdError};
 
-/// Antennas that are farther apart, as seen from the scene, are two platforms, radians.
-const MOST_APART: f64 = 1e-3;
-/// A way that is off its polynomial by more is told of, metres.
-const TOLD_M: f64 = 0.01;
+/// Largest angle between transmitter and receiver seen from the scene, radians; more is bistatic.
+const MAX_APART: f64 = 1e-3;
+/// Deviation of the trajectory from its polynomial above which it is reported, metres.
+const REPORTED_M: f64 = 0.01;
 
-/// The antenna reference point over the time from the first pulse, in ECF.
+/// Antenna reference point (ARP) over the time from the first pulse, ECF.
 #[derive(Clone, Debug)]
 pub(crate) struct Aperture {
     pub(crate) path: Path,
-    /// Nanoseconds from the beginning of 1970 to the first pulse.
+    /// Time of the first pulse, nanoseconds since 1970 (UTC).
     pub(crate) start_ns: i64,
-    /// Seconds from the first pulse to the last.
+    /// Time from the first to the last pulse, seconds.
     pub(crate) duration_s: f64,
-    /// What was assumed, in sentences.
-    pub(crate) told: Vec<String>,
+    /// Assumptions made, one sentence each.
+    pub(crate) assumed: Vec<String>,
 }
 
 impl Aperture {
@@ -30,59 +30,59 @@ impl Aperture {
         antennas: &Antennas,
         frame: &SceneFrame,
         centre_m: DVec3,
-        placing: &Placing,
+        placing: &Georeference,
     ) -> Result<Self, SicdError> {
         let unsuited = |what: &str| SicdError::Unsuited(what.to_owned());
         let pairs = antennas.transmitters_m.iter().zip(&antennas.receivers_m);
         let apart =
-            |(tx, rx): (&DVec3, &DVec3)| tx.distance(*rx) > MOST_APART * tx.distance(centre_m);
+            |(tx, rx): (&DVec3, &DVec3)| tx.distance(*rx) > MAX_APART * tx.distance(centre_m);
         if pairs.clone().any(apart) {
             return Err(unsuited(
-                "transmitter and receiver are more than a milliradian apart as seen from the scene, and SICD 1.3 describes images of one platform",
+                "transmitter and receiver are more than a milliradian apart seen from the scene; SICD 1.3 describes monostatic images",
             ));
         }
         let places: Vec<DVec3> = pairs
             .map(|(&tx, &rx)| frame.to_ecf_m(tx.midpoint(rx)))
             .collect();
-        let mut told = Vec::new();
+        let mut assumed = Vec::new();
         let mut times_s: Vec<f64> = antennas
             .times_s
             .iter()
             .map(|t| t - antennas.times_s[0])
             .collect();
         if !antennas.timed {
-            let mut way_m = 0.0;
+            let mut travelled_m = 0.0;
             for (n, pair) in places.windows(2).enumerate() {
-                way_m += pair[0].distance(pair[1]);
-                times_s[n + 1] = way_m / placing.speed_m_s;
+                travelled_m += pair[0].distance(pair[1]);
+                times_s[n + 1] = travelled_m / placing.speed_m_s;
             }
-            told.push(format!(
-                "the recording tells no times: the radar is taken to move at {} m/s",
+            assumed.push(format!(
+                "the recording contains no pulse times; the radar is assumed to move at {} m/s",
                 placing.speed_m_s
             ));
         }
         let duration_s = *times_s.last().expect("there is a pulse");
         if !(duration_s > 0.0 && times_s.is_sorted_by(|a, b| a < b)) {
             return Err(unsuited(
-                "the radar does not move: an aperture of one moment or one place has no SICD",
+                "expected a moving radar, found one pulse time or antenna position; SICD cannot describe it",
             ));
         }
         let path = Path::through(&times_s, &places)
-            .ok_or_else(|| unsuited("no polynomial follows the radar's track"))?;
-        if path.off_m > TOLD_M {
-            told.push(format!(
-                "the track is up to {:.3} m off the polynomial that tells of it",
+            .ok_or_else(|| unsuited("no polynomial fits the radar's trajectory"))?;
+        if path.off_m > REPORTED_M {
+            assumed.push(format!(
+                "the trajectory deviates from its polynomial by up to {:.3} m",
                 path.off_m
             ));
         }
         if path.at(0.5 * duration_s, 1).length() == 0.0 {
             return Err(unsuited(
-                "the radar does not move in the middle of the aperture",
+                "the radar does not move at the centre of aperture",
             ));
         }
         let recorded_ns = antennas.start_ns.filter(|_| antennas.timed);
         let start_ns = placing.start_ns.or(recorded_ns).unwrap_or_else(|| {
-            told.push("the recording does not say when it began: 1970 is written".to_owned());
+            assumed.push("the recording contains no start time; 1970 is written".to_owned());
             0
         });
         let before_ns = match antennas.timed {
@@ -93,17 +93,17 @@ impl Aperture {
             path,
             start_ns: start_ns.saturating_add(before_ns),
             duration_s,
-            told,
+            assumed,
         })
     }
 
-    /// The centre of the aperture, seconds.
+    /// Time of the centre of aperture, seconds after the first pulse.
     pub(crate) fn coa_s(&self) -> f64 {
         0.5 * self.duration_s
     }
 }
 
-/// The geometry at the centre of aperture; SICD volume 1, 4.9. Angles in degrees.
+/// Geometry at the centre of aperture (SICD volume 1, 4.9); angles in degrees.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scpcoa {
     pub(crate) place: DVec3,
@@ -121,23 +121,27 @@ pub(crate) struct Scpcoa {
 }
 
 impl Scpcoa {
-    /// Of a point in ECF, seen at a time.
+    /// Geometry of a scene point (ECF) at a time.
     pub(crate) fn new(path: &Path, time_s: f64, scp: DVec3) -> Self {
         let [place, velocity, acceleration] = [0, 1, 2].map(|k| path.at(time_s, k));
         let slant_range_m = place.distance(scp);
         let los = (scp - place) / slant_range_m;
-        let way = velocity.normalize();
-        let left = place.cross(way).dot(los) > 0.0;
+        let heading = velocity.normalize();
+        let left = place.cross(heading).dot(los) > 0.0;
         let [east, north, up] = Geodetic::from_ecf_m(scp).east_north_up();
         let height_m = (place - scp).dot(up);
         let level = place - up * height_m - scp;
         let x = level.normalize_or(north);
         let y = up.cross(x);
-        let normal = if left { way.cross(los) } else { los.cross(way) };
+        let normal = if left {
+            heading.cross(los)
+        } else {
+            los.cross(heading)
+        };
         let normal = normal.normalize_or(up);
         let bearing = |v: DVec3| {
             let degrees = libm::atan2(v.dot(east), v.dot(north)).to_degrees();
-            // Of a direction slightly west of north 360 would be rounded to.
+            // A bearing slightly west of north rounds to 360.
             let around = degrees.rem_euclid(360.0);
             if around < 360.0 { around } else { 0.0 }
         };
@@ -149,9 +153,9 @@ impl Scpcoa {
             acceleration,
             left,
             slant_range_m,
-            // The arc between two directions from the Earth's centre.
+            // Arc between the directions from the Earth's centre.
             ground_range_m: scp.length() * libm::atan2(place.cross(scp).length(), place.dot(scp)),
-            doppler_cone: degrees_of(way.dot(los)),
+            doppler_cone: degrees_of(heading.dot(los)),
             graze: libm::atan2(height_m, level.length()).to_degrees(),
             twist: -libm::asin(y.dot(normal).clamp(-1.0, 1.0)).to_degrees(),
             slope: degrees_of(up.dot(normal)),

@@ -1,7 +1,7 @@
-//! Moments of UTC as text.
+//! UTC dates and times as text.
 
-/// A moment's parts.
-struct Moment {
+/// Calendar date and time of day.
+struct DateTime {
     /// Year, month, day.
     date: [i64; 3],
     /// Hour, minute, second.
@@ -9,8 +9,8 @@ struct Moment {
     nanoseconds: i64,
 }
 
-/// Of nanoseconds since the beginning of 1970: days to a date of the Gregorian calendar by eras of 400 years, which begin in March.
-fn parts(ns: i64) -> Moment {
+/// Convert nanoseconds since 1970 to Gregorian date and time, by eras of 400 years that begin in March.
+fn parts(ns: i64) -> DateTime {
     const DAY_S: i64 = 86_400;
     let seconds = ns.div_euclid(1_000_000_000);
     let (day, second) = (seconds.div_euclid(DAY_S), seconds.rem_euclid(DAY_S));
@@ -22,7 +22,7 @@ fn parts(ns: i64) -> Moment {
     let of_year = of_era - (365 * year + year / 4 - year / 100);
     let month = (5 * of_year + 2) / 153;
     let next_year = i64::from(month >= 10);
-    Moment {
+    DateTime {
         date: [
             era * 400 + year + next_year,
             if month < 10 { month + 3 } else { month - 9 },
@@ -33,9 +33,9 @@ fn parts(ns: i64) -> Moment {
     }
 }
 
-/// As XML has it, `YYYY-MM-DDThh:mm:ss.nnnnnnnnnZ`.
+/// Format as in XML: `YYYY-MM-DDThh:mm:ss.nnnnnnnnnZ`.
 pub(crate) fn iso(ns: i64) -> String {
-    let Moment {
+    let DateTime {
         date: [year, month, day],
         time: [hour, minute, second],
         nanoseconds,
@@ -43,9 +43,9 @@ pub(crate) fn iso(ns: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{nanoseconds:09}Z")
 }
 
-/// As NITF has it, `YYYYMMDDhhmmss`.
+/// Format as in NITF: `YYYYMMDDhhmmss`.
 pub(crate) fn digits(ns: i64) -> String {
-    let Moment {
+    let DateTime {
         date: [year, month, day],
         time: [hour, minute, second],
         ..
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_are_those_of_the_calendar() {
+    fn nanoseconds_convert_to_gregorian_dates() {
         // 1 March 2000 is 30 years with 7 leap days, 31 and 29 days after the beginning of 1970.
         let march = (30 * 365 + 7 + 31 + 29) * 86_400_000_000_000;
         for (ns, text) in [

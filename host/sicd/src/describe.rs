@@ -1,4 +1,4 @@
-//! The XML of a SICD, in the order of the schema.
+//! SICD XML, in the order of the schema.
 
 use glam::DVec3;
 
@@ -14,24 +14,24 @@ use crate::grid::Placed;
 use crate::polynomial::Surface;
 use crate::spectrum::Spectrum;
 
-/// The schema's namespace.
+/// XML namespace of SICD 1.3.
 pub(crate) const NAMESPACE: &str = "urn:SICD:1.3.0";
-/// Samples of a weighting function.
+/// Samples of the weighting function (`WgtFunct`).
 const WEIGHTS: usize = 512;
 
-/// All that is told.
-pub(crate) struct Told<'a> {
+/// Content of the XML.
+pub(crate) struct Description<'a> {
     pub(crate) formed: &'a Formed,
     pub(crate) placed: &'a Placed,
     pub(crate) aperture: &'a Aperture,
     pub(crate) seen: &'a Scpcoa,
     pub(crate) spectra: &'a [Spectrum; 2],
-    /// The image's four corners on the ground: first row first column, then clockwise.
+    /// Image corners on the ground: first row and column, then clockwise.
     pub(crate) corners: &'a [Geodetic; 4],
     pub(crate) created_ns: i64,
 }
 
-impl Told<'_> {
+impl Description<'_> {
     pub(crate) fn document(&self) -> String {
         let mut w = Writer::new();
         w.element("SICD", &format!("xmlns=\"{NAMESPACE}\""), |w| {
@@ -54,7 +54,7 @@ impl Told<'_> {
             w.text("CollectType", "MONOSTATIC");
             w.element("RadarMode", "", |w| w.text("ModeType", "SPOTLIGHT"));
             w.text("Classification", "UNCLASSIFIED");
-            for sentence in &self.aperture.told {
+            for sentence in &self.aperture.assumed {
                 w.text_with("Parameter", "name=\"Assumed\"", sentence);
             }
         });
@@ -262,13 +262,13 @@ impl Told<'_> {
     }
 }
 
-/// Names of latitude and longitude.
+/// Element names of latitude and longitude.
 const PLAIN: [&str; 2] = ["Lat", "Lon"];
 
-/// Where something is not known.
+/// Value of an unknown polarisation.
 const UNKNOWN: &str = "UNKNOWN";
 
-/// Transmitted and received, if both are known.
+/// Transmit and receive polarisation; both `UNKNOWN` unless both are known.
 pub(crate) fn polarizations(formed: &Formed) -> [String; 2] {
     let known = |name: &Option<String>| {
         let name = name.as_deref()?;
@@ -281,7 +281,7 @@ pub(crate) fn polarizations(formed: &Formed) -> [String; 2] {
     }
 }
 
-/// The image's corners on the ground: first row first column, then clockwise.
+/// Write `ImageCorners`: first row and column, then clockwise.
 pub(crate) fn corners(w: &mut Writer, corners: &[Geodetic; 4], names: [&str; 2]) {
     w.element("ImageCorners", "", |w| {
         let indices = ["1:FRFC", "2:FRLC", "3:LRLC", "4:LRFC"];
@@ -293,7 +293,7 @@ pub(crate) fn corners(w: &mut Writer, corners: &[Geodetic; 4], names: [&str; 2])
     });
 }
 
-/// Its outline there.
+/// Write `ValidData`: the image outline on the ground.
 pub(crate) fn valid_data(w: &mut Writer, placed: &Placed, seen: &Scpcoa, names: [&str; 2]) {
     let vertices = placed.vertices();
     w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
@@ -306,7 +306,7 @@ pub(crate) fn valid_data(w: &mut Writer, placed: &Placed, seen: &Scpcoa, names: 
     });
 }
 
-/// Numbers of elements begin at 1.
+/// `index` attribute, counted from 1.
 fn index(n: usize) -> String {
     format!("index=\"{}\"", n + 1)
 }

@@ -1,4 +1,4 @@
-//! What is known of an image: read from its record.
+//! Geometry and processing of an image, from its record.
 
 use serde_json::Value;
 
@@ -9,40 +9,40 @@ use subaperture_signal::window::Window;
 
 use crate::SicdError;
 
-/// Of an image what a SICD tells.
+/// Properties of an image that SICD and SIDD describe.
 #[derive(Clone, Debug)]
 pub struct Formed {
-    /// The collection's name.
+    /// Name of the collection.
     pub name: String,
-    /// Where the pixels are.
+    /// Pixel grid.
     pub grid: ImageGrid,
-    /// Where the scene is.
+    /// Frame of the grid.
     pub frame: SceneFrame,
-    /// When and where the antennas were.
+    /// Antenna times and positions.
     pub antennas: Antennas,
-    /// Pulses that stand for all, with their bands.
+    /// Decimated antenna positions and bands (support of the image).
     pub looks: RecordedLooks,
-    /// Windows over fast and slow time.
+    /// Windows over fast time and slow time.
     pub windows: [Window; 2],
-    /// Who formed it.
+    /// Name of the image former.
     pub former: String,
-    /// Polarisation transmitted and received, such as `V`.
+    /// Transmit and receive polarisation, such as `V`; `None` if unknown.
     pub polarizations: [Option<String>; 2],
 }
 
-/// What is said of a recording that does not say it itself.
+/// Position, time and speed for recordings that do not contain them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placing {
-    /// Where the frame's origin is, in place of what the recording says; its x axis is east and its y axis north.
+pub struct Georeference {
+    /// Position of the frame's origin, x axis east and y axis north; replaces that of the recording. Default: none.
     pub origin: Option<Geodetic>,
-    /// When time 0 was, nanoseconds since the beginning of 1970.
+    /// Time 0, nanoseconds since 1970 (UTC). Default: that of the recording.
     pub start_ns: Option<i64>,
-    /// How fast a radar moves whose pulses have no times, metres a second.
+    /// Radar speed for pulses without times, metres per second. Default: 100.
     pub speed_m_s: f64,
 }
 
-impl Default for Placing {
-    /// Nowhere; an aircraft of 100 m/s.
+impl Default for Georeference {
+    /// No position, no time, 100 m/s.
     fn default() -> Self {
         Self {
             origin: None,
@@ -53,20 +53,20 @@ impl Default for Placing {
 }
 
 impl Formed {
-    /// Of an image's record, `image.json`, and its grid.
+    /// Read an image's record (`image.json`); `grid` is its grid.
     ///
     /// # Errors
     /// [`SicdError::Record`] if something is missing.
     pub fn of_record(grid: &ImageGrid, record: &Value) -> Result<Self, SicdError> {
         let settings = &record["settings"];
         let window = |name: &str| match settings[name].as_str() {
-            // Where none is recorded there was none.
+            // Absent: no window.
             None => Some(Window::None),
             Some(text) => text.parse().ok(),
         };
         let windows = [window("window"), window("slow_window")];
         let [Some(fast), Some(slow)] = windows else {
-            return Err(SicdError::Record("windows that are known"));
+            return Err(SicdError::Record("known window names"));
         };
         let first = &record["collection"]["channels"][0];
         let polarization = |name: &str| first[name].as_str().map(str::to_owned);
@@ -76,11 +76,11 @@ impl Formed {
                 .unwrap_or("image")
                 .to_owned(),
             grid: grid.clone(),
-            frame: frame_of(record).map_err(|_| SicdError::Record("where the scene is"))?,
+            frame: frame_of(record).map_err(|_| SicdError::Record("the scene frame"))?,
             antennas: Antennas::of_json(&record["antennas"])
-                .ok_or(SicdError::Record("when and where the antennas were"))?,
+                .ok_or(SicdError::Record("antenna times and positions"))?,
             looks: serde_json::from_value(record["support"].clone())
-                .map_err(|_| SicdError::Record("pulses that stand for the recording's"))?,
+                .map_err(|_| SicdError::Record("the image's support"))?,
             windows: [fast, slow],
             former: settings["algorithm"]
                 .as_str()

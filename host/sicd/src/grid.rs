@@ -1,4 +1,4 @@
-//! Where the image is on the Earth: centre, vertices and corners.
+//! Image position on the Earth: scene centre point, vertices and corners.
 
 use glam::DVec3;
 
@@ -7,23 +7,23 @@ use subaperture_model::geometry::{Geodetic, SceneFrame};
 use crate::SicdError;
 use crate::aperture::Scpcoa;
 use crate::formed::Formed;
-use crate::spectrum::Lying;
-use crate::turned::Turned;
+use crate::orientation::Orientation;
+use crate::spectrum::Layout;
 
-/// A plane within so much of another is that plane: a sine.
+/// Sine of the angle within which two planes are identified.
 const SAME_PLANE: f64 = 0.03;
 
-/// An image's pixels on the Earth.
+/// Pixel positions of an image on the Earth.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed {
     pub(crate) frame: SceneFrame,
-    pub(crate) turned: Turned,
+    pub(crate) turned: Orientation,
     /// Rows and columns.
     pub(crate) size: [usize; 2],
-    /// Row and column of the scene centre point.
+    /// Row and column of the scene centre point (SCP).
     pub(crate) scp_pixel: [usize; 2],
     pub(crate) scp_ecf_m: DVec3,
-    pub(crate) lying: Lying,
+    pub(crate) layout: Layout,
 }
 
 impl Placed {
@@ -35,19 +35,19 @@ impl Placed {
         let grid = &formed.grid;
         if grid.polar {
             return Err(SicdError::Unsuited(
-                "the image is on a polar grid, and a SICD's pixels are evenly spaced in a plane: form it on a Cartesian one".to_owned(),
+                "the image is on a polar grid; SICD needs pixels evenly spaced in a plane: form it on a Cartesian grid".to_owned(),
             ));
         }
         if let Some(relief) = &grid.relief {
             return Err(SicdError::Unsuited(format!(
-                "the image's pixels lie on {}, and a SICD's are evenly spaced in a plane: form it on its grid's plane, or on the slant plane",
+                "the image's pixels lie on {}; SICD needs pixels evenly spaced in a plane: form it on the grid's plane or on the slant plane",
                 relief.surface()
             )));
         }
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let [.., up] = Geodetic::from_ecf_m(frame.to_ecf_m(middle_m)).east_north_up();
         let up = frame.direction_from_ecf(up);
-        let turned = Turned::along(grid, middle_m - radar_m, up);
+        let turned = Orientation::along(grid, middle_m - radar_m, up);
         let image = (grid.rows.count, grid.columns.count);
         let size = turned.size(image);
         let scp_pixel = size.map(|count| count / 2);
@@ -61,7 +61,7 @@ impl Placed {
             size,
             scp_pixel,
             scp_ecf_m: frame.to_ecf_m(centre_m),
-            lying: Lying {
+            layout: Layout {
                 centre_m,
                 directions: turned.directions(grid),
                 spacings_m,
@@ -70,7 +70,7 @@ impl Placed {
         })
     }
 
-    /// Corners and the middles of edges, clockwise from the first row's first column: row and column.
+    /// Row and column of corners and edge centres, clockwise from the first row and column.
     pub(crate) fn vertices(&self) -> [[usize; 2]; 8] {
         let [r, c] = self.size.map(|count| count - 1);
         [
@@ -85,22 +85,22 @@ impl Placed {
         ]
     }
 
-    /// Metres along rows and columns from the centre.
+    /// Distance from the SCP along rows and columns, metres.
     pub(crate) fn along_m(&self, pixel: [usize; 2]) -> [f64; 2] {
-        [0, 1].map(|k| (pixel[k] as f64 - self.scp_pixel[k] as f64) * self.lying.spacings_m[k])
+        [0, 1].map(|k| (pixel[k] as f64 - self.scp_pixel[k] as f64) * self.layout.spacings_m[k])
     }
 
-    /// A pixel in ECF.
+    /// Pixel position, ECF, metres.
     pub(crate) fn ecf_m(&self, pixel: [usize; 2]) -> DVec3 {
         let [x, y] = self.along_m(pixel);
-        let [row, column] = self.lying.directions;
+        let [row, column] = self.layout.directions;
         self.frame
-            .to_ecf_m(self.lying.centre_m + row * x + column * y)
+            .to_ecf_m(self.layout.centre_m + row * x + column * y)
     }
 
-    /// What plane that is.
+    /// Value of `ImagePlane`: `GROUND`, `SLANT` or `OTHER`.
     pub(crate) fn plane(&self, seen: &Scpcoa) -> &'static str {
-        let [row, column] = self.lying.directions;
+        let [row, column] = self.layout.directions;
         let normal = self.frame.direction_to_ecf(row.cross(column));
         let [.., up] = Geodetic::from_ecf_m(self.scp_ecf_m).east_north_up();
         let los = (self.scp_ecf_m - seen.place).normalize();
@@ -111,24 +111,24 @@ impl Placed {
         }
     }
 
-    /// Where on the plane tangent to the Earth at the centre there is the range and Doppler of a pixel: by Newton's method.
+    /// Intersection of a pixel's range and Doppler contour with the plane tangent to the Earth at the SCP, by Newton's method.
     pub(crate) fn on_ground(&self, pixel: [usize; 2], seen: &Scpcoa) -> Geodetic {
         let place = self.ecf_m(pixel);
         let [east, north, up] = Geodetic::from_ecf_m(self.scp_ecf_m).east_north_up();
-        let way = seen.velocity.normalize();
+        let heading = seen.velocity.normalize();
         let range_m = place.distance(seen.place);
-        let along_m = (place - seen.place).dot(way);
+        let along_m = (place - seen.place).dot(heading);
         let mut ground = place - up * (place - self.scp_ecf_m).dot(up);
         for _ in 0..20 {
             let from = ground - seen.place;
             let off = [
                 0.5 * (from.length_squared() - range_m * range_m),
-                from.dot(way) - along_m,
+                from.dot(heading) - along_m,
             ];
             let (a, b) = (from.dot(east), from.dot(north));
-            let (c, d) = (way.dot(east), way.dot(north));
+            let (c, d) = (heading.dot(east), heading.dot(north));
             let determinant = a * d - b * c;
-            // Below the track one place stands for two: the foot is near enough.
+            // Singular below the track, where the two solutions meet: the foot is used.
             if determinant.abs() < 1e-3 * from.length() {
                 break;
             }

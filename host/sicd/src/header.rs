@@ -1,6 +1,6 @@
-//! Headers of NITF 2.1, read: as far as it takes to find a SICD's samples and its XML.
+//! Parser of NITF 2.1 headers: the fields needed to find image segments and XML.
 
-/// How a sample is stored.
+/// Sample format of a SICD (`PixelType`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Samples {
     Float32,
@@ -8,7 +8,7 @@ pub(crate) enum Samples {
     AmplitudePhase,
 }
 
-/// Where a segment is, bytes.
+/// File offsets and lengths of a segment, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
     pub(crate) header: u64,
@@ -17,14 +17,14 @@ pub(crate) struct Segment {
     pub(crate) data_bytes: u64,
 }
 
-/// What a file's header lists.
-#[derive(Clone, Debug)]
+/// Segments listed in a file header.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct FileHeader {
     pub(crate) images: Vec<Segment>,
     pub(crate) extensions: Vec<Segment>,
 }
 
-/// Fields of fixed widths, one after another.
+/// Reader of consecutive fixed-width fields.
 struct Fields<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -34,10 +34,14 @@ impl<'a> Fields<'a> {
     fn take(&mut self, width: usize) -> Result<&'a str, String> {
         let end = self.at + width;
         let field = self.bytes.get(self.at..end);
-        let field =
-            field.ok_or_else(|| format!("it ends at byte {} within a field", self.bytes.len()))?;
+        let field = field.ok_or_else(|| {
+            format!(
+                "the header ends at byte {} within a field",
+                self.bytes.len()
+            )
+        })?;
         let at = std::mem::replace(&mut self.at, end);
-        std::str::from_utf8(field).map_err(|_| format!("the field at byte {at} is no text"))
+        std::str::from_utf8(field).map_err(|_| format!("header field at byte {at}: expected text"))
     }
 
     fn skip(&mut self, width: usize) -> Result<(), String> {
@@ -45,7 +49,7 @@ impl<'a> Fields<'a> {
         match self.at <= self.bytes.len() {
             true => Ok(()),
             false => Err(format!(
-                "it ends at byte {} within a field",
+                "the header ends at byte {} within a field",
                 self.bytes.len()
             )),
         }
@@ -60,7 +64,7 @@ impl<'a> Fields<'a> {
             .then(|| text.parse().ok());
         number
             .flatten()
-            .ok_or_else(|| format!("the field at byte {at} is '{text}', and no number"))
+            .ok_or_else(|| format!("header field at byte {at}: expected a number, found '{text}'"))
     }
 
     fn count(&mut self, width: usize) -> Result<usize, String> {
@@ -68,14 +72,14 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Bytes before the length of the header.
+/// Offset of the header length field, bytes.
 const BEFORE_LENGTH: usize = 354;
 
 impl FileHeader {
-    /// How long the header is that begins so.
+    /// Header length, bytes, from the beginning of a header.
     pub(crate) fn bytes(start: &[u8]) -> Result<u64, String> {
         if !(start.starts_with(b"NITF02.10") || start.starts_with(b"NSIF01.00")) {
-            return Err("it is no NITF 2.1".to_owned());
+            return Err("expected NITF 2.1 or NSIF 1.0, found another file format".to_owned());
         }
         let mut fields = Fields {
             bytes: start,
@@ -90,7 +94,7 @@ impl FileHeader {
             at: BEFORE_LENGTH + 6,
         };
         let mut at = header.len() as u64;
-        // Images, graphics, texts, extensions: widths of the lengths of their headers and data. Between graphics and texts is a reserved count.
+        // Widths of header and data length fields of images, graphics, texts, extensions. A reserved count stands between graphics and texts.
         let mut lists = [const { Vec::new() }; 4];
         for (list, [head, data]) in lists.iter_mut().zip([[6, 10], [4, 6], [4, 5], [4, 9]]) {
             if head == 4 && data == 5 {
@@ -104,7 +108,7 @@ impl FileHeader {
                     data: at + header_bytes,
                     data_bytes,
                 });
-                // At most 999 of ten digits: far below 2^64.
+                // At most 999 lengths of ten digits: no overflow of 64 bits.
                 at += header_bytes + data_bytes;
             }
         }
@@ -113,23 +117,32 @@ impl FileHeader {
     }
 }
 
-/// What an image's header says of its samples.
+/// Size, sample format and blocking of an image segment.
 #[derive(Clone, Debug)]
-pub(crate) struct ImageHeader {
+pub(crate) struct Layout {
     pub(crate) name: String,
     pub(crate) rows: usize,
     pub(crate) columns: usize,
-    pub(crate) samples: Samples,
+    /// `PVTYPE`.
+    pub(crate) kind: String,
+    pub(crate) bands: usize,
+    /// `IMODE`.
+    pub(crate) mode: String,
+    /// Number of blocks per row and per column.
+    pub(crate) blocks: [usize; 2],
+    /// Columns and rows of a block; 0: those of the image.
+    pub(crate) block: [usize; 2],
+    pub(crate) bits: u64,
 }
 
-impl ImageHeader {
+impl Layout {
     pub(crate) fn parse(header: &[u8]) -> Result<Self, String> {
         let mut fields = Fields {
             bytes: header,
             at: 0,
         };
         if fields.take(2)? != "IM" {
-            return Err("it does not begin with IM".to_owned());
+            return Err("expected an image header (IM)".to_owned());
         }
         let name = fields.take(10)?.trim().to_owned();
         // Date, target, title, security, encryption, source.
@@ -145,13 +158,10 @@ impl ImageHeader {
         let compression = fields.take(2)?.to_owned();
         if compression != "NC" {
             return Err(format!(
-                "its samples are compressed or masked ({compression}); only NC is read"
+                "expected uncompressed samples (IC NC), found IC {compression}"
             ));
         }
         let bands = fields.count(1)?;
-        if bands != 2 {
-            return Err(format!("it has {bands} bands, and a complex image two"));
-        }
         for _ in 0..bands {
             fields.skip(2 + 6 + 1 + 3)?;
             let tables = fields.count(1)?;
@@ -163,45 +173,76 @@ impl ImageHeader {
         fields.skip(1)?;
         let mode = fields.take(1)?.to_owned();
         let blocks = [fields.count(4)?, fields.count(4)?];
-        if mode != "P" || blocks != [1, 1] {
-            return Err(format!(
-                "its samples are in mode {mode} and {} x {} blocks; only one block pixel by pixel is read",
-                blocks[0], blocks[1]
-            ));
-        }
-        fields.skip(8)?;
-        let bits = fields.number(2)?;
-        let samples = match (kind.as_str(), bits) {
-            ("R", 32) => Samples::Float32,
-            ("SI", 16) => Samples::Int16,
-            ("INT", 8) => Samples::AmplitudePhase,
-            _ => {
-                return Err(format!(
-                    "its samples are {kind} of {bits} bits, which no SICD has"
-                ));
-            }
-        };
+        let block = [fields.count(4)?, fields.count(4)?];
         Ok(Self {
             name,
             rows,
             columns,
+            kind,
+            bands,
+            mode,
+            blocks,
+            block,
+            bits: fields.number(2)?,
+        })
+    }
+}
+
+/// Size and sample format of a SICD image segment.
+#[derive(Clone, Debug)]
+pub(crate) struct ImageHeader {
+    pub(crate) name: String,
+    pub(crate) rows: usize,
+    pub(crate) columns: usize,
+    pub(crate) samples: Samples,
+}
+
+impl ImageHeader {
+    pub(crate) fn parse(header: &[u8]) -> Result<Self, String> {
+        let layout = Layout::parse(header)?;
+        if layout.bands != 2 {
+            return Err(format!(
+                "expected 2 bands of a complex image, found {}",
+                layout.bands
+            ));
+        }
+        if layout.mode != "P" || layout.blocks != [1, 1] {
+            return Err(format!(
+                "expected one block interleaved by pixel (IMODE P), found IMODE {} with {} x {} blocks",
+                layout.mode, layout.blocks[0], layout.blocks[1]
+            ));
+        }
+        let samples = match (layout.kind.as_str(), layout.bits) {
+            ("R", 32) => Samples::Float32,
+            ("SI", 16) => Samples::Int16,
+            ("INT", 8) => Samples::AmplitudePhase,
+            (kind, bits) => {
+                return Err(format!(
+                    "expected SICD samples (R 32, SI 16 or INT 8), found {kind} of {bits} bits"
+                ));
+            }
+        };
+        Ok(Self {
+            name: layout.name,
+            rows: layout.rows,
+            columns: layout.columns,
             samples,
         })
     }
 
-    /// Whether so many bytes are what it says.
+    /// Check the segment's data length.
     pub(crate) fn check(&self, data_bytes: u64) -> Result<(), String> {
         let each = match self.samples {
             Samples::Float32 => 8,
             Samples::Int16 => 4,
             Samples::AmplitudePhase => 2u64,
         };
-        // Eight digits each: far below 2^64.
+        // Eight digits each: no overflow of 64 bits.
         let expected = self.rows as u64 * self.columns as u64 * each;
         match expected == data_bytes {
             true => Ok(()),
             false => Err(format!(
-                "{} rows of {} columns are {expected} bytes, and {data_bytes} are said to be there",
+                "{} rows of {} columns: expected {expected} bytes, found {data_bytes}",
                 self.rows, self.columns
             )),
         }

@@ -1,27 +1,27 @@
-//! What SICD and SIDD tell alike of an image: where its pixels are, and where it was seen from.
+//! Content common to SICD and SIDD: image position, aperture and spectrum.
 
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 
 use crate::SicdError;
 use crate::aperture::{Aperture, Scpcoa};
-use crate::formed::{Formed, Placing};
+use crate::formed::{Formed, Georeference};
 use crate::grid::Placed;
 use crate::nitf::{About, Product, Segment, segments};
 use crate::spectrum::Spectrum;
 use crate::written::Written;
 
-/// An image laid on the Earth.
+/// Georeferenced image with its aperture.
 pub(crate) struct Laid {
     pub(crate) placed: Placed,
     pub(crate) aperture: Aperture,
     pub(crate) seen: Scpcoa,
     pub(crate) spectra: [Spectrum; 2],
-    /// Its four corners on the ground: first row first column, then clockwise.
+    /// Image corners on the ground: first row and column, then clockwise.
     pub(crate) corners: [Geodetic; 4],
 }
 
 impl Laid {
-    pub(crate) fn new(formed: &Formed, placing: &Placing) -> Result<Self, SicdError> {
+    pub(crate) fn new(formed: &Formed, placing: &Georeference) -> Result<Self, SicdError> {
         let grid = &formed.grid;
         let frame = match (formed.frame, placing.origin) {
             (_, Some(origin)) => SceneFrame::east_north_up(&origin),
@@ -35,7 +35,7 @@ impl Laid {
         let seen = Scpcoa::new(&aperture.path, aperture.coa_s(), placed.scp_ecf_m);
         let vertices = placed.vertices();
         let along_m = vertices.map(|at| placed.along_m(at));
-        let spectra = Spectrum::both(formed, &placed.lying, &along_m)?;
+        let spectra = Spectrum::both(formed, &placed.layout, &along_m)?;
         let [first, _, second, _, third, _, fourth, _] = vertices;
         let corners = [first, second, third, fourth].map(|at| placed.on_ground(at, &seen));
         Ok(Self {
@@ -47,7 +47,7 @@ impl Laid {
         })
     }
 
-    /// The file of an image with this XML, but for its pixels: how they are parted in it, in segments of so many bytes at the most, and its headers.
+    /// File layout of an image with this XML: segments of at most `segment_bytes`, and headers.
     pub(crate) fn written(
         self,
         formed: &Formed,
@@ -59,7 +59,7 @@ impl Laid {
         let [rows, columns] = self.placed.size.map(|count| count as u64);
         let too_large = || {
             SicdError::Unsuited(format!(
-                "{rows} x {columns} pixels are more than a NITF file holds"
+                "{rows} x {columns} pixels exceed the capacity of a NITF file"
             ))
         };
         let segments = segments(rows, columns, product.sample_bytes(), segment_bytes);
@@ -83,12 +83,12 @@ impl Laid {
             xml,
             segments,
             headers,
-            told: self.aperture.told,
+            assumed: self.aperture.assumed,
         })
     }
 }
 
-/// Corners of each segment: between those of the image, straight through the Earth.
+/// Corners of each segment, by linear interpolation (ECF) between the image corners.
 fn corners_of(segments: &[Segment], rows: u64, corners: &[Geodetic; 4]) -> Vec<[Geodetic; 4]> {
     let ecf = corners.map(|corner| {
         Geodetic {
@@ -97,7 +97,7 @@ fn corners_of(segments: &[Segment], rows: u64, corners: &[Geodetic; 4]) -> Vec<[
         }
         .to_ecf_m()
     });
-    // On the left and right edge at a row; the image's last corners belong to its last row.
+    // Left and right edge at a row; the image's last corners belong to its last row.
     let at = |row: u64| {
         let share = row as f64 / (rows.max(2) - 1) as f64;
         [[0, 3], [1, 2]].map(|[a, b]| Geodetic::from_ecf_m(ecf[a].lerp(ecf[b], share)))

@@ -1,14 +1,14 @@
-//! Values of a SICD's XML by their paths, whatever its version.
+//! Lookup of values by path in SICD and SIDD XML of any version.
 
 use glam::DVec3;
 use roxmltree::Node;
 
 use crate::polynomial::Path;
 
-/// The highest power that is read of a polynomial.
-const MOST_ORDER: usize = 40;
+/// Largest supported exponent of a polynomial.
+const MAX_ORDER: usize = 40;
 
-/// An element in which values are looked up; those that are missing, no numbers or not finite are none.
+/// Element below which values are looked up; missing, invalid and non-finite values are `None`.
 #[derive(Clone, Copy)]
 pub(crate) struct Lookup<'a, 'b>(Node<'a, 'b>);
 
@@ -38,14 +38,14 @@ impl<'a, 'b> Lookup<'a, 'b> {
         self.at(path)?.own_number()
     }
 
-    /// `X`, `Y` and `Z`.
+    /// Vector of the children `X`, `Y` and `Z`.
     pub(crate) fn vector(self, path: &[&str]) -> Option<DVec3> {
         let own = self.at(path)?;
         let [x, y, z] = ["X", "Y", "Z"].map(|name| own.number(&[name]));
         Some(DVec3::new(x?, y?, z?))
     }
 
-    /// Coefficients of `x^i y^j`, `[i][j]`; of a polynomial of one variable `j` is 0.
+    /// Coefficients `[i][j]` of `x^i y^j`; `j` is 0 for a polynomial of one variable.
     pub(crate) fn polynomial(self, path: &[&str]) -> Option<Vec<Vec<f64>>> {
         let mut coefficients: Vec<Vec<f64>> = Vec::new();
         let Self(node) = self.at(path)?;
@@ -55,7 +55,7 @@ impl<'a, 'b> Lookup<'a, 'b> {
         {
             let power = |name: &str| match coefficient.attribute(name) {
                 None => Some(0),
-                Some(text) => text.parse::<usize>().ok().filter(|&n| n <= MOST_ORDER),
+                Some(text) => text.parse::<usize>().ok().filter(|&n| n <= MAX_ORDER),
             };
             let (i, j) = (power("exponent1")?, power("exponent2")?);
             if coefficients.len() <= i {
@@ -70,7 +70,7 @@ impl<'a, 'b> Lookup<'a, 'b> {
         (!coefficients.is_empty()).then_some(coefficients)
     }
 
-    /// A polynomial of one variable.
+    /// Coefficients of a polynomial of one variable.
     pub(crate) fn line(self, path: &[&str]) -> Option<Vec<f64>> {
         let rows = self.polynomial(path)?.into_iter();
         Some(
@@ -79,7 +79,7 @@ impl<'a, 'b> Lookup<'a, 'b> {
         )
     }
 
-    /// A place over the time.
+    /// Position polynomial over time.
     pub(crate) fn path(self, path: &[&str]) -> Option<Path> {
         let own = self.at(path)?;
         let [x, y, z] = ["X", "Y", "Z"].map(|name| own.line(&[name]));

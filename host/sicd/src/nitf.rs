@@ -1,4 +1,4 @@
-//! NITF 2.1 (MIL-STD-2500C): the headers of a file with image segments and one segment of XML, as SICD volume 2 has them.
+//! Writer of NITF 2.1 headers (MIL-STD-2500C) for image segments and one XML segment, as in SICD volume 2.
 
 use subaperture_io::ours::NITF_MARK;
 use subaperture_model::geometry::Geodetic;
@@ -6,31 +6,33 @@ use subaperture_model::geometry::Geodetic;
 use crate::dates::digits;
 use crate::describe;
 
-/// Bytes of a segment's samples at the most.
-pub(crate) const MOST_BYTES: u64 = 9_999_999_998;
-/// Rows by which a segment may lie below the one before.
-const MOST_ROWS: u64 = 99_999;
-/// Segments that a header can list.
-const MOST_SEGMENTS: u64 = 999;
-/// Bytes of the headers of parts of a file: of an image of one band, of each further one, and of XML.
+/// Largest data length of an image segment, bytes.
+pub(crate) const MAX_BYTES: u64 = 9_999_999_998;
+/// Largest row offset of a segment to the one before.
+const MAX_ROWS: u64 = 99_999;
+/// Largest number of image segments.
+const MAX_SEGMENTS: u64 = 999;
+/// Length of an image segment header with one band, bytes.
 const IMAGE_HEADER: u64 = 499;
+/// Length added by each further band, bytes.
 const BAND_HEADER: u64 = 13;
+/// Length of the XML segment header, bytes.
 const XML_HEADER: u64 = 973;
 
-/// The namespace of SIDD's XML.
+/// XML namespace of SIDD 3.0.
 pub(crate) const SIDD_NAMESPACE: &str = "urn:SIDD:3.0.0";
 
-/// What a file is.
+/// Kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Product {
-    /// Complex pixels, float32 pairs.
+    /// Complex pixels, pairs of float32.
     Sicd,
     /// Grey pixels, bytes.
     Sidd,
 }
 
 impl Product {
-    /// Bytes of a pixel.
+    /// Size of a pixel, bytes.
     pub(crate) fn sample_bytes(self) -> u64 {
         match self {
             Self::Sicd => 8,
@@ -38,7 +40,7 @@ impl Product {
         }
     }
 
-    /// What its standards call it.
+    /// Name of the standard.
     fn title(self) -> &'static str {
         match self {
             Self::Sicd => "SICD",
@@ -46,7 +48,7 @@ impl Product {
         }
     }
 
-    /// Version and namespace of its XML.
+    /// Version and XML namespace of the standard.
     fn schema(self) -> [&'static str; 2] {
         match self {
             Self::Sicd => ["1.3.0", describe::NAMESPACE],
@@ -54,7 +56,7 @@ impl Product {
         }
     }
 
-    /// Of an image's segment, counted from 0.
+    /// `IID1` of segment `n`, counted from 0.
     fn segment_name(self, n: usize, of: usize) -> String {
         match (self, of) {
             (Self::Sidd, _) => format!("SIDD001{:03}", n + 1),
@@ -70,34 +72,34 @@ impl Product {
         }
     }
 
-    /// Bytes of the header of an image's segment.
+    /// Length of an image segment header, bytes.
     fn header_bytes(self) -> u64 {
         IMAGE_HEADER + BAND_HEADER * (self.bands().len() as u64 - 1)
     }
 }
 
-/// Rows that a segment holds.
+/// Row range of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Segment {
     pub(crate) first: u64,
     pub(crate) rows: u64,
 }
 
-/// How an image's rows are parted (SICD volume 2, 3.2.1), each part of `most_bytes` and [`MOST_BYTES`] at the most; none of one that does
-/// not fit into a file.
+/// Divide an image's rows into segments (SICD volume 2, 3.2.1) of at most `most_bytes` and [`MAX_BYTES`]. `None` if the image exceeds the capacity
+/// of a file.
 pub(crate) fn segments(
     rows: u64,
     columns: u64,
     sample_bytes: u64,
     most_bytes: u64,
 ) -> Option<Vec<Segment>> {
-    let most_bytes = most_bytes.min(MOST_BYTES);
+    let most_bytes = most_bytes.min(MAX_BYTES);
     let row_bytes = columns.checked_mul(sample_bytes)?;
     if rows.checked_mul(row_bytes)? <= most_bytes {
         return Some(vec![Segment { first: 0, rows }]);
     }
-    let each = (most_bytes / row_bytes).min(MOST_ROWS);
-    if each == 0 || rows.div_ceil(each) > MOST_SEGMENTS {
+    let each = (most_bytes / row_bytes).min(MAX_ROWS);
+    if each == 0 || rows.div_ceil(each) > MAX_SEGMENTS {
         return None;
     }
     let firsts = (0..rows).step_by(each as usize);
@@ -111,11 +113,11 @@ pub(crate) fn segments(
     )
 }
 
-/// Fields of fixed widths.
+/// Writer of fixed-width fields.
 struct Fields(String);
 
 impl Fields {
-    /// Text to the left; what is too long is cut, and what is not ASCII is a question mark.
+    /// Append left-aligned text, truncated to the width; characters that are not ASCII become question marks.
     fn text(&mut self, width: usize, text: &str) -> &mut Self {
         let plain = |c: char| if (' '..='~').contains(&c) { c } else { '?' };
         let cut: String = text.chars().map(plain).take(width).collect();
@@ -123,29 +125,29 @@ impl Fields {
         self
     }
 
-    /// A number to the right, with zeros before it.
+    /// Append a number with leading zeros.
     fn number(&mut self, width: usize, value: u64) -> &mut Self {
         self.0 += &format!("{value:0width$}");
         self
     }
 
-    /// Security of what is not classified: 1 letter and 166 spaces.
+    /// Append the security fields of an unclassified file: one letter and 166 spaces.
     fn unclassified(&mut self) -> &mut Self {
         self.text(1, "U").text(166, "")
     }
 }
 
-/// A file's parts in their order, as bytes: its header, then a header of each segment before its samples, then that of the XML before it.
+/// Encoded headers, in file order: the file header, one header before each segment's samples, one before the XML.
 #[derive(Clone, Debug)]
 pub(crate) struct Headers {
     pub(crate) file: Vec<u8>,
     pub(crate) images: Vec<Vec<u8>>,
     pub(crate) xml: Vec<u8>,
-    /// Bytes of the whole file.
+    /// Size of the file, bytes.
     pub(crate) bytes: u64,
 }
 
-/// What headers say beside the image's size.
+/// Content of the headers.
 pub(crate) struct About<'a> {
     pub(crate) product: Product,
     pub(crate) name: &'a str,
@@ -153,18 +155,18 @@ pub(crate) struct About<'a> {
     pub(crate) created_ns: i64,
     pub(crate) columns: u64,
     pub(crate) segments: &'a [Segment],
-    /// Corners of each segment, from its first row's first column clockwise.
+    /// Corners of each segment, clockwise from first row and column.
     pub(crate) corners: &'a [[Geodetic; 4]],
-    /// Of the whole image.
+    /// Corners of the image.
     pub(crate) outline: &'a [Geodetic; 4],
     pub(crate) xml_bytes: u64,
 }
 
 impl About<'_> {
-    /// The headers; none if the file is too long for them.
+    /// Encode the headers; `None` if the file is too long for the length fields.
     pub(crate) fn headers(&self) -> Option<Headers> {
         let data = |segment: &Segment| segment.rows * self.columns * self.product.sample_bytes();
-        // All but the list of image segments: 388 to NUMXS, 13 of the list of the XML, and lengths of two headers.
+        // 388 bytes up to NUMXS without the list of image segments, 13 for the XML's entry, and the two lengths of extension headers.
         let header_bytes = 404 - 16 + 16 * self.segments.len() as u64 + 13;
         let samples: u64 = self.segments.iter().map(data).sum();
         let bytes = header_bytes
@@ -181,7 +183,7 @@ impl About<'_> {
         file.text(14, &digits(self.created_ns));
         file.text(80, &format!("{}: {}", self.product.title(), self.name));
         file.unclassified().number(5, 0).number(5, 0).number(1, 0);
-        // A background colour, black, in bytes.
+        // Background colour: black.
         file.0 += "\0\0\0";
         file.text(24, NITF_MARK).text(18, "");
         file.number(12, bytes).number(6, header_bytes);
@@ -190,7 +192,7 @@ impl About<'_> {
             file.number(6, self.product.header_bytes())
                 .number(10, data(segment));
         }
-        // No graphics, reserved ones and texts; one extension, none reserved; no more headers.
+        // No graphics, reserved segments or texts; one data extension; no reserved extensions or user headers.
         file.number(3, 0).number(3, 0).number(3, 0).number(3, 1);
         file.number(4, XML_HEADER).number(9, self.xml_bytes);
         file.number(3, 0).number(5, 0).number(5, 0);
@@ -204,7 +206,7 @@ impl About<'_> {
         })
     }
 
-    /// The level of complexity: by the file's and the image's size.
+    /// Complexity level (CLEVEL) from file and image size.
     fn complexity(&self, bytes: u64) -> u64 {
         let rows: u64 = self.segments.iter().map(|segment| segment.rows).sum();
         let side = rows.max(self.columns);
@@ -238,11 +240,11 @@ impl About<'_> {
         h.number(2, bits).text(1, "R");
         h.text(1, "G")
             .text(60, &self.corners[n].map(|c| arc_seconds(&c)).concat());
-        // No comments, no compression.
+        // No comments; no compression.
         let bands = self.product.bands();
         h.number(1, 0).text(2, "NC").number(1, bands.len() as u64);
         for band in bands {
-            // Of a grey band what it represents, of a complex one's parts what they are.
+            // IREPBAND of a grey band, ISUBCAT of a complex part.
             let [represents, part] = if grey { [*band, ""] } else { ["", band] };
             h.text(2, represents)
                 .text(6, part)
@@ -250,7 +252,7 @@ impl About<'_> {
                 .text(3, "")
                 .number(1, 0);
         }
-        // In one block, whose sides are told up to 8192: complex numbers pixel by pixel, and a band alone is a block.
+        // One block; sides above 8192 are written as 0. IMODE P for complex pixels, B for one band.
         let side = |count: u64| if count > 8192 { 0 } else { count };
         let mode = if grey { "B" } else { "P" };
         h.number(1, 0).text(1, mode).number(4, 1).number(4, 1);
@@ -318,25 +320,25 @@ fn arc_seconds(place: &Geodetic) -> String {
 mod tests {
     use super::*;
 
-    /// The standard's example in volume 2, 3.2.1, and its edges: 10 000 columns of 8 bytes are 124 999 rows in 9 999 999 998 bytes, which the offset of five digits limits.
+    /// Example of volume 2, 3.2.1, and its limits: 10 000 columns of 8 bytes give 124 999 rows in 9 999 999 998 bytes; the row offset of five digits limits them to 99 999.
     #[test]
-    fn large_images_are_parted() {
+    fn large_image_is_divided_into_segments() {
         assert_eq!(
-            segments(3, 5, 8, MOST_BYTES),
+            segments(3, 5, 8, MAX_BYTES),
             Some(vec![Segment { first: 0, rows: 3 }])
         );
-        let all = segments(250_000, 10_000, 8, MOST_BYTES).unwrap();
+        let all = segments(250_000, 10_000, 8, MAX_BYTES).unwrap();
         let rows: Vec<[u64; 2]> = all.iter().map(|s| [s.first, s.rows]).collect();
         assert_eq!(rows, [[0, 99_999], [99_999, 99_999], [199_998, 50_002]]);
-        let wide = segments(20_000, 100_000, 8, MOST_BYTES).unwrap();
+        let wide = segments(20_000, 100_000, 8, MAX_BYTES).unwrap();
         assert_eq!(wide[0].rows, 12_499);
         assert_eq!(wide.iter().map(|s| s.rows).sum::<u64>(), 20_000);
-        assert_eq!(segments(10, 2_000_000_000, 8, MOST_BYTES), None);
-        assert_eq!(segments(u64::MAX, 2, 8, MOST_BYTES), None);
+        assert_eq!(segments(10, 2_000_000_000, 8, MAX_BYTES), None);
+        assert_eq!(segments(u64::MAX, 2, 8, MAX_BYTES), None);
     }
 
     #[test]
-    fn corners_are_degrees_minutes_and_seconds() {
+    fn corner_is_formatted_in_degrees_minutes_and_seconds() {
         let place = Geodetic {
             latitude_deg: -5.0 - 59.0 / 60.0 - 59.6 / 3600.0,
             longitude_deg: 7.5,

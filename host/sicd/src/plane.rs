@@ -1,31 +1,31 @@
-//! Where a SICD's pixels are, as far as its plane tells: the grid about the scene centre point, on the Earth.
+//! Image plane of a SICD as a grid about the scene centre point.
 
 use roxmltree::Document;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 
 use crate::lookup::Lookup;
 
-/// The plane of an image: rows along its y axis, which is the file's `Row` direction, columns along its x axis.
+/// Image plane: rows along the y axis (the file's `Row` direction), columns along the x axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    /// Pixels, metres from the scene centre point.
+    /// Pixel grid, metres from the scene centre point.
     pub grid: ImageGrid,
-    /// The scene centre point and the plane's axes.
+    /// Frame: scene centre point and the plane's axes.
     pub frame: SceneFrame,
-    /// Cycles a pixel along columns that the aperture fills; none where that is not said, or is more than one.
+    /// Bandwidth along columns, cycles per pixel; `None` if not stated or above 1.
     pub column_band: Option<f64>,
 }
 
 impl Plane {
-    /// Of the XML of an image of these rows and columns; `None` where it does not tell, or tells what cannot be.
+    /// Parse the XML of an image of `rows` x `columns`; `None` if the plane is missing or invalid.
     pub(crate) fn of(xml: &str, (rows, columns): (usize, usize)) -> Option<Self> {
         let document = Document::parse(xml).ok()?;
         let root = Lookup::of(document.root_element());
         let value = |path: &[&str]| root.number(path);
         let first = |name| value(&["ImageData", name]).unwrap_or(0.0);
-        let axis = |way: &str, first: f64, count| {
-            let step = value(&["Grid", way, "SS"])?;
-            let centre = value(&["ImageData", "SCPPixel", way])?;
+        let axis = |name: &str, first: f64, count| {
+            let step = value(&["Grid", name, "SS"])?;
+            let centre = value(&["ImageData", "SCPPixel", name])?;
             Some(Axis {
                 start: (first - centre) * step,
                 step,
@@ -62,11 +62,11 @@ mod tests {
         <Grid><Row><UVectECF><X>0</X><Y>0</Y><Z>1</Z></UVectECF><SS>0.5</SS></Row><Col><UVectECF><X>0</X><Y>1</Y><Z>0</Z></UVectECF><SS>2</SS><ImpRespBW>0.4</ImpRespBW></Col></Grid></SICD>"#;
 
     #[test]
-    fn pixels_lie_about_the_scene_centre_point() {
+    fn plane_places_pixels_about_scene_centre_point() {
         let plane = Plane::of(XML, (100, 50)).unwrap();
         assert_eq!(plane.grid.position_m(20, 5), DVec3::ZERO);
         let at = plane.frame.to_ecf_m(plane.grid.position_m(22, 6));
-        // Two rows of 0.5 m along z and a column of 2 m along y.
+        // Two rows of 0.5 m along z, one column of 2 m along y.
         assert!(at.distance(DVec3::new(6_378_137.0, 2.0, 1.0)) < 1e-9);
         assert_eq!(plane.column_band, Some(0.8));
         for (from, to) in [

@@ -1,26 +1,26 @@
-//! Polynomials of a time and of two coordinates, by least squares.
+//! Least-squares polynomials of time and of two coordinates.
 
 use glam::DVec3;
 
 use subaperture_signal::dense::Factor;
 
-/// Coefficients of ascending powers of a time in seconds.
+/// Position as polynomial of time in seconds; coefficients in ascending order.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Path {
     pub(crate) coefficients: Vec<DVec3>,
-    /// The most that it is off what it was made of, metres.
+    /// Largest deviation from the fitted positions, metres.
     pub(crate) off_m: f64,
 }
 
-/// The highest power of a path: a tenth of an orbit, or some turns of an aircraft's track, to below a millimetre.
-const MOST_ORDER: usize = 7;
-/// What is off by less is not made better.
+/// Largest order: fits a tenth of an orbit, or several turns of an aircraft, to below a millimetre.
+const MAX_ORDER: usize = 7;
+/// Deviation at which the order is not increased further, metres.
 const ENOUGH_M: f64 = 1e-4;
 
 impl Path {
-    /// Through places at ascending times, of the lowest order that is near enough or else the best; none of no places.
+    /// Fit positions at ascending times with the lowest order that is accurate enough, or else the best order; `None` without positions.
     pub(crate) fn through(times_s: &[f64], places_m: &[DVec3]) -> Option<Self> {
-        let most = MOST_ORDER.min(times_s.len().checked_sub(1)?);
+        let most = MAX_ORDER.min(times_s.len().checked_sub(1)?);
         let mut best: Option<Self> = None;
         for order in 0..=most {
             let Some(path) = Self::of_order(order, times_s, places_m) else {
@@ -38,7 +38,7 @@ impl Path {
 
     fn of_order(order: usize, times_s: &[f64], places_m: &[DVec3]) -> Option<Self> {
         let (from, to) = (*times_s.first()?, *times_s.last()?);
-        // About the middle and over half the length, so that powers stay apart; about the first place, so that no digits are lost.
+        // Time is centred and normalised for conditioning; positions are relative to the first, to keep digits.
         let (middle, half) = (
             0.5 * (from + to),
             (0.5 * (to - from)).max(f64::MIN_POSITIVE),
@@ -49,7 +49,7 @@ impl Path {
         let rows: Vec<Vec<f64>> = times_s.iter().map(|&t| row(t)).collect();
         let [x, y, z] = offsets.map(|values| least_squares(&rows, values));
         let (x, y, z) = (x?, y?, z?);
-        // Legendre's polynomials in powers of the time.
+        // Legendre polynomials in powers of time.
         let basis = legendre_powers(order + 1, middle, half);
         let mut coefficients = vec![DVec3::ZERO; order + 1];
         for (j, polynomial) in basis.iter().enumerate() {
@@ -67,7 +67,7 @@ impl Path {
         Some(path)
     }
 
-    /// The place at a time, or its derivative of first or second order.
+    /// Position at a time, or its derivative of order `derivative`.
     pub(crate) fn at(&self, time_s: f64, derivative: usize) -> DVec3 {
         let factor = |k: usize| (0..derivative).map(|d| (k - d) as f64).product::<f64>();
         let powers = self.coefficients.iter().enumerate().skip(derivative).rev();
@@ -75,14 +75,14 @@ impl Path {
     }
 }
 
-/// Coefficients of `x^i y^j`, `[i][j]`.
+/// Bicubic polynomial: coefficients `[i][j]` of `x^i y^j`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Surface {
     pub(crate) coefficients: [[f64; 4]; 4],
 }
 
 impl Surface {
-    /// Of third order in each coordinate, which are within `half` of 0; none if the points do not determine it.
+    /// Fit values at points with coordinates within `half` of 0; `None` if the points do not determine the coefficients.
     pub(crate) fn through(points: &[([f64; 2], f64)], half: [f64; 2]) -> Option<Self> {
         let row = |&([x, y], _): &([f64; 2], f64)| {
             let (a, b) = (legendre(x / half[0], 4), legendre(y / half[1], 4));
@@ -110,7 +110,7 @@ impl Surface {
     }
 }
 
-/// Legendre's polynomials of orders below `count`.
+/// Legendre polynomials of orders below `count` at `x`.
 fn legendre(x: f64, count: usize) -> Vec<f64> {
     let mut values = vec![1.0, x];
     for n in 1..count.saturating_sub(1) {
@@ -121,7 +121,7 @@ fn legendre(x: f64, count: usize) -> Vec<f64> {
     values
 }
 
-/// The same of `(t - middle) / half`, as coefficients of powers of `t`.
+/// Legendre polynomials of `(t - middle) / half` as coefficients of powers of `t`.
 fn legendre_powers(count: usize, middle: f64, half: f64) -> Vec<Vec<f64>> {
     let times_x = |p: &[f64]| {
         let mut product = vec![0.0; p.len() + 1];
@@ -146,7 +146,7 @@ fn legendre_powers(count: usize, middle: f64, half: f64) -> Vec<Vec<f64>> {
     all
 }
 
-/// The coefficients by which rows come nearest to values.
+/// Least-squares solution of `rows * coefficients = values`, by normal equations.
 fn least_squares(rows: &[Vec<f64>], values: impl Iterator<Item = f64>) -> Option<Vec<f64>> {
     let count = rows.first()?.len();
     let mut matrix = vec![0.0; count * count];
@@ -167,9 +167,9 @@ fn least_squares(rows: &[Vec<f64>], values: impl Iterator<Item = f64>) -> Option
 mod tests {
     use super::*;
 
-    /// A cubic is found as it is, and an orbit of which 10 s are seen, an arc of 0.01 rad, by order 3: the next term is 7000 km 0.005^4 / 24, half of it taken by lower orders.
+    /// A cubic is fitted exactly. 10 s of an orbit, an arc of 0.01 rad, need order 3: the next term is 7000 km 0.005^4 / 24, and lower orders absorb half of it.
     #[test]
-    fn paths_are_followed() {
+    fn position_polynomial_fits_cubic_and_orbit() {
         let times: Vec<f64> = (0..50).map(|n| 100.0 + 0.2 * f64::from(n)).collect();
         let cubic = |t: f64| DVec3::new(6e6 + 3.0 * t, -2.0 * t + 0.1 * t * t, 1e-3 * t * t * t);
         let places: Vec<DVec3> = times.iter().map(|&t| cubic(t)).collect();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_are_followed() {
+    fn bicubic_surface_recovers_polynomial_values() {
         let truth = |x: f64, y: f64| 0.3 + 0.01 * x - 2e-4 * x * y + 1e-7 * x * x * y * y * y;
         let points: Vec<([f64; 2], f64)> = (0..49)
             .map(|n| {

@@ -1,20 +1,20 @@
-//! Where a SICD's pixels are on the Earth: image projection of NGA.STND.0024-3.
+//! Image-to-ground and ground-to-image projection of SICD (NGA.STND.0024-3).
 //!
-//! A pixel `x` metres along rows and `y` along columns from the scene centre point (SCP) has the range and the range rate that the antenna, at `A` with the velocity `V` at the
-//! pixel's centre of aperture, has to what is seen there:
+//! A pixel `x` metres along rows and `y` along columns from the scene centre point (SCP) defines the range and range rate of its ground point `p` from the antenna at `A` with
+//! velocity `V` at the pixel's centre of aperture:
 //!
 //! ```text
 //! |A - p| = R(x, y),    V . (A - p) / |A - p| = R'(x, y)
 //! ```
 //!
-//! | grid, algorithm | R, R' by |
+//! | grid type, algorithm | R, R' from |
 //! |---|---|
-//! | `RGAZIM`, `PFA` | polar angle and scale of spatial frequency, polynomials |
-//! | `RGAZIM`, `RGAZCOMP` | the increment of the cosine of the Doppler cone angle, `AzSF` |
+//! | `RGAZIM`, `PFA` | polynomials of polar angle and spatial frequency scale |
+//! | `RGAZIM`, `RGAZCOMP` | increment of the cosine of the Doppler cone angle, `AzSF` |
 //! | `RGZERO`, `RMA` of type `INCA` | range and time of closest approach |
-//! | `PLANE`, `XRGYCR`, `XCTYAT` | the point of the image's plane itself |
+//! | `PLANE`, `XRGYCR`, `XCTYAT` | point of the image plane |
 //!
-//! Both ways are solved by Newton's method, to a thousandth of a millimetre. Of the two points with one range and rate that is meant which lies on the side of the SCP. Adjustable
+//! Both directions are solved by Newton's method to a micrometre. Of the two points with equal range and range rate, the one on the side of the SCP is returned. Adjustable
 //! parameters and bistatic images are not supported.
 
 use glam::{DMat3, DVec3};
@@ -24,38 +24,38 @@ use subaperture_model::geometry::Geodetic;
 use crate::lookup::Lookup;
 use crate::polynomial::Path;
 
-/// Steps of Newton's method.
-const MOST_STEPS: usize = 30;
-/// Where it ends, metres.
+/// Largest number of Newton iterations.
+const MAX_STEPS: usize = 30;
+/// Convergence threshold, metres.
 const NEAR_M: f64 = 1e-6;
-/// Steps by which slopes in the image are looked at, metres.
+/// Step of finite differences in the image, metres.
 const LOOK_M: f64 = 1.0;
-/// Points that lie farther from the SCP are none of an image's, metres.
+/// Largest distance from the SCP, metres; iterations beyond have diverged.
 const FARTHEST_M: f64 = 5e6;
 
-/// Why a SICD's pixels have no place.
+/// Metadata of a SICD do not define a supported projection.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ProjectionError(String);
 
-/// Where pixels are: ranges and range rates of a SICD.
+/// Projection model of a SICD.
 #[derive(Clone, Debug)]
 pub struct Projection {
     scp: DVec3,
     row: DVec3,
     column: DVec3,
     spacings_m: [f64; 2],
-    /// Row and column of the SCP, counted from the image's own first.
+    /// Row and column of the SCP, counted from the image's first.
     scp_pixel: [f64; 2],
     antenna: Path,
-    /// Seconds, of metres along rows and columns.
+    /// Time of centre of aperture, seconds; coefficients of metres along rows and columns.
     time_coa: Vec<Vec<f64>>,
-    lies: Lies,
+    model: Model,
 }
 
-/// How range and range rate follow from a place in the image.
+/// Model of range and range rate.
 #[derive(Clone, Debug)]
-enum Lies {
+enum Model {
     Plane,
     Polar {
         angle: Vec<f64>,
@@ -71,7 +71,7 @@ enum Lies {
     },
 }
 
-/// An antenna and what it measures.
+/// Range and range rate contour of an antenna.
 #[derive(Clone, Copy, Debug)]
 struct Contour {
     antenna: DVec3,
@@ -81,62 +81,65 @@ struct Contour {
 }
 
 impl Projection {
-    /// Of a SICD's XML.
+    /// Parse a SICD's XML.
     ///
     /// # Errors
-    /// [`ProjectionError`]: what is missing, or not supported.
+    /// [`ProjectionError`] names what is missing or not supported.
     pub fn of(xml: &str) -> Result<Self, ProjectionError> {
-        Self::told(xml).map_err(ProjectionError)
+        Self::parse(xml).map_err(ProjectionError)
     }
 
-    fn told(xml: &str) -> Result<Self, String> {
+    fn parse(xml: &str) -> Result<Self, String> {
         let document = Document::parse(xml).map_err(|error| format!("XML: {error}"))?;
         let root = Lookup::of(document.root_element());
-        let missing = |path: &[&str]| format!("XML: no {}, or no number", path.join("/"));
+        let missing = |path: &[&str]| format!("XML: expected numbers in {}", path.join("/"));
         let vector = |path: &[&str]| root.vector(path).ok_or_else(|| missing(path));
         let line = |path: &[&str]| root.line(path).ok_or_else(|| missing(path));
         let number = |path: &[&str]| root.number(path).ok_or_else(|| missing(path));
         let polynomial = |path: &[&str]| root.polynomial(path).ok_or_else(|| missing(path));
         let kind = ["CollectionInfo", "CollectType"];
         if root.text(&kind) == Some("BISTATIC") {
-            return Err("it is bistatic, and monostatic images are projected".to_owned());
+            return Err("expected a monostatic image, found a bistatic one".to_owned());
         }
         let grid = root.text(&["Grid", "Type"]).unwrap_or_default();
         let former = root
             .text(&["ImageFormation", "ImageFormAlgo"])
             .unwrap_or_default();
-        let lies = match (grid, former) {
-            ("PLANE" | "XRGYCR" | "XCTYAT", _) => Lies::Plane,
-            ("RGAZIM", "PFA") => Lies::Polar {
+        let model = match (grid, former) {
+            ("PLANE" | "XRGYCR" | "XCTYAT", _) => Model::Plane,
+            ("RGAZIM", "PFA") => Model::Polar {
                 angle: line(&["PFA", "PolarAngPoly"])?,
                 scale: line(&["PFA", "SpatialFreqSFPoly"])?,
             },
-            ("RGAZIM", "RGAZCOMP") => Lies::Cone {
+            ("RGAZIM", "RGAZCOMP") => Model::Cone {
                 scale: number(&["RgAzComp", "AzSF"])?,
             },
-            ("RGZERO", _) => Lies::Closest {
+            ("RGZERO", _) => Model::Closest {
                 range_m: number(&["RMA", "INCA", "R_CA_SCP"])?,
                 time: line(&["RMA", "INCA", "TimeCAPoly"])?,
                 rate_scale: polynomial(&["RMA", "INCA", "DRateSFPoly"])?,
             },
             _ => {
                 return Err(format!(
-                    "its grid is of type '{grid}', formed by '{former}', which is not known"
+                    "unsupported grid type '{grid}' of image formation algorithm '{former}'"
                 ));
             }
         };
         let path = ["Position", "ARPPoly"];
-        let spacing_m = |way| {
-            let path = ["Grid", way, "SS"];
+        let spacing_m = |name| {
+            let path = ["Grid", name, "SS"];
             let positive = number(&path)?;
             match positive > 0.0 {
                 true => Ok(positive),
-                false => Err(format!("XML: {} is not positive", path.join("/"))),
+                false => Err(format!(
+                    "XML: expected a positive number in {}",
+                    path.join("/")
+                )),
             }
         };
-        let centre = |way, first: &str| {
+        let centre = |name, first: &str| {
             let first = root.number(&["ImageData", first]).unwrap_or(0.0);
-            Ok::<_, String>(number(&["ImageData", "SCPPixel", way])? - first)
+            Ok::<_, String>(number(&["ImageData", "SCPPixel", name])? - first)
         };
         let projection = Self {
             spacings_m: [spacing_m("Row")?, spacing_m("Col")?],
@@ -146,45 +149,53 @@ impl Projection {
             column: vector(&["Grid", "Col", "UVectECF"])?,
             antenna: root.path(&path).ok_or_else(|| missing(&path))?,
             time_coa: polynomial(&["Grid", "TimeCOAPoly"])?,
-            lies,
+            model,
         };
-        let soft = || "its centre has no place: its geometry contradicts itself".to_owned();
+        let inconsistent = || {
+            "the geometry is inconsistent: the scene centre point does not project to itself"
+                .to_owned()
+        };
         let height_m = Geodetic::from_ecf_m(projection.scp).height_m;
         let centre = projection
             .on_height([0.0; 2], height_m)
             .and_then(|place| projection.along_m(place.to_ecf_m()))
-            .ok_or_else(soft)?;
+            .ok_or_else(inconsistent)?;
         match centre[0].hypot(centre[1]) < LOOK_M {
             true => Ok(projection),
-            false => Err(soft()),
+            false => Err(inconsistent()),
         }
     }
 
-    /// The scene centre point.
+    /// Whether pixels are points of the image plane (`PLANE`, `XRGYCR`, `XCTYAT`).
+    pub fn is_plane(&self) -> bool {
+        matches!(self.model, Model::Plane)
+    }
+
+    /// Scene centre point.
     pub fn scp(&self) -> Geodetic {
         Geodetic::from_ecf_m(self.scp)
     }
 
-    /// From row to row and from column to column, metres.
+    /// Row and column spacing, metres.
     pub fn spacings_m(&self) -> [f64; 2] {
         self.spacings_m
     }
 
-    /// Metres along rows and columns from the SCP of a row and column, counted from 0, with fractions.
+    /// Distance from the SCP along rows and columns, metres, of a fractional row and column counted from 0.
     pub fn along_of(&self, pixel: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|k| (pixel[k] - self.scp_pixel[k]) * self.spacings_m[k])
     }
 
-    /// The inverse of that.
+    /// Fractional row and column of a distance from the SCP. The inverse of [`Self::along_of`].
     pub fn pixel_of(&self, along_m: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|k| along_m[k] / self.spacings_m[k] + self.scp_pixel[k])
     }
 
-    /// Where on the surface of a height above the ellipsoid there is what is seen so many metres along rows and columns from the SCP; none where nothing is.
+    /// Image to ground: point at a height above the ellipsoid (metres) that is imaged at this distance from the SCP; `None` if the contour does not intersect it.
     pub fn on_height(&self, along_m: [f64; 2], height_m: f64) -> Option<Geodetic> {
         let contour = self.contour(along_m)?;
         let mut point = self.point(along_m);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let place = Geodetic::from_ecf_m(point);
             let [.., up] = place.east_north_up();
             let [range, rate] = contour.off(point);
@@ -203,12 +214,12 @@ impl Projection {
         None
     }
 
-    /// Where in the image a point in ECF is seen: metres along rows and columns from the SCP; none where it is not. The inverse of [`Self::on_height`].
+    /// Ground to image: distance from the SCP, metres along rows and columns, of a point (ECF); `None` if the iteration does not converge. The inverse of [`Self::on_height`].
     pub fn along_m(&self, point: DVec3) -> Option<[f64; 2]> {
         let from = point - self.scp;
         let mut at = [from.dot(self.row), from.dot(self.column)];
         let off = |at: [f64; 2]| Some(self.contour(at)?.off(point));
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let [[a, b], [c, d], [e, f]] = [
                 off(at)?,
                 off([at[0] + LOOK_M, at[1]])?,
@@ -230,12 +241,12 @@ impl Projection {
         None
     }
 
-    /// The point of the image's plane.
+    /// Point of the image plane, ECF.
     fn point(&self, [x, y]: [f64; 2]) -> DVec3 {
         self.scp + self.row * x + self.column * y
     }
 
-    /// Range and range rate of a place in the image; none where they are no numbers.
+    /// Contour of an image position; `None` if it is not finite.
     fn contour(&self, [x, y]: [f64; 2]) -> Option<Contour> {
         let time_s = of_two(&self.time_coa, [x, y]);
         let [antenna, velocity] = [0, 1].map(|k| self.antenna.at(time_s, k));
@@ -244,9 +255,9 @@ impl Projection {
             let range_m = sight.length();
             [range_m, velocity.dot(sight) / range_m]
         };
-        let [range_m, rate_m_s] = match &self.lies {
-            Lies::Plane => of_point(self.point([x, y])),
-            Lies::Polar { angle, scale } => {
+        let [range_m, rate_m_s] = match &self.model {
+            Model::Plane => of_point(self.point([x, y])),
+            Model::Polar { angle, scale } => {
                 let (theta, theta_rate) = (of(angle, time_s), slope(angle, time_s));
                 let (stretch, growth) = (of(scale, theta), slope(scale, theta));
                 let (sin, cos) = libm::sincos(theta);
@@ -257,11 +268,11 @@ impl Projection {
                     rate_m_s + (growth * along + stretch * across) * theta_rate,
                 ]
             }
-            Lies::Cone { scale } => {
+            Model::Cone { scale } => {
                 let [range_m, rate_m_s] = of_point(self.scp);
                 [range_m + x, rate_m_s - velocity.length() * scale * y]
             }
-            Lies::Closest {
+            Model::Closest {
                 range_m,
                 time,
                 rate_scale,
@@ -285,7 +296,7 @@ impl Projection {
 }
 
 impl Contour {
-    /// By how much the range and the range rate of a point are more: metres, metres a second.
+    /// Range and range rate of a point minus those of the contour: metres, metres per second.
     fn off(&self, point: DVec3) -> [f64; 2] {
         let sight = self.antenna - point;
         let range_m = sight.length();
@@ -295,7 +306,7 @@ impl Contour {
         ]
     }
 
-    /// How both grow with the point.
+    /// Gradients of range and range rate over the point.
     fn slopes(&self, point: DVec3) -> [DVec3; 2] {
         let sight = self.antenna - point;
         let range_m = sight.length();
@@ -305,18 +316,18 @@ impl Contour {
     }
 }
 
-/// A polynomial's value.
+/// Value of a polynomial.
 fn of(line: &[f64], x: f64) -> f64 {
     line.iter().rev().fold(0.0, |sum, c| sum * x + c)
 }
 
-/// Its derivative's.
+/// Value of a polynomial's derivative.
 fn slope(line: &[f64], x: f64) -> f64 {
     let powers = line.iter().enumerate().skip(1).rev();
     powers.fold(0.0, |sum, (k, c)| sum * x + k as f64 * c)
 }
 
-/// The value of one of two variables.
+/// Value of a polynomial of two variables.
 pub(crate) fn of_two(coefficients: &[Vec<f64>], [x, y]: [f64; 2]) -> f64 {
     coefficients
         .iter()

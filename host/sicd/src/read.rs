@@ -1,75 +1,46 @@
-//! Anyone's SICD, read part by part: NITF 2.1 (or NSIF 1.0) with uncompressed samples of any of SICD's three kinds, versions 0.4 to 1.3.
+//! Reader of SICD files, window by window: NITF 2.1 or NSIF 1.0, uncompressed samples of all three pixel types, versions 0.4 to 1.3.
 //!
-//! | `PixelType` | sample |
+//! | `PixelType` | conversion |
 //! |---|---|
-//! | `RE32F_IM32F` | two float32, as they are |
-//! | `RE16I_IM16I` | two 16-bit integers, as numbers |
-//! | `AMP8I_PHS8I` | amplitude, by `AmpTable` if there is one, and phase in 256ths of a turn |
+//! | `RE32F_IM32F` | float32 pair, unchanged |
+//! | `RE16I_IM16I` | int16 pair, as numbers |
+//! | `AMP8I_PHS8I` | amplitude through `AmpTable` if present; phase in units of 1/256 turn |
 //!
-//! **Memory** that of the part that is read, its bytes besides, and the XML, which is [`MOST_XML_BYTES`] at the most. **Rows and columns** are the file's. What lies beyond the file's end, or
-//! is not as the XML says, is an error that says where.
+//! **Memory** one window and its encoded rows, and the XML ([`MAX_XML_BYTES`](crate::MAX_XML_BYTES)). **Rows and columns** are those of the file. A truncated file, or one that
+//! disagrees with its XML, is an error that states the position.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::Path;
 
 use num_complex::Complex32;
 use roxmltree::Document;
 
 use subaperture_io::xml::check_plain;
-use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
+use subaperture_model::image::{
+    Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
+};
 
-use crate::header::{FileHeader, ImageHeader, Samples};
+use crate::container::{Blocks, Container, Pixels, ReadError};
+use crate::header::{ImageHeader, Samples};
 use crate::lookup::Lookup;
 use crate::{Band, Plane, Projection};
 
-/// The longest XML that is read.
-pub const MOST_XML_BYTES: u64 = 16 << 20;
-
-/// Why a SICD was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReadError {
-    /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// It is none, or it is damaged.
-    #[error("{}: {what}", path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        what: String,
-    },
-}
-
-/// A SICD, opened.
+/// An open SICD file.
 #[derive(Debug)]
 pub struct SicdFile {
-    path: PathBuf,
-    // A place in it is read at a time.
-    file: Mutex<File>,
+    pixels: Pixels,
     version: String,
     xml: String,
-    size: (usize, usize),
     samples: Samples,
-    /// Amplitudes of `AMP8I_PHS8I`.
+    /// Amplitudes of `AMP8I_PHS8I` (`AmpTable`).
     amplitudes: Option<Vec<f32>>,
-    /// First row, number of rows and first byte of each segment.
-    segments: Vec<(usize, usize, u64)>,
 }
 
 impl SicdFile {
-    /// Opens a file and reads its headers and XML.
+    /// Open a file; reads its headers and XML.
     ///
     /// # Errors
-    /// [`ReadError`].
+    /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let file = File::open(path).map_err(|source| ReadError::Io {
             path: path.to_owned(),
@@ -78,147 +49,106 @@ impl SicdFile {
         Self::of(file, path)
     }
 
-    /// The same of a file that is open; `path` is for messages.
+    /// As [`Self::open`], from an open file; `path` is for messages.
     ///
     /// # Errors
-    /// [`ReadError`].
-    pub fn of(mut file: File, path: &Path) -> Result<Self, ReadError> {
-        let io = |source| ReadError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let wrong = |what: String| ReadError::Format {
-            path: path.to_owned(),
-            what,
-        };
-        let length = file.metadata().map_err(io)?.len();
-        let mut read = |at: u64, count: u64, what: &str| -> Result<Vec<u8>, ReadError> {
-            match at.checked_add(count) {
-                Some(end) if end <= length => {}
-                _ => {
-                    return Err(wrong(format!(
-                        "{what} is to be {count} bytes from byte {at} on, and the file has {length}: it is cut short or damaged"
-                    )));
-                }
-            }
-            let mut bytes = vec![0; count as usize];
-            file.seek(SeekFrom::Start(at)).map_err(io)?;
-            file.read_exact(&mut bytes).map_err(io)?;
-            Ok(bytes)
-        };
-        let start = read(0, 363, "the file's header")?;
-        let header_bytes = FileHeader::bytes(&start).map_err(wrong)?;
-        let header = read(0, header_bytes, "the file's header")?;
-        let header = FileHeader::parse(&header).map_err(wrong)?;
+    /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
+    pub fn of(file: File, path: &Path) -> Result<Self, ReadError> {
+        let mut container = Container::open(file, path)?;
         let mut images: Vec<(ImageHeader, u64)> = Vec::new();
-        for segment in &header.images {
-            let bytes = read(segment.header, segment.header_bytes, "an image's header")?;
-            let image = ImageHeader::parse(&bytes).map_err(|what| {
-                wrong(format!(
-                    "the image's header at byte {}: {what}",
-                    segment.header
-                ))
-            })?;
+        for segment in container.header.images.clone() {
+            let bytes = container.image_header(&segment)?;
+            let image = ImageHeader::parse(&bytes)
+                .map_err(|what| container.image_fault(&segment, &what))?;
             if image.name.starts_with("SICD") {
-                image.check(segment.data_bytes).map_err(|what| {
-                    wrong(format!("the image at byte {}: {what}", segment.header))
-                })?;
+                image
+                    .check(segment.data_bytes)
+                    .map_err(|what| container.image_fault(&segment, &what))?;
                 images.push((image, segment.data));
             }
         }
         images.sort_by(|a, b| a.0.name.cmp(&b.0.name));
-        let mut xml = None;
-        for segment in &header.extensions {
-            let begins = read(segment.data, segment.data_bytes.min(1000), "an extension")?;
-            if !String::from_utf8_lossy(&begins).contains("SICD") {
-                continue;
-            }
-            if segment.data_bytes > MOST_XML_BYTES {
-                return Err(wrong(format!(
-                    "its XML is said to have {} bytes; {MOST_XML_BYTES} are read at the most",
-                    segment.data_bytes
-                )));
-            }
-            let bytes = read(segment.data, segment.data_bytes, "the XML")?;
-            let text =
-                String::from_utf8(bytes).map_err(|_| wrong("its XML is not UTF-8".to_owned()))?;
-            xml = Some(text);
-            break;
-        }
-        let xml = xml
-            .ok_or_else(|| wrong("no XML of SICD is in it: it is another NITF file".to_owned()))?;
-        // What the last segment promises has to be there before anything is read of it.
-        for segment in header.images.iter().chain(&header.extensions) {
-            if segment
-                .data
-                .checked_add(segment.data_bytes)
-                .is_none_or(|end| end > length)
-            {
-                return Err(wrong(format!(
-                    "a segment is to be {} bytes from byte {} on, and the file has {length}: it is cut short or damaged",
-                    segment.data_bytes, segment.data
+        let wrong = |container: &Container, what: &str| container.fault(what.to_owned());
+        let xml = container
+            .xml("SICD")?
+            .ok_or_else(|| wrong(&container, "expected SICD XML, found another NITF file"))?;
+        // All segments must lie in the file before any pixel is read.
+        let segments = container.header.images.iter();
+        for segment in segments.chain(&container.header.extensions) {
+            let end = segment.data.checked_add(segment.data_bytes);
+            if end.is_none_or(|end| end > container.length) {
+                return Err(container.fault(format!(
+                    "expected a segment of {} bytes at byte {}, found a file of {} bytes; it is truncated or damaged",
+                    segment.data_bytes, segment.data, container.length
                 )));
             }
         }
-        let told = Told::parse(&xml).map_err(wrong)?;
+        let image_data = ImageData::parse(&xml).map_err(|what| container.fault(what))?;
         let Some(samples) = images.first().map(|(image, _)| image.samples) else {
-            return Err(wrong("no image of SICD is in it".to_owned()));
+            return Err(wrong(
+                &container,
+                "expected a SICD image segment, found none",
+            ));
         };
         let mut segments = Vec::with_capacity(images.len());
-        let mut first = 0usize;
+        let mut first_row = 0usize;
         for (image, data) in &images {
-            if image.samples != samples || image.columns != told.columns {
-                return Err(wrong(format!(
-                    "segment {} has {} columns of {:?}, and the XML {} of {:?}",
-                    image.name, image.columns, image.samples, told.columns, samples
+            if image.samples != samples || image.columns != image_data.columns {
+                return Err(container.fault(format!(
+                    "segment {}: expected {} columns of {samples:?} as in XML and first segment, found {} of {:?}",
+                    image.name, image_data.columns, image.columns, image.samples
                 )));
             }
-            segments.push((first, image.rows, *data));
-            first = first
+            segments.push(Blocks {
+                first_row,
+                wide: image_data.columns,
+                high: image.rows.max(1),
+                across: 1,
+                data: *data,
+            });
+            first_row = first_row
                 .checked_add(image.rows)
-                .ok_or_else(|| wrong("more rows than can be".to_owned()))?;
+                .ok_or_else(|| wrong(&container, "the number of rows overflows"))?;
         }
-        if first != told.rows || told.samples != samples {
-            return Err(wrong(format!(
-                "its images have {first} rows of {samples:?}, and the XML says {} of {:?}",
-                told.rows, told.samples
+        if first_row != image_data.rows || image_data.samples != samples {
+            return Err(container.fault(format!(
+                "expected {} rows of {:?} as in the XML, found {first_row} of {samples:?}",
+                image_data.rows, image_data.samples
             )));
         }
+        let size = (image_data.rows, image_data.columns);
         Ok(Self {
-            path: path.to_owned(),
-            file: Mutex::new(file),
-            version: told.version,
-            amplitudes: told.amplitudes,
-            size: (told.rows, told.columns),
+            version: image_data.version,
+            amplitudes: image_data.amplitudes,
+            pixels: container.into_pixels(size, samples.bytes(), segments),
             xml,
             samples,
-            segments,
         })
     }
 
-    /// Where it was opened.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.pixels.path()
     }
 
-    /// The standard's version, such as `1.3.0`.
+    /// Version of the standard, such as `1.3.0`.
     pub fn version(&self) -> &str {
         &self.version
     }
 
-    /// The metadata.
+    /// XML metadata.
     pub fn xml(&self) -> &str {
         &self.xml
     }
 
-    /// What its collector called it, `CoreName`.
+    /// Name of the collection (`CoreName`).
     pub fn name(&self) -> Option<String> {
-        self.told(&["CollectionInfo", "CoreName"])
+        self.text(&["CollectionInfo", "CoreName"])
     }
 
-    /// When its collection began, as RFC 3339 has it; `None` where the metadata tell no such moment.
+    /// Start of the collection (`CollectStart`), RFC 3339; `None` if missing or malformed.
     pub fn start(&self) -> Option<String> {
-        let text = self.told(&["Timeline", "CollectStart"])?;
+        let text = self.text(&["Timeline", "CollectStart"])?;
         let (moment, fraction) = text.trim_end_matches('Z').split_at_checked(19)?;
         let like = |c: char, pattern: char| match pattern {
             '0' => c.is_ascii_digit(),
@@ -233,82 +163,58 @@ impl SicdFile {
             .then(|| format!("{moment}{fraction}Z"))
     }
 
-    /// A text of the metadata that is there and not empty.
-    fn told(&self, path: &[&str]) -> Option<String> {
+    /// Non-empty text of a metadata element.
+    fn text(&self, path: &[&str]) -> Option<String> {
         let document = Document::parse(&self.xml).ok()?;
         let text = Lookup::of(document.root_element()).text(path)?.to_owned();
         (!text.is_empty()).then_some(text)
     }
 
-    /// Where its pixels are; `None` where the metadata do not tell.
+    /// Image plane; `None` if the metadata do not define one.
     pub fn plane(&self) -> Option<Plane> {
-        Plane::of(&self.xml, self.size)
+        Plane::of(&self.xml, self.pixels.size())
     }
 
-    /// Where on the Earth its pixels are seen.
+    /// Projection model.
     ///
     /// # Errors
-    /// [`ReadError::Format`]: what the metadata lack.
+    /// [`ReadError::Format`] if the metadata are incomplete or not supported.
     pub fn projection(&self) -> Result<Projection, ReadError> {
         Projection::of(&self.xml).map_err(|error| ReadError::Format {
-            path: self.path.clone(),
+            path: self.path().to_owned(),
             what: error.to_string(),
         })
     }
 
-    /// Where its spectrum is; `None` where the metadata do not tell.
+    /// Spectrum; `None` if the metadata do not define it.
     pub fn band(&self) -> Option<Band> {
         Band::of(&self.xml)
     }
 
-    /// Samples of whole or parts of rows.
-    fn read(&self, place: &Place) -> Result<Image, ReadError> {
-        let [rows, columns] = place;
-        let bytes = self.samples.bytes();
-        let mut pixels = Vec::with_capacity(rows.len() * columns.len());
-        let mut line = vec![0; columns.len() * bytes];
-        let io = |source| ReadError::Io {
-            path: self.path.clone(),
-            source,
-        };
-        let mut file = self
-            .file
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        for row in rows.clone() {
-            let n = self.segments.partition_point(|&(first, ..)| first <= row) - 1;
-            let (first, _, data) = self.segments[n];
-            let pixel = (row - first) as u64 * self.size.1 as u64 + columns.start as u64;
-            file.seek(SeekFrom::Start(data + pixel * bytes as u64))
-                .map_err(io)?;
-            file.read_exact(&mut line).map_err(io)?;
-            let sample = |bytes: &[u8]| self.samples.sample(bytes, self.amplitudes.as_deref());
-            pixels.extend(line.chunks_exact(bytes).map(sample));
-        }
-        Ok(Image {
-            rows: rows.len(),
-            columns: columns.len(),
-            pixels,
-        })
+    fn read(&self, place: &PixelBlock) -> Result<Image, ReadError> {
+        let amplitudes = self.amplitudes.as_deref();
+        let decode = |bytes: &[u8]| self.samples.sample(bytes, amplitudes);
+        self.pixels.read(place, decode)
     }
 }
 
-impl Parts for SicdFile {
+impl ImageSource for SicdFile {
     fn size(&self) -> (usize, usize) {
-        self.size
+        self.pixels.size()
     }
 
-    fn places(&self) -> Vec<Place> {
-        bands(self.size.0, self.size.1)
+    fn places(&self) -> PixelBlocks {
+        let (rows, columns) = self.size();
+        bands(rows, columns)
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         Ok(self.read(place)?)
     }
 }
 
-/// What the XML says of the samples.
-struct Told {
+/// `ImageData` of the XML.
+struct ImageData {
     version: String,
     rows: usize,
     columns: usize,
@@ -316,7 +222,7 @@ struct Told {
     amplitudes: Option<Vec<f32>>,
 }
 
-impl Told {
+impl ImageData {
     fn parse(xml: &str) -> Result<Self, String> {
         check_plain(xml).map_err(|what| format!("XML: {what}"))?;
         let document = Document::parse(xml).map_err(|error| format!("XML: {error}"))?;
@@ -325,7 +231,7 @@ impl Told {
         let version = namespace.strip_prefix("urn:SICD:").unwrap_or_default();
         if root.tag_name().name() != "SICD" || version.is_empty() {
             return Err(format!(
-                "its XML is '{}' of '{namespace}', and not SICD",
+                "expected SICD XML, found element '{}' in namespace '{namespace}'",
                 root.tag_name().name()
             ));
         }
@@ -336,18 +242,19 @@ impl Told {
         };
         let data = child(root, "ImageData")
             .and_then(|id| document.get_node(id))
-            .ok_or("XML: no ImageData")?;
+            .ok_or("XML: expected ImageData")?;
         let text = |name: &str| {
             let node = child(data, name).and_then(|id| document.get_node(id));
             let text = node.and_then(|node| node.text()).map(str::trim);
-            text.ok_or_else(|| format!("XML: no ImageData/{name}"))
+            text.ok_or_else(|| format!("XML: expected ImageData/{name}"))
         };
         let count = |name: &str| {
             let count = text(name)?
                 .parse::<usize>()
                 .ok()
                 .filter(|n| (1..1 << 31).contains(n));
-            count.ok_or_else(|| format!("XML: ImageData/{name} is no count"))
+            count
+                .ok_or_else(|| format!("XML: expected a number from 1 to 2^31 in ImageData/{name}"))
         };
         let amplitudes = match child(data, "AmpTable").and_then(|id| document.get_node(id)) {
             None => None,
@@ -358,12 +265,12 @@ impl Told {
                     let value = one.text().and_then(|text| text.trim().parse().ok());
                     let place = index.and_then(|n| all.get_mut(n));
                     let (Some(place), Some(value)) = (place, value) else {
-                        return Err("XML: an Amplitude of ImageData/AmpTable is none".to_owned());
+                        return Err("XML: invalid Amplitude in ImageData/AmpTable".to_owned());
                     };
                     *place = value;
                 }
                 if all.iter().any(|value| !value.is_finite()) {
-                    return Err("XML: ImageData/AmpTable has not 256 amplitudes".to_owned());
+                    return Err("XML: expected 256 amplitudes in ImageData/AmpTable".to_owned());
                 }
                 Some(all)
             }
@@ -376,7 +283,11 @@ impl Told {
                 "RE32F_IM32F" => Samples::Float32,
                 "RE16I_IM16I" => Samples::Int16,
                 "AMP8I_PHS8I" => Samples::AmplitudePhase,
-                other => return Err(format!("XML: ImageData/PixelType is '{other}'")),
+                other => {
+                    return Err(format!(
+                        "XML: expected ImageData/PixelType RE32F_IM32F, RE16I_IM16I or AMP8I_PHS8I, found '{other}'"
+                    ));
+                }
             },
             amplitudes,
         })
@@ -384,7 +295,7 @@ impl Told {
 }
 
 impl Samples {
-    /// Bytes of one.
+    /// Size of a sample, bytes.
     fn bytes(self) -> usize {
         match self {
             Self::Float32 => 8,

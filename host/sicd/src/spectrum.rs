@@ -1,4 +1,4 @@
-//! Where an image's spectrum lies along its rows and columns (`Grid/Row`, `Grid/Col`).
+//! Spectral support of an image along rows and columns (`Grid/Row`, `Grid/Col`).
 
 use glam::DVec3;
 
@@ -9,56 +9,56 @@ use crate::SicdError;
 use crate::formed::Formed;
 use crate::polynomial::Surface;
 
-/// Half-power width of the response to an even band of 1 cycle a metre, metres, in the digits that the standard and its checkers use.
+/// 3 dB width of the impulse response for a uniform band of 1 cycle per metre, metres; digits as in the standard.
 const EVEN_WIDTH: f64 = 0.8859;
-/// Places a side at which the spectrum is looked at.
+/// Samples per side at which the spectrum is evaluated.
 const PLACES: usize = 11;
 
-/// One direction of an image.
+/// Spectrum along one image direction.
 #[derive(Clone, Debug)]
 pub(crate) struct Spectrum {
-    /// Unit vector of the scene frame.
+    /// Direction, unit vector of the scene frame.
     pub(crate) direction: DVec3,
     /// Sample spacing, metres.
     pub(crate) spacing_m: f64,
-    /// Half-power width of the response at the centre, metres.
+    /// 3 dB width of the impulse response at the centre, metres.
     pub(crate) width_m: f64,
-    /// Bandwidth of an even band of that resolution, cycles a metre.
+    /// Bandwidth of a uniform band of that resolution, cycles per metre.
     pub(crate) bandwidth: f64,
-    /// The spatial frequency at which the samples' spectrum has its zero.
+    /// Spatial frequency of the samples' zero frequency (`KCtr`), cycles per metre.
     pub(crate) centre: f64,
-    /// The spectrum's edges relative to it.
+    /// Edges of the spectrum relative to `centre` (`DeltaK1`, `DeltaK2`), cycles per metre.
     pub(crate) edges: [f64; 2],
-    /// Where its middle is, relative to it, over distances along rows and columns.
+    /// Centre of the spectrum relative to `centre` (`DeltaKCOAPoly`), over distances along rows and columns.
     pub(crate) middle: Surface,
     pub(crate) window: Window,
 }
 
-/// How the pixels lie: the centre, and the directions of rows and columns in the scene frame.
+/// Pixel layout: centre, and directions of rows and columns in the scene frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Lying {
+pub(crate) struct Layout {
     pub(crate) centre_m: DVec3,
     pub(crate) directions: [DVec3; 2],
     pub(crate) spacings_m: [f64; 2],
-    /// The first and the last row and column, from the centre.
+    /// Distance of the first and last row and column from the centre, metres.
     pub(crate) ends_m: [[f64; 2]; 2],
 }
 
 impl Spectrum {
-    /// Along rows and along columns; `vertices` of the image in metres along both.
+    /// Spectra along rows and columns; `vertices` are distances along both, metres.
     pub(crate) fn both(
         formed: &Formed,
-        lying: &Lying,
+        layout: &Layout,
         vertices: &[[f64; 2]],
     ) -> Result<[Self; 2], SicdError> {
         let [fast, slow] = formed.windows;
         let looks = |fast, slow| formed.looks.looks(fast, slow);
-        let (Some(even), Some(weighed)) = (looks(Window::None, Window::None), looks(fast, slow))
+        let (Some(even), Some(weighted)) = (looks(Window::None, Window::None), looks(fast, slow))
         else {
-            return Err(SicdError::Record("pulses that stand for the recording's"));
+            return Err(SicdError::Record("the image's support"));
         };
         let along = |which: usize, window: Window| {
-            Self::along(which, window, [&even, &weighed], lying, vertices)
+            Self::along(which, window, [&even, &weighted], layout, vertices)
         };
         Ok([along(0, fast)?, along(1, slow)?])
     }
@@ -66,40 +66,40 @@ impl Spectrum {
     fn along(
         which: usize,
         window: Window,
-        [even, weighed]: [&Looks; 2],
-        lying: &Lying,
+        [even, weighted]: [&Looks; 2],
+        layout: &Layout,
         vertices: &[[f64; 2]],
     ) -> Result<Self, SicdError> {
-        let direction = lying.directions[which];
-        let spacing_m = lying.spacings_m[which];
+        let direction = layout.directions[which];
+        let spacing_m = layout.spacings_m[which];
         let name = ["rows", "columns"][which];
-        let width = |looks: &Looks| looks.at(lying.centre_m).along(direction)?.width_3db_m();
+        let width = |looks: &Looks| looks.at(layout.centre_m).along(direction)?.width_3db_m();
         let none = || {
             SicdError::Unsuited(format!(
-                "the recording does not resolve the image along its {name}"
+                "the aperture does not resolve the image along its {name}"
             ))
         };
-        let width_m = width(weighed).ok_or_else(none)?;
+        let width_m = width(weighted).ok_or_else(none)?;
         let bandwidth = match window {
             Window::None => EVEN_WIDTH / width_m,
             _ => EVEN_WIDTH / width(even).ok_or_else(none)?,
         };
         if bandwidth * spacing_m > 1.0 {
             return Err(SicdError::Unsuited(format!(
-                "{name} are {spacing_m} m apart and the spectrum is {bandwidth:.3} cycles a metre wide: the image is undersampled, and SICD wants {:.3} m at the most",
+                "the image is undersampled: spacing of {name} {spacing_m} m, bandwidth {bandwidth:.3} cycles per metre; SICD needs at most {:.3} m",
                 1.0 / bandwidth
             )));
         }
         let middle_at = |[x, y]: [f64; 2]| {
-            let place_m = lying.centre_m + lying.directions[0] * x + lying.directions[1] * y;
+            let place_m = layout.centre_m + layout.directions[0] * x + layout.directions[1] * y;
             let [low, high] = even.at(place_m).extent(direction)?;
             Some(0.5 * (low + high))
         };
         let at_centre = middle_at([0.0; 2]).ok_or_else(none)?;
         let centre = (at_centre * spacing_m).round() / spacing_m;
         let half = [0, 1].map(|k| {
-            let [from, to] = lying.ends_m[k];
-            (-from).max(to).max(0.5 * lying.spacings_m[k])
+            let [from, to] = layout.ends_m[k];
+            (-from).max(to).max(0.5 * layout.spacings_m[k])
         });
         let step = |n: usize| 2.0 * n as f64 / (PLACES - 1) as f64 - 1.0;
         let mut points = Vec::with_capacity(PLACES * PLACES);
@@ -113,7 +113,7 @@ impl Spectrum {
             [a.min(k), b.max(k)]
         });
         let edges = [least - 0.5 * bandwidth, most + 0.5 * bandwidth];
-        // A spectrum that passes the edge of what samples tell apart comes in again at the other, and takes all.
+        // A spectrum beyond the Nyquist limit wraps around and occupies the full band.
         let whole = 0.5 / spacing_m;
         let within = edges[0] >= -whole && edges[1] <= whole;
         Ok(Self {

@@ -1,44 +1,48 @@
-//! A SICD: metadata, and samples as big-endian pairs of float32.
+//! Writer of SICD: metadata, and samples as big-endian float32 pairs.
 
 use std::path::Path;
 
-use subaperture_model::image::Parts;
+use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 
 use crate::SicdError;
-use crate::describe::Told;
-use crate::formed::{Formed, Placing};
+use crate::describe::Description;
+use crate::formed::{Formed, Georeference};
 use crate::laid::Laid;
-use crate::nitf::{MOST_BYTES, Product};
-use crate::turned::Turned;
+use crate::nitf::{MAX_BYTES, Product};
+use crate::orientation::Orientation;
 use crate::written::Written;
 
-/// A SICD but for its samples.
+/// SICD file without its samples.
 #[derive(Clone, Debug)]
 pub struct Sicd(Written);
 
 impl Sicd {
-    /// What is told of an image; `created_ns` is now, nanoseconds since the beginning of 1970.
+    /// Describe an image; `created_ns` is the current time, nanoseconds since 1970 (UTC).
     ///
     /// # Errors
-    /// [`SicdError`].
-    pub fn new(formed: &Formed, placing: &Placing, created_ns: i64) -> Result<Self, SicdError> {
-        Self::in_segments(formed, placing, created_ns, MOST_BYTES)
+    /// [`SicdError`] if the position is unknown, or SICD cannot describe the image or its aperture.
+    pub fn new(
+        formed: &Formed,
+        placing: &Georeference,
+        created_ns: i64,
+    ) -> Result<Self, SicdError> {
+        Self::in_segments(formed, placing, created_ns, MAX_BYTES)
     }
 
-    /// The same, of whose samples no segment of the file holds more than `segment_bytes`, for whoever cannot take as many as the standard allows at
-    /// once; those that it allows are the most in any case.
+    /// As [`Self::new`], with image segments of at most `segment_bytes`, for readers with a smaller limit. The limit of the standard, 9,999,999,998 bytes,
+    /// always applies.
     ///
     /// # Errors
-    /// [`SicdError`], also where a row has more or 999 segments do not hold the image.
+    /// [`SicdError`] as [`Self::new`]; also if a row exceeds `segment_bytes`, or the image needs more than 999 segments.
     pub fn in_segments(
         formed: &Formed,
-        placing: &Placing,
+        placing: &Georeference,
         created_ns: i64,
         segment_bytes: u64,
     ) -> Result<Self, SicdError> {
         let laid = Laid::new(formed, placing)?;
-        let xml = Told {
+        let xml = Description {
             formed,
             placed: &laid.placed,
             aperture: &laid.aperture,
@@ -57,37 +61,37 @@ impl Sicd {
         )?))
     }
 
-    /// The metadata.
+    /// XML metadata.
     pub fn xml(&self) -> &str {
         &self.0.xml
     }
 
-    /// How rows and columns lie on the image's.
-    pub fn turned(&self) -> Turned {
+    /// Orientation of rows and columns relative to the image's.
+    pub fn turned(&self) -> Orientation {
         self.0.turned
     }
 
-    /// What was assumed, in sentences: it stands in the file, too.
-    pub fn told(&self) -> &[String] {
-        &self.0.told
+    /// Assumptions, one sentence each; the file contains them too.
+    pub fn assumptions(&self) -> &[String] {
+        &self.0.assumed
     }
 
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     pub fn bytes(&self) -> u64 {
         self.0.headers.bytes
     }
 
-    /// Writes the file, complete or not at all, reading the image in strips.
+    /// Write the file atomically, reading the image in strips.
     ///
     /// # Errors
-    /// [`SicdError`]; then nothing is left behind.
+    /// [`SicdError`] if the image cannot be read, the file cannot be written, or the monitor cancels; no file is left behind.
     ///
     /// # Panics
-    /// If the image is not of the size that was told.
+    /// If the size of `image` differs from that described.
     pub fn write(
         &self,
         path: &Path,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
         monitor: &dyn Monitor,
     ) -> Result<(), SicdError> {
         self.0.write(path, image, monitor, |pixels, bytes| {

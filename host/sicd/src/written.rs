@@ -1,45 +1,45 @@
-//! The file: headers, samples in strips, XML.
+//! File writer: headers, samples in strips, XML.
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use num_complex::Complex32;
 
-use subaperture_io::atomic::Beside;
-use subaperture_model::image::Parts;
+use subaperture_io::atomic::AtomicFile;
+use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 
 use crate::SicdError;
 use crate::nitf::{Headers, Segment};
-use crate::turned::Turned;
+use crate::orientation::Orientation;
 
-/// Pixels that are held of an image while it is written, about: a row at the least, and their bytes besides.
+/// Approximate number of pixels held while an image is written; at least one row.
 pub const STRIP_PIXELS: usize = 1 << 20;
 
-/// A file but for its samples.
+/// File without its samples.
 #[derive(Clone, Debug)]
 pub(crate) struct Written {
     pub(crate) xml: String,
-    pub(crate) turned: Turned,
-    /// Rows and columns of the image as it is.
+    pub(crate) turned: Orientation,
+    /// Rows and columns of the source image.
     pub(crate) image: (usize, usize),
     pub(crate) segments: Vec<Segment>,
     pub(crate) headers: Headers,
-    /// What was assumed, in sentences.
-    pub(crate) told: Vec<String>,
+    /// Assumptions, one sentence each.
+    pub(crate) assumed: Vec<String>,
 }
 
 impl Written {
-    /// Writes the file, complete or not at all, reading the image in strips, of whose pixels `encode` makes bytes.
+    /// Write the file atomically, reading the image in strips; `encode` converts pixels to bytes.
     pub(crate) fn write(
         &self,
         path: &Path,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
         monitor: &dyn Monitor,
         encode: impl Fn(&[Complex32], &mut Vec<u8>),
     ) -> Result<(), SicdError> {
         assert_eq!(image.size(), self.image, "the image's size");
-        let mut beside = Beside::create(path, self.headers.bytes, ".part")?;
+        let mut beside = AtomicFile::create(path, self.headers.bytes, ".part")?;
         let mut put = |bytes: &[u8]| -> Result<(), SicdError> {
             let wrote = beside.file().write_all(bytes);
             wrote.map_err(|source: io::Error| beside.failed(source).into())

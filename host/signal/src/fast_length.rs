@@ -1,6 +1,6 @@
-//! Transform lengths that are quick.
+//! FFT lengths with small prime factors, which transform fast.
 
-/// The smallest `2^a 3^b 5^c` that is at least `n`: at most 7 % above it for `n > 32`.
+/// Smallest length `2^a 3^b 5^c` that is at least `n`; at most 7 % above `n` for `n > 32`.
 pub fn fast_length(n: usize) -> usize {
     let smooth = |mut m: usize| {
         for prime in [2, 3, 5] {
@@ -15,17 +15,17 @@ pub fn fast_length(n: usize) -> usize {
         .expect("powers of two are unbounded")
 }
 
-/// The length of at least `n`, and not much more, whose transform takes the least time, by measurement: those of many factors of 2 and few others are
-/// up to three times as fast as their neighbours of the same kind.
+/// Length of at least `n`, and at most a quarter more, with the least transform time according to measurements. Lengths
+/// with many factors of 2 and few others are up to three times as fast as neighbouring lengths of the same kind.
 ///
-/// Measured: rustfft 6.4, float32, AVX, 64 to 20,000 values. A transform of `n = 2^a 3^b 5^c` takes `n log2 n` times 0.073 to 0.09 ns where `a` is
-/// 5 or more and `c` is 0, and more by these factors.
+/// Measured with rustfft 6.4, float32, AVX, 64 to 20,000 values: an FFT of `n = 2^a 3^b 5^c` takes `n log2 n` times
+/// 0.073 to 0.09 ns if `a` is 5 or more and `c` is 0, and longer by the factors below.
 pub fn fastest_length(n: usize) -> usize {
-    /// By the number of factors of 2.
+    /// Time factor by the number of factors of 2.
     const TWOS: [f64; 6] = [1.6, 1.3, 1.25, 1.1, 1.05, 1.0];
-    /// Where there are factors of 3.
+    /// Time factor if there are factors of 3.
     const THREES: f64 = 1.05;
-    /// More for each factor of 5, with few of 2 and with more.
+    /// Additional time per factor of 5, with fewer than three and with more factors of 2.
     const FIVES: [f64; 2] = [0.25, 0.13];
     let n = n.max(1);
     let odd = (0..=7).flat_map(|b| (0..=4).map(move |c| (b, c)));
@@ -40,7 +40,7 @@ pub fn fastest_length(n: usize) -> usize {
             length as f64 * TWOS[(a as usize).min(5)] * threes * fives,
         )
     });
-    // Not much more: it is memory, too.
+    // At most a quarter more, to limit memory.
     let near = each.filter(|(length, _)| *length <= n + n / 4);
     let best = near.min_by(|(_, one), (_, other)| one.total_cmp(other));
     best.map_or_else(|| fast_length(n), |(length, _)| length)
@@ -49,7 +49,7 @@ pub fn fastest_length(n: usize) -> usize {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn lengths_are_smooth_and_close() {
+    fn fast_lengths_have_small_prime_factors_and_are_close() {
         for (n, expected) in [
             (0, 1),
             (1, 1),
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fastest_are_no_shorter_and_little_longer() {
+    fn fastest_lengths_are_at_least_n_and_little_longer() {
         for n in 1..5000 {
             let length = super::fastest_length(n);
             assert!(

@@ -1,42 +1,42 @@
-//! Interpolation halfway between samples, of signals no faster than a quarter cycle a sample.
+//! Interpolation halfway between samples, for signals with frequencies up to a quarter cycle per sample.
 //!
 //! ```text
 //! s(1/2) = sum_i h[i] s(i - W/2 + 1),    i = 0 .. W-1
 //! ```
 //!
-//! with the symmetric taps that are best by least squares at places of the band that lie closer towards its edge, as
-//! Chebyshev's do: nearly those of least largest error. A tone at `x` comes out `H(x) = 2 sum h[i] cos(2 pi x (i - W/2 + 1/2))` over the
-//! upper half of the taps; the error of a halving, whose even places stay as they are, is [`Halfway::error`], the root of half the mean
-//! of `(H(x) - 1)^2` over the band:
+//! The symmetric taps minimise the squared error at frequencies of the band that are denser towards its edge, like
+//! Chebyshev nodes, which nearly minimises the largest error. A tone at `x` is multiplied by `H(x) = 2 sum h[i] cos(2
+//! pi x (i - W/2 + 1/2))`, summed over the upper half of the taps. The error of interpolation by two, which keeps the
+//! even samples, is [`MidpointKernel::error`], the root of half the mean of `(H(x) - 1)^2` over the band:
 //!
 //! | taps | 8 | 10 | 12 | 16 |
 //! |---|---|---|---|---|
 //! | error, dB | -72.8 | -89.0 | -105.1 | -136.9 |
 //!
-//! Float32 taps leave 4e-8 (-148 dB) besides.
+//! Float32 taps add 4e-8 (-148 dB).
 
 use std::f64::consts::{PI, TAU};
 
-/// Numbers of taps that there are, fewest first.
+/// Supported numbers of taps, ascending.
 pub const TAPS: [usize; 4] = [8, 10, 12, 16];
 
-/// Widest band, cycles a sample.
+/// Band edge of the design, cycles per sample.
 pub const BAND: f64 = 0.25;
 
-/// Places of the band.
+/// Number of frequencies in the band.
 const PLACES: usize = 400;
 
-/// The taps of a kernel, and what they leave.
+/// Interpolation kernel for the midpoint between samples.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Halfway {
+pub struct MidpointKernel {
     taps: Vec<f64>,
 }
 
-impl Halfway {
-    /// Of `count` taps, an even number.
+impl MidpointKernel {
+    /// Design a kernel with `count` taps, an even number.
     ///
     /// # Panics
-    /// If it is odd or 0.
+    /// If `count` is odd or 0.
     pub fn new(count: usize) -> Self {
         assert!(count > 0 && count.is_multiple_of(2));
         let places = (0..=PLACES).map(|i| BAND * libm::cos(0.5 * PI * i as f64 / PLACES as f64));
@@ -50,33 +50,34 @@ impl Halfway {
         Self { taps }
     }
 
-    /// The weights of the samples about a place.
+    /// Weights of the samples around the midpoint.
     pub fn taps(&self) -> &[f64] {
         &self.taps
     }
 
-    /// What a tone at `x` cycles a sample comes out as, less 1.
+    /// Relative error of a tone at `x` cycles per sample: its response minus 1.
     pub fn tone_error(&self, x: f64) -> f64 {
         let half = self.taps.len() / 2;
         let terms = self.taps[half..].iter().enumerate();
         terms.map(|(i, h)| h * response(x, i)).sum::<f64>() - 1.0
     }
 
-    /// Relative RMS error of a halving: over the band, and over places of which every other stays as it is.
+    /// Relative RMS error of interpolation by two, over the band and over all output samples. The error of every second
+    /// output sample is zero, since it is an input sample.
     pub fn error(&self) -> f64 {
         self.error_within(BAND)
     }
 
-    /// The same over tones up to `band`.
+    /// Relative RMS error of interpolation by two, over tones up to `band` cycles per sample.
     pub fn error_within(&self, band: f64) -> f64 {
         let places = (0..=PLACES).map(|i| band * i as f64 / PLACES as f64);
         let squares: f64 = places.map(|x| self.tone_error(x).powi(2)).sum();
         (squares / (PLACES + 1) as f64 / 2.0).sqrt()
     }
 
-    /// The widest band, of at least [`BAND`], within which that is `error` at most.
+    /// Widest band, at least [`BAND`], for which [`Self::error_within`] is at most `error`; cycles per sample.
     pub fn widest_band(&self, error: f64) -> f64 {
-        // From there on the error rises steadily; half a cycle is read as nothing.
+        // Beyond the design band the error rises monotonically; the response at half a cycle is zero.
         let (mut low, mut high) = (BAND, 0.5);
         for _ in 0..20 {
             let middle = 0.5 * (low + high);
@@ -89,15 +90,16 @@ impl Halfway {
     }
 }
 
-/// Of a tone and two taps of 1, `i + 1/2` to either side.
+/// Response of a tone to two taps of 1 at distances `i + 1/2` to either side.
 fn response(x: f64, i: usize) -> f64 {
     2.0 * libm::cos(TAU * x * (i as f64 + 0.5))
 }
 
-/// The weights of columns whose sum is nearest to `wanted`: by orthogonal columns (Gram and Schmidt, twice).
+/// Weights of the columns whose weighted sum is nearest to `wanted`, by orthogonalisation (Gram-Schmidt, applied
+/// twice).
 fn least_squares(mut columns: Vec<Vec<f64>>, wanted: &[f64]) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    // Of each column, its shares of those before and what is left of it.
+    // For each column, its projections onto the previous ones, and the norm of the remainder.
     let mut triangle: Vec<(Vec<f64>, f64)> = Vec::new();
     for j in 0..columns.len() {
         let (before, rest) = columns.split_at_mut(j);
@@ -118,7 +120,7 @@ fn least_squares(mut columns: Vec<Vec<f64>>, wanted: &[f64]) -> Vec<f64> {
         triangle.push((shares, norm));
     }
     let mut weights: Vec<f64> = columns.iter().map(|column| dot(column, wanted)).collect();
-    // The last one is known; it takes its shares from those before.
+    // Back substitution from the last weight.
     for (j, (shares, norm)) in triangle.iter().enumerate().rev() {
         weights[j] /= norm;
         let weight = weights[j];
@@ -135,14 +137,14 @@ mod tests {
     use num_complex::Complex64;
 
     #[test]
-    fn errors_are_the_stated_ones() {
+    fn halfway_interpolation_error_matches_documentation() {
         for (taps, stated_db) in TAPS.into_iter().zip([-72.8, -89.0, -105.1, -136.9]) {
-            let kernel = Halfway::new(taps);
+            let kernel = MidpointKernel::new(taps);
             assert!(
                 (20.0 * kernel.error().log10() - stated_db).abs() < 0.06,
                 "{taps}"
             );
-            // Tones interpolated: of half of the places, so 3 dB more.
+            // Tones interpolated at half of the samples only, hence the factor of 2.
             let mut squares = 0.0;
             for i in 0..=500 {
                 let x = BAND * f64::from(i) / 500.0;
@@ -158,8 +160,8 @@ mod tests {
     }
 
     #[test]
-    fn wider_bands_err_more() {
-        let kernel = Halfway::new(8);
+    fn interpolation_error_grows_with_band() {
+        let kernel = MidpointKernel::new(8);
         assert_eq!(kernel.widest_band(kernel.error()), BAND);
         let band = kernel.widest_band(2.0 * kernel.error());
         assert!(band > 0.26 && band < 0.3, "{band}");

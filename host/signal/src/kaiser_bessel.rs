@@ -1,6 +1,6 @@
-//! Kaiser-Bessel interpolation from a grid about twice as fine as Nyquist's.
+//! Kaiser-Bessel interpolation and gridding, for signals oversampled by about two.
 //!
-//! A signal with spectrum inside `|x| <= 1/4` cycle a sample is read between samples by
+//! A signal with a spectrum inside `|x| <= 1/4` cycle per sample is interpolated by
 //!
 //! ```text
 //! s(t) = sum_i phi(t - i) s'(i),   phi(t) = I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta),  |t| < W / 2
@@ -12,21 +12,22 @@
 //! Phi(x) = W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))
 //! ```
 //!
-//! and `beta = pi sqrt((W / 2)^2 (3 / 2)^2 - 0.8)` (Beatty, Nishimura and Pauly 2005, (5), for an
-//! oversampling of 2). What is left are the images of the spectrum at `x + i`; [`KaiserBessel::error`]
-//! sums them. With a full band the relative RMS error is -67.7 dB for 4 taps and -106.9 dB for 6; more
-//! would be below the rounding of float32 sums.
+//! and `beta = pi sqrt((W / 2)^2 (3 / 2)^2 - 0.8)` (Beatty, Nishimura and Pauly 2005, (5), for an oversampling of 2).
+//! The error consists of the spectral images at `x + i`; [`KaiserBessel::error`] sums them. For a full band the
+//! relative RMS error is -67.7 dB with 4 taps and -106.9 dB with 6; with more taps it is below the rounding error of
+//! float32 sums.
 //!
-//! Weights come from a table, linearly interpolated, good to 2e-6; or, for many places at once, from polynomials, good to 5e-7.
+//! Weights come from a linearly interpolated table, accurate to 2e-6, or, for many positions at once, from polynomials,
+//! accurate to 5e-7.
 
 use std::f64::consts::PI;
 
 use super::taps::{KaiserWindow, WeightTable};
 
-/// Terms of a weight's even part, and of its odd one.
+/// Terms of the even part of a weight, and of its odd part.
 pub const TERMS: usize = 4;
 
-/// A kernel of `taps` taps.
+/// Kaiser-Bessel kernel.
 #[derive(Clone, Debug)]
 pub struct KaiserBessel {
     taps: usize,
@@ -36,7 +37,7 @@ pub struct KaiserBessel {
 }
 
 impl KaiserBessel {
-    /// A kernel of `taps` taps, an even number.
+    /// Make a kernel with `taps` taps, an even number.
     pub fn new(taps: usize) -> Self {
         let half = taps as f64 / 2.0;
         let beta = PI * (half * half * 2.25 - 0.8).sqrt();
@@ -63,14 +64,15 @@ impl KaiserBessel {
         self.window.at(t)
     }
 
-    /// `Phi(x)`, the kernel's spectrum at `x` cycles a sample.
+    /// `Phi(x)`, the kernel's spectrum at `x` cycles per sample.
     #[inline]
     pub fn spectrum(&self, x: f64) -> f64 {
         self.window.spectrum(x)
     }
 
-    /// `1 / Phi` at the middle `count` frequencies of a transform of `length` values, zero being the one of index `count / 2`: what spectra
-    /// are multiplied by where the kernel reads or spreads that transform.
+    /// Deapodisation factors `1 / Phi` at the middle `count` frequencies of a transform of `length` values, with zero
+    /// frequency at index `count / 2`. Spectra are multiplied by them when the kernel interpolates or grids that
+    /// transform.
     pub fn emphasis(&self, count: usize, length: usize) -> Vec<f32> {
         let place = |k: usize| (k as f64 - (count / 2) as f64) / length as f64;
         (0..count)
@@ -78,22 +80,22 @@ impl KaiserBessel {
             .collect()
     }
 
-    /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
-    /// `whole - W/2 + 1 + i` has weight `i`.
+    /// Weights of the `W` samples around a position: with `t = whole + fraction`, sample `whole - W/2 + 1 + i` has
+    /// weight `i`.
     #[inline(always)]
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         self.table.weights(fraction)
     }
 
-    /// Of each tap of the first half the coefficients of `e` and `o`, by which it and its mirror image have the weights
-    /// `e(u^2) + u o(u^2)` and `e(u^2) - u o(u^2)`, `u` being the fraction less a half.
+    /// Polynomial coefficients of `e` and `o` for each tap of the first half. The tap and its mirror image have the
+    /// weights `e(u^2) + u o(u^2)` and `e(u^2) - u o(u^2)`, where `u` is the fraction minus one half.
     #[inline]
     pub fn polynomials(&self) -> &[[[f32; TERMS]; 2]] {
         &self.polynomials
     }
 
-    /// Relative RMS error for a flat spectrum over `|x| <= band` cycles a sample: the images at
-    /// `x + i`, by Parseval over all places.
+    /// Relative RMS error for a flat spectrum over `|x| <= band` cycles per sample: the sum of the images at `x + i`,
+    /// by Parseval's theorem over all positions.
     pub fn error(&self, band: f64) -> f64 {
         let points = 64;
         let power: f64 = (0..points)
@@ -103,13 +105,13 @@ impl KaiserBessel {
         (power / f64::from(points)).sqrt()
     }
 
-    /// Relative RMS error of the worst tone within `|x| <= band`.
+    /// Relative RMS error of the worst tone within `|x| <= band` cycles per sample.
     pub fn largest_error(&self, band: f64) -> f64 {
         let tones = (0..=64).map(|i| self.images(band * f64::from(i) / 64.0));
         tones.fold(0.0, f64::max).sqrt()
     }
 
-    /// Power of the images of a tone at `x`, relative to its own.
+    /// Power of the images of a tone at `x`, relative to the tone.
     fn images(&self, x: f64) -> f64 {
         let own = self.spectrum(x);
         [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0]
@@ -119,7 +121,8 @@ impl KaiserBessel {
     }
 }
 
-/// The even part of a function over half a sample either way, and the odd one by `u`, as polynomials in `u^2`: through Chebyshev's nodes.
+/// Even part of a function over half a sample to either side, and its odd part divided by `u`, as polynomials in `u^2`
+/// through Chebyshev nodes.
 fn parts(of: impl Fn(f64) -> f64) -> [[f32; TERMS]; 2] {
     let mut squares = [0.0; TERMS];
     let mut values = [[0.0; TERMS]; 2];
@@ -133,7 +136,7 @@ fn parts(of: impl Fn(f64) -> f64) -> [[f32; TERMS]; 2] {
     values.map(|values| through(&squares, values).map(|x| x as f32))
 }
 
-/// Coefficients of the polynomial through some points: Newton's, multiplied out.
+/// Coefficients of the interpolating polynomial: Newton's form, expanded.
 fn through(at: &[f64; TERMS], mut values: [f64; TERMS]) -> [f64; TERMS] {
     for order in 1..TERMS {
         for k in (order..TERMS).rev() {
@@ -142,7 +145,7 @@ fn through(at: &[f64; TERMS], mut values: [f64; TERMS]) -> [f64; TERMS] {
     }
     let mut coefficients = [0.0; TERMS];
     for k in (0..TERMS).rev() {
-        // What there is times (x - at[k]), plus this one.
+        // Previous polynomial times (x - at[k]), plus this value.
         for i in (0..TERMS).rev() {
             let lower = if i > 0 { coefficients[i - 1] } else { 0.0 };
             coefficients[i] = lower - at[k] * coefficients[i];
@@ -158,7 +161,7 @@ mod tests {
     use num_complex::Complex64;
 
     #[test]
-    fn polynomials_are_the_window() {
+    fn weight_polynomials_match_kaiser_window() {
         for taps in [4, 6, 8] {
             let kernel = KaiserBessel::new(taps);
             for step in 0..=100 {
@@ -178,7 +181,8 @@ mod tests {
                         let half = taps as f64 / 2.0;
                         let beta = PI * (half * half * 2.25 - 0.8).sqrt();
                         let expected = bessel(beta * inside.sqrt()) / bessel(beta);
-                        // Of degree 7: 3e-7 by its nodes; coefficients rounded to float32: 6e-8 of the sum of terms.
+                        // Degree 7: error 3e-7 from its nodes; coefficients rounded to float32: 6e-8 of the sum of
+                        // terms.
                         let error = (got - expected).abs();
                         assert!(error < 5e-7, "{taps} {tap} {fraction}: {error}");
                     }
@@ -194,7 +198,7 @@ mod tests {
         angles.map(|a| (x * a.cos()).exp()).sum::<f64>() / f64::from(points)
     }
 
-    /// Interpolates tones all over the band and compares with the tones themselves.
+    /// RMS error of interpolated tones over the whole band.
     fn measured_error<const W: usize>(band: f64) -> f64 {
         let kernel = KaiserBessel::new(W);
         let (mut error, mut count) = (0.0, 0.0);
@@ -219,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn error_is_as_predicted_and_documented() {
+    fn kaiser_bessel_error_matches_prediction_and_documentation() {
         let db = |x: f64| 20.0 * x.log10();
         for (measured, taps, documented_db) in [
             (measured_error::<4>(0.25), 4, -67.7),
@@ -231,7 +235,7 @@ mod tests {
                 db(measured),
                 db(predicted)
             );
-            // The images beyond the third and the table's own error, 2e-6 (-114 dB), are left out.
+            // The prediction excludes images beyond the third and the table's error, 2e-6 (-114 dB).
             assert!((db(measured) - db(predicted)).abs() < 1.5, "{taps}");
             assert!((db(predicted) - documented_db).abs() < 1.5, "{taps}");
         }

@@ -1,7 +1,8 @@
-//! Windows, transforms, kernels, and small systems of linear equations.
+//! Signal processing: window functions, interpolation kernels, range profiles, Keystone and Doppler transforms, and
+//! small systems of linear equations.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `signal`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; module `signal` of the crate
+//! `subaperture`.
 #![forbid(unsafe_code)]
 
 pub mod dense;

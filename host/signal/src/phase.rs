@@ -1,41 +1,42 @@
-//! Phases as turns: reduced in float64, then turned into a phasor. Sines are libm's, so that every machine gets the same bits.
+//! Phasors from phases in turns, reduced in float64. Sines are computed by libm, so that results are bit-identical on
+//! every machine.
 
 use num_complex::{Complex, Complex32, Complex64};
 
-/// `exp(j 2 pi turns)` in float64. Reducing first keeps the error at `|turns| * 1e-16` turns.
+/// Phasor `exp(j 2 pi turns)` in float64. Reduction to one turn keeps the error at `|turns| * 1e-16` turns.
 #[inline]
 pub fn phasor(turns: f64) -> Complex64 {
-    let (quarter, left) = quarter(turns);
+    let (quarter, left) = nearest_quarter(turns);
     let (sin, cos) = libm::sincos(std::f64::consts::TAU * left);
-    turned(quarter, Complex64::new(cos, sin))
+    rotate_quarters(quarter, Complex64::new(cos, sin))
 }
 
-/// [`phasor`] in float32, error 2e-7.
+/// Phasor `exp(j 2 pi turns)` in float32, with an error of 2e-7.
 #[inline]
 pub fn phasor32(turns: f64) -> Complex32 {
-    let (quarter, left) = quarter(turns);
+    let (quarter, left) = nearest_quarter(turns);
     let (sin, cos) = libm::sincosf(std::f32::consts::TAU * left as f32);
-    turned(quarter, Complex32::new(cos, sin))
+    rotate_quarters(quarter, Complex32::new(cos, sin))
 }
 
-/// `exp(j rad)` in float64.
+/// Phasor `exp(j rad)` in float64.
 #[inline]
 pub fn cis(rad: f64) -> Complex64 {
     let (sin, cos) = libm::sincos(rad);
     Complex64::new(cos, sin)
 }
 
-/// The nearest quarter of a turn, 0 to 3, and what is left: an eighth at the most, for which sines take least time.
+/// Nearest quarter turn, 0 to 3, and the remainder in turns: at most an eighth, for which sines are fastest.
 #[inline]
-fn quarter(turns: f64) -> (i64, f64) {
+fn nearest_quarter(turns: f64) -> (i64, f64) {
     let left = turns - turns.round();
     let quarter = (4.0 * left).round();
     (quarter as i64 & 3, left - 0.25 * quarter)
 }
 
-/// Multiplied by `j^quarter`.
+/// Multiply by `j^quarter`.
 #[inline]
-fn turned<T: Copy + std::ops::Neg<Output = T>>(quarter: i64, z: Complex<T>) -> Complex<T> {
+fn rotate_quarters<T: Copy + std::ops::Neg<Output = T>>(quarter: i64, z: Complex<T>) -> Complex<T> {
     match quarter {
         0 => z,
         1 => Complex::new(-z.im, z.re),
@@ -44,13 +45,13 @@ fn turned<T: Copy + std::ops::Neg<Output = T>>(quarter: i64, z: Complex<T>) -> C
     }
 }
 
-/// Both parts rounded to float32.
+/// Round both parts to float32.
 #[inline]
 pub fn narrow(z: Complex64) -> Complex32 {
     Complex32::new(z.re as f32, z.im as f32)
 }
 
-/// Both parts as float64.
+/// Convert both parts to float64.
 #[inline]
 pub fn widen(z: Complex32) -> Complex64 {
     Complex64::new(f64::from(z.re), f64::from(z.im))
@@ -60,9 +61,9 @@ pub fn widen(z: Complex32) -> Complex64 {
 mod tests {
     use super::*;
 
-    /// A phase of some turns is rounded to 1e-16 of a turn for each, its sine to 1e-16; in float32 both to 1e-7.
+    /// The phase of some turns is rounded to 1e-16 of each turn, its sine to 1e-16; in float32 both to 1e-7.
     #[test]
-    fn phasors_are_those_of_the_platform_to_their_rounding() {
+    fn phasors_match_platform_sines_within_rounding() {
         for i in -4000..4000 {
             let turns = f64::from(i) / 1024.0;
             let expected = Complex64::cis(std::f64::consts::TAU * turns);

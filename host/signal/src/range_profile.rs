@@ -1,24 +1,24 @@
-//! Range profiles, upsampled by zero padding and made to be read as splines.
+//! Range profiles, upsampled by zero padding and prefiltered for spline interpolation.
 //!
 //! ```text
 //! profile(l) = sum_k a[k] exp(+j 2 pi (k - K/2) l / L),   path(l) = l c / (L step_hz),   a[k] = w[k] z[k] / sinc^(d+1)((k - K/2) / L)
 //! value(t)   = sum_l profile(l) B(t - l),                 B the cardinal B-spline of degree d
 //! ```
 //!
-//! with `L >= oversampling * K` (Schone 2020, chapter 2 and 5.1; of degree 1 this is linear interpolation). The carrier at sample `K/2`
-//! is left out, so the profile is smooth; the former puts it back.
+//! where `L >= oversampling * K` (Schone 2020, chapter 2 and 5.1; degree 1 is linear interpolation). The carrier at
+//! sample `K/2` is removed, so that the profile is smooth; image formers restore it.
 //!
-//! A spline of degree `d` multiplies spectral component `x = (k - K/2) / L` by `sinc^(d+1)(x)` and adds
-//! images at `x + i`. Dividing by `sinc^(d+1)` first leaves the images alone: that at `x + i` has
-//! `(x / (x + i))^(d+1)`, so the relative RMS error of one component is about `sqrt(2) x^(d+1)`; it is largest at the band's edge,
-//! `|x| = 1 / (2 u)` with `u = L / K`, which no spectrum exceeds, and that is the error given here. A flat
-//! spectrum reads `10 log10(2 d + 3)` dB less, with a window still less. For -62 dB at the edge linear interpolation takes an
-//! `u` of 21.5, degree 2 of 6.2, degree 3 of 3.5 and degree 4 of 2.6. Without the division linear interpolation of a flat spectrum would have
-//! -44, -48 and -56 dB at 8, 10 and 16, in place of -52, -56 and -64: `(pi x)^2 / 3` of the component itself is lost as well (Schone
-//! uses 10).
+//! A spline of degree `d` multiplies the spectral component `x = (k - K/2) / L` by `sinc^(d+1)(x)` and adds images at
+//! `x + i`. Prior division by `sinc^(d+1)` leaves only the images. The image at `x + i` has the amplitude `(x / (x +
+//! i))^(d+1)`, so that the relative RMS error of one component is about `sqrt(2) x^(d+1)`. It is largest at the band's
+//! edge, `|x| = 1 / (2 u)` with `u = L / K`, which bounds the error for any spectrum and is the error given here. For a
+//! flat spectrum it is `10 log10(2 d + 3)` dB lower, and lower still with a window. An error of -62 dB at the edge
+//! needs a `u` of 21.5 for linear interpolation, 6.2 for degree 2, 3.5 for degree 3 and 2.6 for degree 4. Without the
+//! division, linear interpolation of a flat spectrum has -44, -48 and -56 dB for a `u` of 8, 10 and 16, instead of -52,
+//! -56 and -64: `(pi x)^2 / 3` of the component itself is lost as well (Schone uses 10).
 //!
-//! Layout: `L + 1` values, the last equal to the first, so that linear interpolation need not wrap twice.
-//! Cost: one transform of length `L` a pulse.
+//! Layout: `L + 1` values, the last equal to the first, so that linear interpolation need not wrap. Cost: one FFT of
+//! length `L` per pulse.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -28,18 +28,19 @@ use subaperture_fft::{Fft, Transforms};
 
 use super::fast_length::fastest_length;
 
-/// Makes upsampled range profiles of one length.
+/// Transform of pulses into upsampled range profiles of one length.
 pub struct RangeProfiler {
     degree: i32,
-    /// Window over pre-emphasis, one a frequency.
+    /// Window divided by the spline's response, one weight per frequency.
     weights: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
 }
 
-/// Finest upsampling: that of -150 dB by linear interpolation.
-const MOST_OVERSAMPLING: f64 = 8192.0;
+/// Highest upsampling factor: -150 dB with linear interpolation.
+const MAX_OVERSAMPLING: f64 = 8192.0;
 
-/// Relative RMS error of the component at `x` cycles a value, below 1/2, read by a spline of degree `d`: all images counted.
+/// Relative RMS error, over all images, of the component at `x` cycles per value (below 1/2), interpolated by a spline
+/// of degree `degree`.
 fn component_error(degree: i32, x: f64) -> f64 {
     let images = (1..=20).map(f64::from);
     let power: f64 = images
@@ -52,7 +53,8 @@ fn component_error(degree: i32, x: f64) -> f64 {
 }
 
 impl RangeProfiler {
-    /// For pulses of `window.len()` samples, upsampled at least `oversampling` times (1 or more), read as splines of this degree.
+    /// Make a profiler for pulses of `window.len()` samples, upsampled by at least `oversampling` (1 or more), for
+    /// interpolation by splines of degree `degree`.
     pub fn new(degree: usize, window: &[f64], oversampling: f64, transforms: Transforms) -> Self {
         let count = window.len();
         let length = Self::length_for(count, oversampling);
@@ -69,17 +71,18 @@ impl RangeProfiler {
         }
     }
 
-    /// The length of profiles of pulses of `count` samples.
+    /// Length of the profiles of pulses with `count` samples.
     pub fn length_for(count: usize, oversampling: f64) -> usize {
         fastest_length((count as f64 * oversampling.max(1.0)).ceil() as usize)
     }
 
-    /// The smallest upsampling at which splines of this degree err by at most `error_db` whatever the spectrum.
+    /// Smallest upsampling factor for which interpolation by splines of this degree has an error of at most `error_db`
+    /// for any spectrum.
     pub fn oversampling_for(degree: usize, error_db: f64) -> f64 {
         let error = libm::pow(10.0, error_db / 20.0);
         let good = |oversampling: f64| component_error(degree as i32, 0.5 / oversampling) <= error;
-        // Errors fall with upsampling.
-        let (mut low, mut high) = (1.0f64, MOST_OVERSAMPLING);
+        // The error decreases with upsampling.
+        let (mut low, mut high) = (1.0f64, MAX_OVERSAMPLING);
         while high > low * 1.001 {
             let middle = (low * high).sqrt();
             match good(middle) {
@@ -90,31 +93,31 @@ impl RangeProfiler {
         high
     }
 
-    /// Largest relative RMS error of interpolation of any spectrum: that of the band's edge.
+    /// Largest relative RMS interpolation error for any spectrum: that at the band's edge.
     pub fn error(&self) -> f64 {
-        // `K / 2` samples lie before the centre, as many or one less after it.
+        // `K / 2` samples lie before the centre, as many or one fewer after it.
         let edge = (self.weights.len() / 2) as f64 / self.length() as f64;
         component_error(self.degree, edge)
     }
 
-    /// Relative RMS error of the arithmetic in float32: of the transform, and of the phase that a profile's reader
-    /// puts back ([`super::phase::phasor32`]).
+    /// Relative RMS error of float32 arithmetic: of the transform, and of the carrier phase restored by the profile's
+    /// reader ([`super::phase::phasor32`]).
     pub fn rounding(&self) -> f64 {
         6e-8 * libm::log2(self.length() as f64).max(1.0).sqrt() + 1e-7
     }
 
-    /// Values in a profile, the repeated first one not counted.
+    /// Number of values of a profile, without the repeated first one.
     #[inline]
     pub fn length(&self) -> usize {
         self.fft.len()
     }
 
-    /// Complex values of scratch that [`Self::profile`] needs.
+    /// Number of complex scratch values required by [`Self::profile`].
     pub fn scratch_length(&self) -> usize {
         self.fft.get_inplace_scratch_len()
     }
 
-    /// The profile of one pulse into `profile` (`length() + 1` values).
+    /// Compute the profile of one pulse into `profile` (`length() + 1` values).
     ///
     /// # Panics
     /// If a length is wrong.
@@ -126,7 +129,7 @@ impl RangeProfiler {
     ) {
         let (count, length) = (self.weights.len(), self.length());
         assert!(pulse.len() == count && profile.len() == length + 1);
-        // Sample `K/2` comes first, those before it last.
+        // Sample `K/2` is first; the samples before it are last.
         let (before, after) = pulse.split_at(count / 2);
         let (weights_before, weights_after) = self.weights.split_at(count / 2);
         let (start, rest) = profile.split_at_mut(after.len());
@@ -150,7 +153,7 @@ mod tests {
     use crate::phase::phasor;
     use num_complex::Complex64;
 
-    /// Interpolated profile of a lone scatterer, seen through `window`, against the plain sum.
+    /// Error of the interpolated profile of a single scatterer with `window`, against the plain sum.
     fn error_db(degree: usize, window: &[f64], oversampling: f64) -> f64 {
         let count = window.len();
         let profiler = RangeProfiler::new(degree, window, oversampling, Transforms::Fastest);
@@ -185,7 +188,7 @@ mod tests {
         10.0 * (error / power).log10()
     }
 
-    /// The cardinal B-spline of degree `d`, by its recurrence.
+    /// Cardinal B-spline of degree `degree`, by its recurrence.
     fn spline(degree: usize, x: f64) -> f64 {
         if degree == 0 {
             return f64::from(u8::from((-0.5..0.5).contains(&x)));
@@ -196,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_is_the_derived_one() {
+    fn spline_interpolation_error_matches_derivation() {
         let flat = vec![1.0; 51];
         let mut edges = vec![0.0; 51];
         (edges[0], edges[50]) = (1.0, 1.0);
@@ -212,8 +215,8 @@ mod tests {
             (4, -100.0),
         ] {
             let oversampling = RangeProfiler::oversampling_for(degree, bound_db);
-            // Lengths are rounded up by a quarter at most: 2 dB a degree and 2, and half as much again where images are near; 51 samples
-            // have edges 2 % further in than half a cycle.
+            // Lengths are rounded up by at most a quarter: 2 dB per degree and 2 dB, and half as much again where
+            // images are close; with 51 samples the band's edges are 2 % inside half a cycle.
             let at_edges = error_db(degree, &edges, oversampling);
             let order = degree as f64 + 1.0;
             assert!(
@@ -233,7 +236,7 @@ mod tests {
                 "{degree} {bound_db}: {at_flat} {at_edges}"
             );
         }
-        // As the head of this file says.
+        // Figures of the module's head.
         for (upsampling, expected_db) in [(8.0, -52.0), (10.0, -56.0), (16.0, -64.0)] {
             let got = error_db(1, &flat, upsampling);
             assert!((got - expected_db).abs() < 1.5, "{upsampling}: {got}");

@@ -1,5 +1,5 @@
-//! The Keystone transform and the Doppler transform in one: a discrete Fourier transform over slow
-//! time whose frequency axis scales with the radio frequency.
+//! Keystone and Doppler transforms combined: a discrete Fourier transform over slow time whose frequency axis scales
+//! with the radio frequency.
 //!
 //! For frequency `k` with scale `s_k = f_k / f_c`,
 //!
@@ -7,18 +7,17 @@
 //! X_k[d] = sum_m a_k[m] x[m] exp(+j 2 pi s_k delta (m - m_c) (d - d_c))
 //! ```
 //!
-//! With [`Shape::input_drift`] the pulses of frequency `k` are taken `input_drift (k - K/2)` pulses later: `m_c` is as
-//! much less. Samples of a sweep are: each frequency then has its own times, exactly.
+//! With [`Shape::input_drift`], the pulses of frequency `k` are taken `input_drift (k - K/2)` pulses later: `m_c` is
+//! lower by this amount. This models the samples of a sweep, which have exact times of their own.
 //!
-//! In this sum a scatterer whose path changes by `v` metres a pulse, phase `-2 pi f_k v m / c`, peaks
-//! at the same `d` for every `k`: range migration is gone, as after the Keystone transform of Schone
-//! 2020 (2.26), but without resampling slow time, so no edge of the sub-CPI is cut or doubled.
+//! In this sum, a scatterer whose path changes by `v` metres per pulse, with phase `-2 pi f_k v m / c`, has its peak at
+//! the same `d` for every `k`. This removes range migration like the Keystone transform of Schone 2020 (2.26), but
+//! without resampling in slow time, so that no edge of the sub-CPI is lost or doubled.
 //!
-//! Evaluated by Bluestein's chirp-z identity `2 m d = m^2 + d^2 - (d - m)^2`: two transforms of length
-//! `L >= M + D - 1` a frequency. Tables are computed in float64 and kept in float32.
+//! Evaluated by Bluestein's chirp-z identity `2 m d = m^2 + d^2 - (d - m)^2`: two FFTs of length `L >= M + D - 1` per
+//! frequency. Tables are computed in float64 and stored in float32.
 //!
-//! Memory: `K (M + D + L)` complex float32. Error: about 3e-7 relative (float32 transforms), see the
-//! test.
+//! Memory: `K (M + D + L)` complex float32. Error: about 3e-7 relative (float32 FFTs); see the test.
 
 use std::sync::Arc;
 
@@ -28,32 +27,32 @@ use subaperture_fft::{Fft, Transforms};
 use super::fast_length::fast_length;
 use super::phase::{narrow, phasor};
 
-/// Shape of a [`ScaledDft`].
+/// Dimensions and axes of a [`ScaledDft`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
-    /// Pulses in, `M`.
+    /// Number of input pulses, `M`.
     pub inputs: usize,
-    /// Pulse index of phase zero, `m_c`, at frequency `K/2`.
+    /// Pulse index of zero phase, `m_c`, at frequency `K/2`.
     pub input_centre: f64,
-    /// By how much that falls from one frequency to the next, pulses.
+    /// Decrease of that index from one frequency to the next, pulses.
     pub input_drift: f64,
-    /// Doppler bins out, `D`.
+    /// Number of Doppler bins, `D`.
     pub outputs: usize,
     /// Bin index of zero Doppler, `d_c`.
     pub output_centre: f64,
-    /// Doppler bin spacing `delta`, cycles a pulse at `f_c`; its sign is that of the exponent.
+    /// Doppler bin spacing `delta`, cycles per pulse at `f_c`; its sign is that of the exponent.
     pub spacing: f64,
 }
 
 impl Shape {
-    /// Pulse index of phase zero at frequency `k` of `count`.
+    /// Pulse index of zero phase at frequency `k` of `count`.
     #[inline]
     pub fn centre_of(&self, k: usize, count: usize) -> f64 {
         self.input_centre - self.input_drift * (k as f64 - (count / 2) as f64)
     }
 }
 
-/// The transform for every frequency of a band.
+/// Scaled Doppler transform for every frequency of a band.
 pub struct ScaledDft {
     shape: Shape,
     before: Vec<Complex32>,
@@ -64,7 +63,7 @@ pub struct ScaledDft {
 }
 
 impl ScaledDft {
-    /// Plans for `scales[k] = f_k / f_c`. `input_weight(k, m)` is `a_k[m]`.
+    /// Plan the transform for `scales[k] = f_k / f_c`; `input_weight(k, m)` is `a_k[m]`.
     pub fn new(
         transforms: Transforms,
         scales: &[f64],
@@ -98,7 +97,7 @@ impl ScaledDft {
             let first = 1 - inputs as isize;
             for i in first..outputs as isize {
                 let place = i.rem_euclid(length as isize) as usize;
-                // The 1 / L of the inverse transform rides along.
+                // Includes the 1 / L of the inverse transform.
                 row[place] =
                     chirp(scale, i as f64 + input_centre - output_centre).conj() / length as f64;
             }
@@ -115,18 +114,18 @@ impl ScaledDft {
         }
     }
 
-    /// The shape it was planned for.
+    /// Dimensions and axes for which it was planned.
     #[inline]
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
 
-    /// Bytes of the tables for a band of `frequencies`.
+    /// Memory of the tables for a band of `frequencies`, bytes.
     pub fn table_bytes(frequencies: usize, inputs: usize, outputs: usize) -> u64 {
         8 * (frequencies * (inputs + outputs + fast_length(inputs + outputs - 1))) as u64
     }
 
-    /// Complex values of scratch that [`Self::transform`] needs.
+    /// Number of complex scratch values required by [`Self::transform`].
     pub fn scratch_length(&self) -> usize {
         let extra = self
             .forward
@@ -135,8 +134,8 @@ impl ScaledDft {
         self.forward.len() + extra
     }
 
-    /// Transforms slow-time row `x` (`M` values) of frequency `k`; hands each Doppler bin's value to
-    /// `output(d, value)`, in order.
+    /// Transform the slow-time row `x` (`M` values) of frequency `k`, and call `output(d, value)` for each Doppler bin
+    /// in order.
     ///
     /// # Panics
     /// If a length is wrong.
@@ -179,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_the_sum_it_says() {
+    fn scaled_dft_matches_direct_sum() {
         let scales = [0.97, 1.0, 1.033];
         for (inputs, outputs, spacing, input_drift) in [
             (1, 4, 0.5, 0.0),
@@ -223,7 +222,7 @@ mod tests {
             }
             let db = 10.0 * f64::log10(error / power);
             println!("{inputs} pulses, {outputs} bins: {db:.1} dB");
-            // float32 with two transforms of up to 2^9: 6e-8 * sqrt(2 * 9) * a few = 1e-6.
+            // float32 with two FFTs of up to 2^9: 6e-8 * sqrt(2 * 9) times a few = 1e-6.
             assert!(db < -120.0, "{inputs} {outputs}: {db}");
         }
     }

@@ -1,13 +1,13 @@
-//! What interpolation kernels are made of: Kaiser's window of some taps, and a table of weights.
+//! Parts of interpolation kernels: Kaiser window, and weight table.
 
 use std::f64::consts::PI;
 
 use super::window::bessel_i0;
 
-/// Rows of a weight table for each sample of distance.
+/// Rows of a weight table per sample of distance.
 const STEPS: usize = 512;
 
-/// `I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta)` for `|t| < W / 2`, `W` taps wide.
+/// Kaiser window `I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta)` for `|t| < W / 2`, with a width of `W` samples.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KaiserWindow {
     width: f64,
@@ -25,7 +25,7 @@ impl KaiserWindow {
         }
     }
 
-    /// Its value at `t` samples from the middle.
+    /// Value at `t` samples from the middle.
     #[inline]
     pub(super) fn at(&self, t: f64) -> f64 {
         let u = 2.0 * t / self.width;
@@ -37,8 +37,7 @@ impl KaiserWindow {
         }
     }
 
-    /// Its transform at `x` cycles a sample:
-    /// `W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))`.
+    /// Spectrum at `x` cycles per sample: `W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))`.
     #[inline]
     pub(super) fn spectrum(&self, x: f64) -> f64 {
         let inside = self.beta * self.beta - (PI * self.width * x).powi(2);
@@ -54,7 +53,7 @@ impl KaiserWindow {
     }
 }
 
-/// Weights of a kernel's taps for places between samples, linearly interpolated.
+/// Table of a kernel's weights at positions between samples, linearly interpolated.
 #[derive(Clone, Debug)]
 pub(super) struct WeightTable {
     taps: usize,
@@ -63,7 +62,7 @@ pub(super) struct WeightTable {
 }
 
 impl WeightTable {
-    /// Of a kernel with the value `at(t)` at `t` samples.
+    /// Tabulate a kernel with the value `at(t)` at a distance of `t` samples.
     #[inline]
     pub(super) fn new(taps: usize, at: impl Fn(f64) -> f64) -> Self {
         let half = taps as f64 / 2.0;
@@ -77,8 +76,8 @@ impl WeightTable {
         Self { taps, rows }
     }
 
-    /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
-    /// `whole - W/2 + 1 + i` has weight `i`.
+    /// Weights of the `W` samples around a position: with `t = whole + fraction`, sample `whole - W/2 + 1 + i` has
+    /// weight `i`.
     #[inline(always)]
     pub(super) fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         debug_assert_eq!(W, self.taps);
@@ -86,7 +85,7 @@ impl WeightTable {
         let row = (place as usize).min(STEPS - 1);
         let t = place - row as f32;
         let rows = &self.rows[row * W..(row + 2) * W];
-        // By index: a closure handed to an array would not be compiled in its caller's instructions.
+        // Indexed loop: a closure passed to an array function would not be compiled with the caller's instruction set.
         let mut weights = [0.0; W];
         for (i, weight) in weights.iter_mut().enumerate() {
             *weight = rows[i] + (rows[W + i] - rows[i]) * t;

@@ -1,39 +1,39 @@
-//! Windows in fast time and slow time, sampled at the centres of `n` equal cells of the aperture.
+//! Window functions in fast time and slow time, sampled at the centres of `n` equal cells of the aperture.
 //!
-//! Weight `i` of `n` is `w(u)` at `u = (i + 1/2) / n - 1/2`, so that a window over pulses does not
-//! depend on how they are grouped. All are symmetric and peak near 1.
+//! Weight `i` of `n` is `w(u)` at `u = (i + 1/2) / n - 1/2`, so that a window over pulses does not depend on their
+//! grouping. All windows are symmetric, with a peak near 1.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// A window by name. Text form: `none`, `taylor[:DB]`, `hamming`, `kaiser:BETA`.
+/// Window function. Text form: `none`, `taylor[:DB]`, `hamming`, `kaiser:BETA`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Window {
-    /// All ones.
+    /// Rectangular: all weights are 1.
     None,
-    /// Taylor, with first side lobes this many dB below the peak (positive number).
+    /// Taylor window with the first sidelobes this many dB below the peak (positive number).
     Taylor {
-        /// Side lobe suppression, dB, 15 to 100.
+        /// Sidelobe suppression, dB, 15 to 100.
         side_lobe_db: f64,
     },
-    /// Hamming: `0.54 + 0.46 cos(2 pi u)`.
+    /// Hamming window: `0.54 + 0.46 cos(2 pi u)`.
     Hamming,
-    /// Kaiser: `I0(beta sqrt(1 - 4 u^2)) / I0(beta)`.
+    /// Kaiser window: `I0(beta sqrt(1 - 4 u^2)) / I0(beta)`.
     Kaiser {
-        /// Shape, 0 to 50; 0 is rectangular.
+        /// Shape parameter, 0 to 50; 0 is rectangular.
         beta: f64,
     },
 }
 
 impl Default for Window {
-    /// Taylor at 35 dB: side lobes below a quicklook's notice for 20 % of resolution.
+    /// Taylor window with -35 dB sidelobes, which costs 20 % of resolution.
     fn default() -> Self {
         Self::Taylor { side_lobe_db: 35.0 }
     }
 }
 
 impl Window {
-    /// The `n` weights.
+    /// Compute the `n` weights.
     pub fn weights(&self, n: usize) -> Vec<f64> {
         let at = |w: &dyn Fn(f64) -> f64| {
             (0..n)
@@ -62,8 +62,8 @@ impl Window {
     }
 }
 
-/// Taylor's coefficients F_m (T. T. Taylor 1955; Carrara, Goodman and Majewski, appendix D) with the
-/// smallest `n_bar` that keeps the side lobes monotonic, `n_bar >= 2 A^2 + 1/2`.
+/// Coefficients F_m of the Taylor window (T. T. Taylor 1955; Carrara, Goodman and Majewski, appendix D), with the
+/// smallest `n_bar` that keeps the sidelobes monotonic, `n_bar >= 2 A^2 + 1/2`.
 fn taylor_coefficients(side_lobe_db: f64) -> Vec<f64> {
     let a = libm::acosh(libm::pow(10.0, side_lobe_db / 20.0)) / std::f64::consts::PI;
     let n_bar = (2.0 * a * a + 0.5).ceil().max(2.0) as i32;
@@ -85,8 +85,8 @@ fn taylor_coefficients(side_lobe_db: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Modified Bessel function of the first kind, order 0, by its power series; every term is positive,
-/// so the sum is good to a few ulp for any argument below 700.
+/// Modified Bessel function of the first kind, order 0, by its power series. Every term is positive, so that the sum is
+/// accurate to a few ulp for any argument below 700.
 pub fn bessel_i0(x: f64) -> f64 {
     let q = x * x / 4.0;
     let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);
@@ -98,10 +98,10 @@ pub fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
-/// A window's text form is not one of the known ones.
+/// Unknown text form of a window.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "window '{0}': write none, taylor, taylor:DB (15 to 100), hamming or kaiser:BETA (0 to 50)"
+    "unknown window '{0}': expected none, taylor, taylor:DB (15 to 100), hamming or kaiser:BETA (0 to 50)"
 )]
 pub struct WindowError(String);
 
@@ -144,9 +144,8 @@ impl fmt::Display for Window {
 mod tests {
     use super::*;
 
-    /// Highest side lobe of a window's transform, dB below its peak, by a fine scan from the first
-    /// local minimum on.
-    fn peak_side_lobe_db(weights: &[f64]) -> f64 {
+    /// Peak sidelobe of a window's spectrum, dB below its peak, by a fine scan from the first local minimum on.
+    fn peak_sidelobe_db(weights: &[f64]) -> f64 {
         let n = weights.len() as f64;
         let spectrum: Vec<f64> = (0..20 * 64)
             .map(|i| {
@@ -166,16 +165,15 @@ mod tests {
     }
 
     #[test]
-    fn side_lobes_are_where_theory_puts_them() {
-        // Rectangular: 13.26 dB. Hamming: 42.7 dB. Taylor: at the design level, within 0.5 dB
-        // because n_bar is finite.
-        let psl = |w: Window| peak_side_lobe_db(&w.weights(1000));
+    fn window_sidelobes_match_theory() {
+        // Rectangular: 13.26 dB. Hamming: 42.7 dB. Taylor: the design level within 0.5 dB, since n_bar is finite.
+        let psl = |w: Window| peak_sidelobe_db(&w.weights(1000));
         assert!((psl(Window::None) - 13.26).abs() < 0.02);
         assert!((psl(Window::Hamming) - 42.7).abs() < 0.5);
         for side_lobe_db in [25.0, 35.0, 50.0] {
             assert!((psl(Window::Taylor { side_lobe_db }) - side_lobe_db).abs() < 0.5);
         }
-        // Kaiser 1974: attenuation of beta = 8 is about 58 dB in the window's own spectrum.
+        // Kaiser 1974: the sidelobes of the window's own spectrum are about 58 dB below the peak for beta = 8.
         assert!((psl(Window::Kaiser { beta: 8.0 }) - 58.6).abs() < 1.0);
     }
 

@@ -1,46 +1,45 @@
-//! Interpolation of data that cannot be prepared for its kernel: a sinc under a Kaiser window.
+//! Interpolation without prefiltering of the data: sinc with a Kaiser window.
 //!
-//! A signal with spectrum inside `|x| <= band` cycles a sample is read between samples by
+//! A signal with a spectrum inside `|x| <= band` cycles per sample is interpolated by
 //!
 //! ```text
 //! s(t) = sum_i h(t - i) s(i),   h(t) = sinc(t) I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta),  |t| < W / 2
 //! ```
 //!
-//! Unlike [`super::kaiser_bessel`], nothing is divided out of the data first: maps that come from
-//! elsewhere are taken as they are, for some more taps. `beta` is Kaiser's for a filter of `W` samples
-//! whose transition runs from `band` to `1 - band` cycles a sample (J. F. Kaiser 1974; Oppenheim and
-//! Schafer, section 7.5): `A = 8 + 2.285 * 2 pi (1 - 2 band) W` dB, `beta = 0.1102 (A - 8.7)`.
+//! Unlike [`super::kaiser_bessel`], this needs no deapodisation: maps from other sources are used as they are, at the
+//! cost of some more taps. `beta` is Kaiser's for a filter of `W` samples with a transition from `band` to `1 - band`
+//! cycles per sample (J. F. Kaiser 1974; Oppenheim and Schafer, section 7.5): `A = 8 + 2.285 * 2 pi (1 - 2 band) W` dB,
+//! `beta = 0.1102 (A - 8.7)`.
 //!
-//! **Error.** With `H` the transform of `h`, the sinc's rectangle smoothed by the window's transform,
+//! **Error.** Let `H` be the spectrum of `h`, the rectangle of the sinc convolved with the window's spectrum,
 //!
 //! ```text
 //! H(x) = integral from x - 1/2 to x + 1/2 of  W sinh(sqrt(beta^2 - (pi W y)^2)) /
 //!                                             (I0(beta) sqrt(beta^2 - (pi W y)^2))  dy
 //! ```
 //!
-//! a tone at `x` comes out `H(x)` high, with images `H(x + i)`; by Parseval over all places the mean
-//! square error is `(H(x) - 1)^2 + sum over i != 0 of H(x + i)^2`. [`WindowedSinc::error`] averages that
-//! over the band; the tests measure it. On data twice as fine as Nyquist's (`band` 1/4):
+//! The response of a tone at `x` is `H(x)`, with images `H(x + i)`. By Parseval's theorem over all positions, the mean
+//! square error is `(H(x) - 1)^2 + sum over i != 0 of H(x + i)^2`. [`WindowedSinc::error`] averages it over the band;
+//! the tests measure it. For data oversampled by two (`band` 1/4):
 //!
 //! | taps | 6 | 8 | 10 | 12 | 14 | 16 |
 //! |---|---|---|---|---|---|---|
 //! | error, dB | -53.7 | -67.0 | -80.3 | -94.2 | -108.6 | -122.9 |
 //!
-//! Weights come from a table of float32, linearly interpolated, good to 3e-6 of a weight (-110 dB), which
-//! the figures above leave out.
+//! Weights come from a linearly interpolated float32 table, accurate to 3e-6 of a weight (-110 dB); the figures above
+//! exclude this error.
 
 use std::f64::consts::PI;
 
 use super::taps::{KaiserWindow, WeightTable};
 
-/// Numbers of taps that there are, fewest first.
+/// Supported numbers of taps, ascending.
 pub const TAPS: [usize; 6] = [6, 8, 10, 12, 14, 16];
 
-/// Widest band that a kernel is made for, cycles a sample: beyond it, `TAPS` do not suffice for
-/// anything.
+/// Widest band of a kernel, cycles per sample; beyond it, the supported numbers of taps do not suffice.
 const WIDEST_BAND: f64 = 0.45;
 
-/// A kernel of `taps` taps.
+/// Kaiser-windowed sinc kernel.
 #[derive(Clone, Debug)]
 pub struct WindowedSinc {
     taps: usize,
@@ -49,7 +48,7 @@ pub struct WindowedSinc {
 }
 
 impl WindowedSinc {
-    /// A kernel of `taps` taps, an even number, for signals within `band` cycles a sample.
+    /// Make a kernel with `taps` taps, an even number, for signals within `band` cycles per sample.
     pub fn new(taps: usize, band: f64) -> Self {
         let transition = 1.0 - 2.0 * band.min(WIDEST_BAND);
         let attenuation_db = 8.0 + 2.285 * 2.0 * PI * transition * taps as f64;
@@ -74,14 +73,14 @@ impl WindowedSinc {
         self.window.at(t) * sinc(t)
     }
 
-    /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
-    /// `whole - W/2 + 1 + i` has weight `i`.
+    /// Weights of the `W` samples around a position: with `t = whole + fraction`, sample `whole - W/2 + 1 + i` has
+    /// weight `i`.
     #[inline]
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         self.table.weights(fraction)
     }
 
-    /// `H(x)`, by Simpson's rule on steps of a 16th of the window's side lobes.
+    /// Spectrum `H(x)`, by Simpson's rule with steps of a 16th of the window's sidelobes.
     fn spectrum(&self, x: f64) -> f64 {
         let steps = 16 * self.taps;
         let step = 1.0 / steps as f64;
@@ -99,10 +98,10 @@ impl WindowedSinc {
         sum * step / 3.0
     }
 
-    /// Relative RMS error for a flat spectrum over `|x| <= band` cycles a sample.
+    /// Relative RMS error for a flat spectrum over `|x| <= band` cycles per sample.
     pub fn error(&self, band: f64) -> f64 {
         let points = 16;
-        // H is even, so half of the band says all.
+        // H is even, so that half of the band suffices.
         let square: f64 = (0..points)
             .map(|i| {
                 let x = band * (f64::from(i) + 0.5) / f64::from(points);
@@ -131,8 +130,7 @@ mod tests {
     use super::*;
     use num_complex::Complex64;
 
-    /// Interpolates tones all over the band by the defining sum in float64, and compares with the tones
-    /// themselves.
+    /// RMS error of tones over the whole band, interpolated by the defining sum in float64.
     fn measured_error(kernel: &WindowedSinc, band: f64) -> f64 {
         let half = kernel.taps() as i32 / 2;
         let (mut error, mut count) = (0.0, 0.0);
@@ -153,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn error_is_as_predicted_and_documented() {
+    fn windowed_sinc_error_matches_prediction_and_documentation() {
         let db = |x: f64| 20.0 * x.log10();
         let documented_db = [-53.7, -67.0, -80.3, -94.2, -108.6, -122.9];
         for (taps, documented_db) in TAPS.into_iter().zip(documented_db) {
@@ -164,7 +162,7 @@ mod tests {
                 db(measured),
                 db(predicted)
             );
-            // Sixteen points stand for the band, two images on either side for all.
+            // The prediction uses sixteen points of the band, and two images on either side.
             assert!((db(measured) - db(predicted)).abs() < 0.5, "{taps}");
             assert!((db(predicted) - documented_db).abs() < 0.5, "{taps}");
         }
@@ -181,12 +179,12 @@ mod tests {
     }
 
     #[test]
-    fn table_is_the_kernel() {
+    fn weight_table_matches_kernel() {
         let kernel = WindowedSinc::new(8, 0.25);
         for i in 0..=100 {
             let fraction = f64::from(i) / 100.0;
             for (j, w) in (0..8).zip(kernel.weights::<8>(fraction as f32)) {
-                // h'' is at most pi^2 / 3 and the window's share: a table step of 1/512 leaves 2e-6.
+                // h'' is at most pi^2 / 3 plus the window's part: a table step of 1/512 leaves 2e-6.
                 let error = f64::from(w) - kernel.at(fraction + 3.0 - f64::from(j));
                 assert!(error.abs() < 3e-6, "{fraction} {j} {error}");
             }

@@ -1,4 +1,4 @@
-//! A radar, its way, and a scene: everything that a simulation is made from.
+//! Simulated experiment: radar, track and scene.
 
 use std::sync::Arc;
 
@@ -9,32 +9,32 @@ use subaperture_model::phase_history::Channel;
 use subaperture_model::radar::{Antenna, Radar, Reference};
 use subaperture_model::track::Trajectory;
 
-/// One simulated collection.
+/// All inputs of a simulated collection: radar, tracks, scene and seed.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// A name for titles and reports.
+    /// Name, for titles and reports.
     pub name: String,
-    /// Where the scene frame lies.
+    /// Position of the scene frame on the Earth.
     pub frame: SceneFrame,
-    /// The part of the scene that the collection is meant for.
+    /// Extent of the scene to be imaged; `None` if unspecified.
     pub extent: Option<Extent>,
-    /// The radar.
+    /// Waveform, antennas and receiver of the radar.
     pub radar: Radar,
-    /// How it moves.
+    /// True track of the body that carries the antennas.
     pub track: Arc<dyn Trajectory>,
-    /// How the recording says it moves; as it does, if `None`.
+    /// Measured track written to the recording; `None` for the true track.
     pub measured: Option<Arc<dyn Trajectory>>,
-    /// What it sees.
+    /// Scatterers and occluding boxes.
     pub scene: Scene,
-    /// What phases and amplitudes are referred to.
+    /// Motion compensation reference point or range; amplitudes also refer to it.
     pub reference: Reference,
-    /// Seed of everything random.
+    /// Seed of all random effects.
     pub seed: u64,
-    /// How sums over scatterers are computed.
+    /// Method for sums over scatterers.
     pub method: Method,
 }
 
-/// A transmitter and a receiver of the radar, by index: a channel of the recording.
+/// Transmitter and receiver of a channel, by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pair {
     /// Index into [`Radar::transmitters`].
@@ -44,7 +44,7 @@ pub struct Pair {
 }
 
 impl Experiment {
-    /// Every pair, receivers fastest.
+    /// All antenna pairs; the receiver index varies fastest.
     pub fn pairs(&self) -> Vec<Pair> {
         let receivers = self.radar.receivers.len();
         let all = 0..self.radar.transmitters.len() * receivers;
@@ -55,7 +55,7 @@ impl Experiment {
         .collect()
     }
 
-    /// What the channel of a pair is. Its name is `1` where there is one pair only, else as `T1R2`.
+    /// Description of a pair's channel. Its name is `1` with a single pair, otherwise for example `T1R2`.
     pub fn about(&self, pair: Pair) -> Channel {
         let radar = &self.radar;
         let name = match radar.transmitters.len() * radar.receivers.len() {

@@ -1,9 +1,9 @@
-//! Simulated recordings: a radar that can be told to do anything, and a scene that is known.
+//! Simulation of radar recordings from a known radar, track and scene.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
-//! has it as its module `simulate`.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation; module `simulate` of the crate
+//! `subaperture`.
 //!
-//! The way of the data:
+//! Data flow:
 //!
 //! ```text
 //! scenario (TOML) ─> Experiment { radar, track, measured track, scene }
@@ -14,17 +14,17 @@
 //!                        ^ receiver: thermal noise, phase noise, interference, converter
 //! ```
 //!
-//! - [`scene`] is what reflects, [`subaperture_model::radar`] what transmits and receives,
-//!   [`subaperture_model::track`] how it moves, [`track`] what disturbs that at random.
-//! - [`engine`] computes, for one pulse of one pair of antennas, the sum over all scatterers
-//!   of the scene; nothing else in the simulator knows how.
-//! - [`subaperture_receive`] turns echoes, simulated or recorded, into phase history. The simulator
-//!   never makes phase history from echoes in any other way.
-//! - [`Simulated`] is the plain sum of Schone 2020 (2.11) with the radar standing still during a
-//!   pulse: what [`Preset`] gives, and a second opinion on the engine.
+//! - [`scene`] contains the reflecting objects, [`subaperture_model::radar`] the radar, [`subaperture_model::track`]
+//!   its motion, [`track`] random perturbations of the motion.
+//! - [`engine`] computes the sum over all scatterers of the scene for one pulse of one antenna pair. No other part of
+//!   the simulator computes echoes.
+//! - [`subaperture_receive`] converts echoes, simulated or recorded, into phase history. The simulator makes phase
+//!   history from echoes only with that crate.
+//! - [`PointTargetHistory`] is the plain sum of Schone 2020 (2.11) with the stop-and-go approximation. [`Preset`] returns it,
+//!   and it is an independent check of the engine.
 //!
-//! Everything random depends on the seed, the kind of disturbance and the pulse's index only: the same
-//! seed gives the same file on any number of threads and in any order of reading.
+//! All random effects depend only on the seed, the kind of effect and the pulse index: the same seed gives
+//! bit-identical files with any number of threads and any order of reading.
 #![forbid(unsafe_code)]
 
 mod channel;
@@ -42,7 +42,7 @@ pub mod track;
 
 pub use channel::Channel;
 pub use experiment::{Experiment, Pair};
-pub use plain::{Noise, Scatterer, Simulated};
+pub use plain::{Noise, PointTargetHistory, Scatterer};
 pub use preset::{Preset, PresetError, Variation};
 pub use record_error::RecordError;
 pub use recording::Recording;

@@ -1,5 +1,4 @@
-//! Simulated phase history: point scatterers seen by a radar on a given track, exact in the
-//! frequency domain, with thermal noise.
+//! Simulated phase history of point scatterers on a given track, exact in the frequency domain, with thermal noise.
 //!
 //! Sample `k` of pulse `n` is the plain sum of Schone 2020 (2.11) over scatterers,
 //!
@@ -7,14 +6,13 @@
 //! z[n][k] = sum_s a_s exp(-j 2 pi f_k (path_n(p_s) - reference_path_n) / c) + noise
 //! ```
 //!
-//! in float64, rounded once to float32. The platform stands still while a pulse travels
-//! (stop-and-go), and from sample to sample unless the collection's pulses say how it moves
-//! ([`subaperture_model::phase_history::Sweep`]); amplitudes do not depend on range or frequency.
+//! in float64, rounded once to float32. The platform stands still during a pulse (stop-and-go approximation) unless the
+//! collection's pulses have intra-pulse motion ([`subaperture_model::phase_history::Sweep`]). Amplitudes do not depend
+//! on range or frequency.
 //!
-//! Cost: 8 operations a scatterer, pulse and frequency; a phasor recurrence over frequency adds an
-//! error below 1e-13. With motion from sample to sample a phasor each. Pulses are made when they are read, so nothing is held in memory but the
-//! geometry. Noise depends only on the seed and the pulse index: the same file on any number of
-//! threads.
+//! Cost: 8 operations per scatterer, pulse and frequency; the phasor recurrence over frequency has an error below
+//! 1e-13. With intra-pulse motion, one phasor each. Pulses are computed when read; only the geometry is held in memory.
+//! Noise depends only on the seed and the pulse index, so that files are bit-identical with any number of threads.
 
 use std::ops::Range;
 
@@ -30,34 +28,34 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError};
 use subaperture_model::units::power_of_db;
 use subaperture_signal::phase::{narrow, phasor};
 
-/// A point that scatters alike in all directions and frequencies.
+/// Isotropic point scatterer with a frequency-independent amplitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatterer {
     /// Position in the scene frame, metres.
     pub position_m: DVec3,
-    /// Complex amplitude; 1 reads 1 in a focused image.
+    /// Complex amplitude; an amplitude of 1 gives a pixel of 1 in a focused image.
     pub amplitude: Complex64,
 }
 
-/// Thermal noise: complex Gaussian, independent from sample to sample.
+/// Thermal noise: complex Gaussian, independent between samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Power of a sample's noise relative to a unit scatterer's, dB.
+    /// Noise power of a sample relative to a unit scatterer, dB.
     pub power_db: f64,
     /// Seed; the same seed gives the same noise.
     pub seed: u64,
 }
 
-/// A collection whose samples are computed when read.
+/// Collection of point scatterers whose samples are computed when read.
 #[derive(Clone, Debug)]
-pub struct Simulated {
+pub struct PointTargetHistory {
     collection: Collection,
     scatterers: Vec<Scatterer>,
     noise: Option<Noise>,
 }
 
-impl Simulated {
-    /// A radar that collects `collection` over `scatterers`.
+impl PointTargetHistory {
+    /// Make the phase history of `collection` over `scatterers`.
     pub fn new(collection: Collection, scatterers: Vec<Scatterer>, noise: Option<Noise>) -> Self {
         Self {
             collection,
@@ -66,7 +64,7 @@ impl Simulated {
         }
     }
 
-    /// The scatterers in the scene.
+    /// Scatterers of the scene.
     pub fn scatterers(&self) -> &[Scatterer] {
         &self.scatterers
     }
@@ -95,7 +93,7 @@ impl Simulated {
             }
         }
         if let Some(noise) = self.noise {
-            // One stream a pulse: independent of the order in which pulses are read.
+            // One random stream per pulse: independent of the order of reading.
             let mut random = ChaCha8Rng::seed_from_u64(noise.seed);
             random.set_stream(n as u64);
             let sigma = (power_of_db(noise.power_db) / 2.0).sqrt();
@@ -109,7 +107,7 @@ impl Simulated {
     }
 }
 
-impl PhaseHistory for Simulated {
+impl PhaseHistory for PointTargetHistory {
     fn collection(&self) -> &Collection {
         &self.collection
     }
@@ -135,9 +133,9 @@ mod tests {
     use crate::{Preset, Variation};
 
     #[test]
-    fn one_scatterer_has_the_defined_phase() {
+    fn single_scatterer_has_defined_phase() {
         let simulated = Preset::Table41.simulate(&Variation::default());
-        let lone = Simulated::new(
+        let lone = PointTargetHistory::new(
             simulated.collection().clone(),
             vec![Scatterer {
                 position_m: DVec3::new(3.0, -7.0, 0.0),
@@ -164,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_its_power_and_does_not_depend_on_how_it_is_read() {
+    fn noise_has_stated_power_and_is_independent_of_read_order() {
         let variation = Variation {
             noise: Some(Noise {
                 power_db: -20.0,
@@ -173,7 +171,7 @@ mod tests {
             ..Variation::default()
         };
         let scene = Preset::Table41.simulate(&variation);
-        let quiet = Simulated::new(scene.collection().clone(), vec![], scene.noise);
+        let quiet = PointTargetHistory::new(scene.collection().clone(), vec![], scene.noise);
         let width = quiet.collection().num_samples;
         let mut all = vec![Complex32::ZERO; 64 * width];
         quiet.read(0..64, &mut all).unwrap();

@@ -1,4 +1,4 @@
-//! The thesis's simulated collections: Schone 2020, Tables 2.1 and 4.1.
+//! Simulated collections of Schone 2020, Tables 2.1 and 4.1.
 
 use std::f64::consts::TAU;
 use std::str::FromStr;
@@ -8,40 +8,40 @@ use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use super::{Noise, Scatterer, Simulated};
+use super::{Noise, PointTargetHistory, Scatterer};
 use crate::random;
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse, Sweep};
 
-/// A collection of the thesis. Text form: `table-2-1`, `table-4-1`.
+/// Collection of a table of Schone 2020. Text forms: `table-2-1`, `table-4-1`.
 ///
-/// In both, samples are referred to a fixed range `R_0` from the moving radar, as a receiver with
-/// one range gate delivers them: the reference point rides along with the platform.
+/// In both, samples are referenced to a fixed range `R_0` from the moving radar, as from a receiver with one range
+/// gate: the reference point moves with the platform.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Range migration: one target receding at 10 m/s, 400 MHz, 1024 pulses of 0.5 ms at 5 km. The
-    /// table gives no carrier; 10 GHz is taken, as in Table 4.1. The radar recedes instead of the
-    /// target (S 2.3 notes that only relative motion counts). The CPI lasts 0.512 s: the 5.12 s in
-    /// the thesis's text is a slip, its 5.12 m of migration is right.
+    /// Range migration: one target receding at 10 m/s, 400 MHz, 1024 pulses of 0.5 ms at 5 km. The table states no
+    /// carrier; 10 GHz is used, as in Table 4.1. The radar recedes instead of the target (S 2.3: only relative motion
+    /// counts). The CPI lasts 0.512 s: the 5.12 s in the thesis's text is an error, its range migration of 5.12 m is
+    /// correct.
     Table21,
-    /// Imaging: 10 GHz, 200 MHz, 1040 pulses of 1 ms at 5 km and 125 m/s on a straight line along x,
-    /// looking along y in one plane; 41 unit scatterers over 80 x 80 m, one at the centre.
+    /// Imaging: 10 GHz, 200 MHz, 1040 pulses of 1 ms at 5 km and 125 m/s on a straight line along x, looking along y in
+    /// one plane. 41 unit scatterers over 80 x 80 m, one of them at the centre.
     Table41,
 }
 
-/// What may differ from the table.
+/// Variations of a preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Variation {
-    /// Thermal noise; none by default.
+    /// Thermal noise; default: none.
     pub noise: Option<Noise>,
-    /// RMS displacement of the track from its straight line in each axis, metres. The displacement
-    /// is smooth (periods of a fifth of the aperture and longer) and known to the record.
+    /// RMS deviation of the track from a straight line in each axis, metres; default 0. The deviation is smooth
+    /// (periods of a fifth of the aperture and longer) and is contained in the recorded track.
     pub perturbation_m: f64,
-    /// Seed of the perturbation.
+    /// Seed of the deviation.
     pub seed: u64,
 }
 
-/// Frequencies a pulse, both presets: an unambiguous range of 96 m and 192 m.
+/// Frequencies per pulse in both presets: unambiguous range 96 m and 192 m.
 const NUM_SAMPLES: usize = 256;
 /// Carrier of both presets, hertz.
 const CARRIER_HZ: f64 = 10e9;
@@ -49,8 +49,8 @@ const CARRIER_HZ: f64 = 10e9;
 const RANGE_M: f64 = 5000.0;
 
 impl Preset {
-    /// The collection of this table.
-    pub fn simulate(self, variation: &Variation) -> Simulated {
+    /// Make the collection of this table.
+    pub fn simulate(self, variation: &Variation) -> PointTargetHistory {
         let (bandwidth_hz, num_pulses, pri_s, velocity_m_s, extent_m) = match self {
             Self::Table21 => (400e6, 1024, 0.5e-3, DVec3::new(0.0, -10.0, 0.0), 20.0),
             Self::Table41 => (200e6, 1040, 1e-3, DVec3::new(125.0, 0.0, 0.0), 45.0),
@@ -90,7 +90,7 @@ impl Preset {
             }),
             timed: true,
         };
-        Simulated::new(collection, self.scatterers(), variation.noise)
+        PointTargetHistory::new(collection, self.scatterers(), variation.noise)
     }
 
     fn scatterers(self) -> Vec<Scatterer> {
@@ -110,7 +110,7 @@ impl Preset {
         scatterers
     }
 
-    /// The text form.
+    /// Text form of the preset.
     pub fn name(self) -> &'static str {
         match self {
             Self::Table21 => "table-2-1",
@@ -119,9 +119,9 @@ impl Preset {
     }
 }
 
-/// A text is not the name of a preset.
+/// Unknown name of a preset.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("preset '{0}': known are table-2-1 (range migration) and table-4-1 (imaging)")]
+#[error("unknown preset '{0}': expected table-2-1 (range migration) or table-4-1 (imaging)")]
 pub struct PresetError(String);
 
 impl FromStr for Preset {
@@ -135,7 +135,7 @@ impl FromStr for Preset {
     }
 }
 
-/// A smooth displacement: five harmonics of the aperture in each axis, random phases, equal power.
+/// Smooth displacement: five harmonics of the aperture in each axis, with random phases and equal power.
 struct Sway {
     rms_m: f64,
     num_pulses: f64,

@@ -1,18 +1,18 @@
-//! Random numbers from a stream: the same bits on every machine, for logarithms are libm's.
+//! Random numbers from a stream, bit-identical on every machine since logarithms are computed by libm.
 
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
-/// A number from 0 to 1, 1 excluded, of 53 bits.
+/// Uniform random number in [0, 1) with 53 bits.
 pub fn unit(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// A complex Gaussian number, both parts of variance 1.
+/// Complex Gaussian random number, both parts of variance 1.
 ///
-/// By Marsaglia's polar method: of a place that is evenly distributed in the unit disc, direction and distance are independent, and
-/// `-2 ln(distance^2)` is distributed as the squared magnitude of such a number.
+/// Marsaglia's polar method: for a uniform point in the unit disc, direction and distance are independent, and `-2
+/// ln(distance^2)` has the distribution of the squared magnitude.
 pub(crate) fn complex_normal(random: &mut ChaCha8Rng) -> Complex64 {
     loop {
         let place = Complex64::new(2.0 * unit(random) - 1.0, 2.0 * unit(random) - 1.0);
@@ -23,7 +23,7 @@ pub(crate) fn complex_normal(random: &mut ChaCha8Rng) -> Complex64 {
     }
 }
 
-/// A real Gaussian number of variance 1.
+/// Real Gaussian random number of variance 1.
 pub(crate) fn normal(random: &mut ChaCha8Rng) -> f64 {
     complex_normal(random).re
 }
@@ -34,10 +34,10 @@ mod tests {
 
     use super::*;
 
-    /// Moments of 100,000 numbers against those of the distribution, each within 5 of its standard deviations; how many lie
-    /// beyond one, two and three deviations likewise.
+    /// Moments of 100,000 numbers agree with the distribution within 5 standard deviations, and so do the counts beyond
+    /// one, two and three standard deviations.
     #[test]
-    fn parts_are_gaussian_and_independent() {
+    fn real_and_imaginary_parts_are_gaussian_and_independent() {
         let count = 100_000;
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let numbers: Vec<Complex64> = (0..count).map(|_| complex_normal(&mut random)).collect();

@@ -1,25 +1,25 @@
-//! Why an experiment cannot be recorded.
+//! Error of recording an experiment.
 
 use super::experiment::Experiment;
 use subaperture_model::phase_history::ChannelError;
 use subaperture_receive::ReceiveError;
 
-/// An experiment cannot be recorded.
+/// Reason why an experiment cannot be recorded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// A part of it does not make sense.
+    /// Part of the experiment is invalid.
     #[error("{name}: {what}")]
     Unsuited {
         /// Name of the experiment.
         name: String,
-        /// What is wrong, and what to do.
+        /// Fault, and what to change.
         what: String,
     },
-    /// The echoes do not make phase history.
+    /// The echoes cannot be converted into phase history.
     #[error(transparent)]
     Receive(#[from] ReceiveError),
-    /// The pairs of antennas do not share pulses.
+    /// The channels of the antenna pairs do not share pulses.
     #[error(transparent)]
     Channels(#[from] ChannelError),
 }

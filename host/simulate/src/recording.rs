@@ -1,4 +1,4 @@
-//! An experiment's recordings: raw samples taken through [`subaperture_receive`].
+//! Recordings of an experiment: raw samples processed by [`subaperture_receive`].
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use subaperture_model::phase_history::{
 use subaperture_model::radar::Waveform;
 use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
 
-/// Phase history of a pair of antennas, made when read.
+/// Phase history of an antenna pair, computed when read.
 pub struct Recording<'a>(Received<'a>);
 
 enum Received<'a> {
@@ -24,28 +24,30 @@ enum Received<'a> {
 }
 
 impl Experiment {
-    /// Raw samples of a pair, with all that the receiver adds.
+    /// Raw samples of a pair, with all effects of the receiver.
     ///
     /// # Errors
-    /// [`RecordError`] if there is no such pair or a part of the experiment does not make sense.
+    /// [`RecordError`] if the pair does not exist or part of the experiment is invalid.
     pub fn echoes(&self, pair: Pair) -> Result<Channel<'_>, RecordError> {
         Channel::new(self, pair, u64::MAX)
     }
 
-    /// Phase history of a pair: pulses through the inverse filter, sweeps with residual video phase and
-    /// range skew removed. For other choices put [`subaperture_receive`]'s adapters on [`Self::echoes`].
+    /// Phase history of a pair. Pulses are compressed with the inverse filter; FMCW sweeps are deskewed (residual video
+    /// phase and range skew removed). For other options, apply the adapters of [`subaperture_receive`] to
+    /// [`Self::echoes`].
     ///
     /// # Errors
-    /// As [`Self::echoes`], and if the echoes cannot be made phase history.
+    /// Those of [`Self::echoes`]; [`RecordError::Receive`] if the echoes cannot be converted into phase history.
     pub fn record(&self, pair: Pair) -> Result<Recording<'_>, RecordError> {
         self.record_within(pair, u64::MAX)
     }
 
-    /// Every pair side by side, each as [`Self::record`] makes it, with tables of what is alike from pulse to pulse of at most
-    /// `table_bytes` in all.
+    /// Phase history of all pairs, each as of [`Self::record`], with tables reused between pulses of at most
+    /// `table_bytes` in total.
     ///
     /// # Errors
-    /// As [`Self::record`]; [`RecordError::Channels`] if the transmitters' turns leave one of them a pulse less.
+    /// Those of [`Self::record`]; [`RecordError::Channels`] if the number of pulses is not a multiple of the number of
+    /// transmitters.
     pub fn channels(&self, table_bytes: u64) -> Result<Channels<'_>, RecordError> {
         let pairs = self.pairs();
         let each_bytes = table_bytes / pairs.len().max(1) as u64;
@@ -57,10 +59,10 @@ impl Experiment {
         Ok(Channels::new(channels.collect::<Result<_, _>>()?)?)
     }
 
-    /// [`Self::record`] with tables of what is alike from pulse to pulse of at most `table_bytes`.
+    /// Phase history as of [`Self::record`], with tables reused between pulses of at most `table_bytes`.
     ///
     /// # Errors
-    /// As [`Self::record`].
+    /// Those of [`Self::record`].
     pub fn record_within(
         &self,
         pair: Pair,
@@ -76,7 +78,7 @@ impl Experiment {
                 sample_rate_hz,
                 ..
             } => {
-                // Without an extent, all that the samples can tell apart.
+                // Without an extent, use the unambiguous delay of the samples.
                 let half_delay_s = match self.extent {
                     Some(_) => None,
                     None => Some(0.5 * sample_rate_hz / chirp_hz_s.abs()),
@@ -91,7 +93,7 @@ impl Experiment {
 }
 
 impl<'a> Recording<'a> {
-    /// The raw samples behind.
+    /// Raw samples from which the phase history is computed.
     pub fn echoes(&self) -> &Channel<'a> {
         match &self.0 {
             Received::Compressed(received) => received.echoes(),

@@ -1,5 +1,5 @@
-//! What can be typed against an error. The library says what is wrong, with its numbers, and what would help; here that becomes
-//! options, which it knows nothing of.
+//! Advice on errors: options that would help. The library reports causes, numbers and remedies without naming options; this module
+//! translates remedies into options.
 
 use std::error::Error;
 use std::io;
@@ -11,8 +11,8 @@ use subaperture::io::atomic::WriteError;
 use subaperture::io::product::ReadError as ProductError;
 use subaperture::io::tiles::StoreError;
 use subaperture::io::{cphd, recording};
-use subaperture::onboard::link::{LinkError, UnnamedFirmware};
-use subaperture::onboard::plan::PlanError as ModulePlanError;
+use subaperture::module::link::{LinkError, UnnamedFirmware};
+use subaperture::module::plan::PlanError as ModulePlanError;
 use subaperture::phase_history::ReadError;
 use subaperture::planner::PlanError as RadarPlanError;
 use subaperture::plot::PlotError;
@@ -42,12 +42,23 @@ pub(crate) fn one_line(error: &anyhow::Error) -> String {
     line
 }
 
+/// Advice on an error and its causes, without the error.
+pub(crate) fn alone(error: &anyhow::Error) -> Option<String> {
+    let advice = error.chain().find_map(of)?;
+    Some(advice.trim_start_matches([':', ';', ' ', '\n']).to_owned())
+}
+
 /// An error with what to do about it.
 pub(crate) fn told(error: &(dyn Error + 'static)) -> String {
     format!("{error}{}", of(error).unwrap_or_default())
 }
 
 /// What to do about an error, as it goes on after its text.
+pub(crate) fn after(error: &FormError) -> Option<String> {
+    of_forming(error)
+}
+
+/// The same of any error.
 fn of(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(inner) = inner(error) {
         return of(inner);
@@ -114,7 +125,7 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
     if let Some(LinkError::Recording(error)) = error.downcast_ref() {
         return Some(error);
     }
-    if let Some(PlotError::Parts(error)) = error.downcast_ref() {
+    if let Some(PlotError::ImageSource(error)) = error.downcast_ref() {
         return Some(&**error);
     }
     if let Some(ProductError::Tiles(error)) = error.downcast_ref() {
@@ -184,7 +195,8 @@ impl Way {
             Remedy::FewerPixels => Self::new("use", "a smaller or coarser --grid"),
             Remedy::FartherGrid => Self::new("use", "a --grid farther away or narrower"),
             Remedy::GridWithout => Self::new("leave that out", "of --grid"),
-            Remedy::GridWith => Self::new("include that", "in --grid"),
+            Remedy::GridWith => Self::new("include these", "in --grid"),
+            Remedy::FinerGrid => Self::new("use", "a finer --grid"),
             Remedy::PlanFor { error_db } => {
                 Self::new("plan for less", format!("with --error-db {error_db:.0}"))
             }
@@ -269,7 +281,11 @@ mod tests {
             ),
             (
                 &[R::GridWith, R::PlanFor { error_db: -71.3 }],
-                ": include that in --grid, or plan for less with --error-db -71",
+                ": include these in --grid, or plan for less with --error-db -71",
+            ),
+            (
+                &[R::FinerGrid, R::PlanFor { error_db: -71.3 }],
+                ": use a finer --grid, or plan for less with --error-db -71",
             ),
             (
                 &[R::SomeGrid],

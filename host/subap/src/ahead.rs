@@ -1,4 +1,4 @@
-//! What a command will take, said before it begins: all of it by `--dry-run`, else a line if it is long or large.
+//! Forecast of a command's time and memory: complete with `--dry-run`, otherwise one line if the work is long or large.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -25,7 +25,7 @@ const MANY_OPERATIONS: f64 = 1e10;
 
 /// A piece of work to come.
 pub(crate) struct Ahead {
-    /// In words.
+    /// Description of the work.
     what: String,
     time: Option<Forecast>,
     /// All that the process will take, about.
@@ -66,7 +66,9 @@ impl Ahead {
                 former.name()
             ),
             time,
-            memory_bytes: session.memory.own_bytes() + task.history.held_bytes() + buffers_bytes,
+            memory_bytes: session.memory.own_bytes_for(pixels)
+                + task.history.held_bytes()
+                + buffers_bytes,
             disk: vec![(out.to_owned(), npy::file_bytes(pixels))],
         })
     }

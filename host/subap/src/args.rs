@@ -4,6 +4,8 @@ mod autofocus;
 mod export;
 mod focus;
 mod formers;
+mod front;
+mod global;
 mod logs;
 mod look;
 mod maps;
@@ -11,6 +13,7 @@ mod navigation;
 mod plan;
 mod radio;
 mod run;
+mod shell;
 mod surface;
 mod tiled;
 mod track;
@@ -22,18 +25,19 @@ mod watching;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
+use clap::{Args as Group, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
-use subaperture::geometry::{Extent, ImageGrid};
-use subaperture::onboard::link::Place;
+use subaperture::geometry::{Extent, Geodetic, ImageGrid};
+use subaperture::module::link::ModuleAddress;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::failure::Usage;
-use crate::log::Format;
 pub(crate) use autofocus::{Autofocus, Way};
 pub(crate) use export::{Export, ImageFormat, Producing};
-pub(crate) use focus::{Focus, Imaging, Velocity};
+pub(crate) use focus::{BeamWidth, Focus, Imaging, Velocity};
+pub(crate) use front::{command, parse};
+pub(crate) use global::Global;
 pub(crate) use logs::Logs;
 pub(crate) use look::{ColourMap, Look, Picture};
 pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
@@ -41,6 +45,7 @@ pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
 pub(crate) use run::Run;
+pub(crate) use shell::{Completions, Man};
 use subaperture::units::Dimension;
 pub(crate) use surface::{SurfaceKind, Surfacing};
 pub(crate) use tiled::{Part, Tiled};
@@ -48,8 +53,8 @@ pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
-    above_zero, any, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
-    setting, sign, size, threads, vector,
+    above_zero, any, error_bound, finite, from_zero, geodetic, odd, output, place, positive,
+    rectangle, setting, sign, vector,
 };
 #[cfg(feature = "page")]
 pub(crate) use view::View;
@@ -70,7 +75,7 @@ pub(crate) use watching::{Live, Watching};
         1    failed; nothing is left in part\n  \
         2    wrong usage\n  \
         3    done, but a bound is missed: the prediction where that was allowed, focus --check, compare\n       \
-        --error-db, crosscheck, demo\n  \
+        --error-db, crosscheck, demo; or a track found of echoes is in doubt\n  \
         130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
 )]
 pub(crate) struct Args {
@@ -78,52 +83,6 @@ pub(crate) struct Args {
     pub(crate) global: Global,
     #[command(subcommand)]
     pub(crate) command: Option<Command>,
-}
-
-/// Options of every command.
-#[derive(Debug, Group)]
-pub(crate) struct Global {
-    /// Threads to work on [default: one a processor]
-    #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
-    pub(crate) threads: Option<usize>,
-
-    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
-    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
-    #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
-    pub(crate) memory: Option<u64>,
-
-    /// Say more on standard error; twice for every setting
-    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
-    pub(crate) verbose: u8,
-
-    /// Show no progress and no notes: only results, warnings and errors
-    #[arg(
-        short,
-        long,
-        global = true,
-        conflicts_with = "verbose",
-        help_heading = "Global options"
-    )]
-    pub(crate) quiet: bool,
-
-    /// Print results as JSON, one object, on standard output
-    #[arg(long, global = true, help_heading = "Global options")]
-    pub(crate) json: bool,
-
-    /// Append to this file, with the times, all that is said and shown: notes, warnings, settings, progress,
-    /// how long what took
-    #[arg(long, global = true, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Global options")]
-    pub(crate) log: Option<PathBuf>,
-
-    /// Write the log as text or as JSON, an object a line [default: JSON if FILE ends in .json or .jsonl]
-    #[arg(
-        long,
-        global = true,
-        value_enum,
-        requires = "log",
-        help_heading = "Global options"
-    )]
-    pub(crate) log_format: Option<Format>,
 }
 
 /// The commands.
@@ -137,7 +96,7 @@ pub(crate) enum Command {
     Link(Link),
     /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
     Simulate(Simulate),
-    /// Send every sub-CPI through the host's code and the embedded core, which are to agree to -100 dB
+    /// Compare the embedded core, in float32 and fixed point, and rdbp's maps with the float64 sum
     Crosscheck(Crosscheck),
     /// Say what recordings hold
     Info(Info),
@@ -147,7 +106,7 @@ pub(crate) enum Command {
     Tune(Tune),
     /// Find the track of a radar with several receivers from its echoes alone
     Track(Track),
-    /// Find phases or a track by which an image is sharper
+    /// Estimate phase errors or the track by autofocus, judged on held-out data
     Autofocus(Autofocus),
     /// Say what a navigation log holds and what of it is lost, and write its track
     Navigation(Navigation),
@@ -180,6 +139,8 @@ pub(crate) enum Command {
     Reproduce(Reproduce),
     /// Print completions for a shell
     Completions(Completions),
+    /// Print the man page of subap or of one of its commands
+    Man(Man),
 }
 
 /// How files are written.
@@ -247,7 +208,7 @@ impl Input {
 pub(crate) struct Link {
     /// Where the module is: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
     #[arg(value_name = "WHERE")]
-    pub(crate) place: Place,
+    pub(crate) place: ModuleAddress,
 
     #[command(flatten)]
     pub(crate) input: Input,
@@ -262,7 +223,7 @@ pub(crate) struct Link {
 
     /// Bound on the relative RMS error of the image against the exact sum, in dB, -20 to -120
     /// [default: -66]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
     /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
@@ -279,7 +240,7 @@ pub(crate) struct Link {
 
     /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
     /// again [default: as fast as the module has room]
-    #[arg(long, value_name = "HERTZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency))]
+    #[arg(long, value_name = "HERTZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) rate: Option<f64>,
 
     /// Further runs, at most, over what was lost
@@ -360,12 +321,12 @@ pub(crate) struct Simulate {
     pub(crate) sgn: i8,
 
     /// Of a preset: add noise of this power, dB relative to a unit scatterer's sample
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level),
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level),
         conflicts_with = "scenario")]
     pub(crate) noise_db: Option<f64>,
 
     /// Of a preset: shake the track by this much (RMS in each axis, smooth, known to the record)
-    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true,
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_hyphen_values = true,
         value_parser = from_zero(Dimension::Length), conflicts_with = "scenario")]
     pub(crate) perturb: f64,
 
@@ -426,7 +387,7 @@ pub(crate) struct Info {
 /// `subap compare`.
 #[derive(Debug, Group)]
 pub(crate) struct Compare {
-    /// Image to judge: folder of a product, its image.json, or complex64 .npy
+    /// Image to judge: folder of a product, its image.json, complex64 .npy, SICD, SIDD, GeoTIFF, or Zarr
     #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
@@ -434,8 +395,12 @@ pub(crate) struct Compare {
     #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     pub(crate) reference: PathBuf,
 
+    /// Where on the Earth the scene's origin is, x to the east, of an image that does not say: to compare it with one that does
+    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, value_parser = geodetic)]
+    pub(crate) place: Option<Geodetic>,
+
     /// Bound on the relative RMS error, dB: exit status 3 if it is missed
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) error_db: Option<f64>,
 }
 
@@ -443,7 +408,8 @@ pub(crate) struct Compare {
 #[derive(Debug, Group)]
 #[command(mut_arg("dry_run", |dry_run| dry_run.requires("from")))]
 pub(crate) struct Quality {
-    /// Folder of a product (image.json and image.npy), its image.json, or complex64 .npy, measured in pixels
+    /// Folder of a product (image.json and image.npy), its image.json, SICD, SIDD, GeoTIFF, Zarr, or complex64 .npy; one without a grid is
+    /// measured in pixels
     #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
@@ -457,7 +423,7 @@ pub(crate) struct Quality {
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) from: Vec<PathBuf>,
 
-    /// Image to compare with, on the same grid
+    /// Image to compare with, of any format; it is related by its metadata
     #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
     pub(crate) against: Option<PathBuf>,
 
@@ -471,7 +437,7 @@ pub(crate) struct Quality {
     pub(crate) window: Option<Window>,
 
     /// Measure along and across this line of sight too: its angle from x towards y
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = any(Dimension::Angle))]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle))]
     pub(crate) line_of_sight: Option<f64>,
 
     /// Pixels so far below the peak of --against have no percent difference, dB
@@ -538,17 +504,9 @@ pub(crate) struct Reproduce {
     pub(crate) writing: Writing,
 }
 
-/// `subap completions`.
-#[derive(Debug, Group)]
-pub(crate) struct Completions {
-    /// Shell
-    #[arg(value_enum)]
-    pub(crate) shell: clap_complete::Shell,
-}
-
 /// The help that `subap` alone prints.
 pub(crate) fn help() -> String {
-    Args::command().render_help().to_string()
+    command().render_help().to_string()
 }
 
 #[cfg(test)]
@@ -557,7 +515,7 @@ mod tests {
 
     #[test]
     fn definitions_are_sound() {
-        Args::command().debug_assert();
+        command().debug_assert();
     }
 
     #[test]

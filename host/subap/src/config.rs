@@ -1,12 +1,13 @@
-//! What the command line resolves to: threads, memory, recordings.
+//! Resolution of the command line into threads, memory and recordings.
 
 use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use subaperture::convention::INFERENCE;
 use subaperture::geometry::ImageGrid;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::open::{Options, open_all, open_sum};
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
@@ -16,10 +17,10 @@ use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
 
-/// The error bound where none is given, dB.
+/// Default error bound, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
-/// That of maps, dB: so far below, because their image is compared with others that err too.
+/// Default error bound of maps, dB. It is lower because images of maps are compared with images that have errors of their own.
 pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 
 /// What to do about a default grid that is not all.
@@ -28,7 +29,7 @@ pub(crate) const OTHER_GRID: &str = "give --grid for another part or for all of 
 /// Settings that every command shares.
 #[derive(Clone, Copy)]
 pub(crate) struct Session {
-    /// Threads at work.
+    /// Number of worker threads.
     pub(crate) threads: usize,
     /// Bytes that images, samples and scratch may take together.
     pub(crate) memory_bytes: u64,
@@ -53,7 +54,7 @@ impl Session {
             pool = pool.num_threads(threads);
         }
         pool.build_global()
-            .context("--threads: cannot start so many threads")?;
+            .with_context(|| no_threads(global.threads))?;
         interrupt::listen();
         let threads = rayon::current_num_threads();
         let memory = Memory::new(global.memory, threads)?;
@@ -101,6 +102,7 @@ impl Session {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
             settings: &input.set,
+            inference: Some(INFERENCE),
         };
         let reading = self.progress("reading");
         let history = match &input.channels {
@@ -111,15 +113,20 @@ impl Session {
         for warning in history.warnings() {
             messages::warning(warning);
         }
+        note_inferred(&history);
         Ok(history)
     }
 
     /// What a command that reads `inputs` claims to write. Held until its end.
-    pub(crate) fn claims<P: AsRef<Path>>(&self, writing: &args::Writing, inputs: &[P]) -> Claims {
-        Claims::new(inputs, writing.force)
+    pub(crate) fn claims<P: AsRef<Path>>(
+        &self,
+        writing: &args::Writing,
+        inputs: &[P],
+    ) -> OutputClaims {
+        OutputClaims::new(inputs, writing.force)
     }
 
-    /// A progress bar.
+    /// Progress display for a named piece of work.
     pub(crate) fn progress(&self, what: &str) -> Progress {
         Progress::new(what, self.quiet)
     }
@@ -178,6 +185,35 @@ impl Session {
             );
         }
         Ok(())
+    }
+}
+
+/// Error text where the system refuses worker threads: their number, and where it comes from.
+fn no_threads(asked: Option<usize>) -> String {
+    if let Some(count) = asked {
+        return format!("cannot start {count} worker threads (--threads {count}): give fewer");
+    }
+    // The thread pool takes its default from this variable.
+    let variable = std::env::var("RAYON_NUM_THREADS");
+    let set: Option<usize> = variable.ok().and_then(|text| text.parse().ok());
+    if let Some(count) = set.filter(|&count| count > 0) {
+        return format!(
+            "cannot start {count} worker threads (environment variable RAYON_NUM_THREADS): give fewer with --threads"
+        );
+    }
+    let count = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("cannot start {count} worker threads, one per processor: give fewer with --threads")
+}
+
+/// Says which sign and reference of the phase were inferred.
+pub(crate) fn note_inferred(history: &dyn PhaseHistory) {
+    for convention in history.phase_conventions() {
+        if convention.is_inferred() {
+            let name = &history.collection().name;
+            messages::note(&format!(
+                "{name}: phase of {convention}: of the images of the same samples under each convention, its image is the sharpest"
+            ));
+        }
     }
 }
 

@@ -1,14 +1,15 @@
-//! How a command ends: what is printed, and the exit status.
+//! Failures of a command: printed text and exit status.
 
+use subaperture::describe::DescriptionError;
 use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
 use subaperture::maps::MapError;
-use subaperture::onboard::link::LinkError;
+use subaperture::module::link::LinkError;
 use subaperture::targets::TargetsError;
 
-use crate::advice::one_line;
+use crate::advice::{self, one_line};
 use crate::messages;
-use crate::text::SayError;
+use crate::text::{self, SayError};
 
 /// Exit statuses, as README and `--help` have them.
 pub(crate) const DONE: u8 = 0;
@@ -53,34 +54,92 @@ pub(crate) struct InterruptedWithSteps {
     pub(crate) path: String,
 }
 
-/// Prints why a command failed, if it did, causes after it; the exit status.
-pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
+/// Whether `--json` is among the arguments of this process. For arguments that do not parse.
+pub(crate) fn json_is_asked_for() -> bool {
+    let mut words = std::env::args_os().take_while(|word| word != "--");
+    words.any(|word| word == "--json")
+}
+
+/// Print wrong usage as a JSON object on standard output. `where` is the option.
+pub(crate) fn say_wrong_usage(error: &clap::Error) {
+    use clap::error::{ContextKind, ContextValue};
+    let place = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(option)) => Some(option.clone()),
+        Some(ContextValue::Strings(options)) => Some(options.join(", ")),
+        _ => None,
+    };
+    let text = error.to_string();
+    let text = text.split("\n\nUsage:").next().unwrap_or_default();
+    let text = text.strip_prefix("error: ").unwrap_or(text).trim_end();
+    say_error(text, place, None, WRONG_USAGE);
+}
+
+/// Print an error as a JSON object on standard output.
+fn say_error(text: &str, place: Option<String>, advice: Option<String>, exit_status: u8) {
+    let object = serde_json::json!({
+        "error": text,
+        "where": place,
+        "advice": advice,
+        "exit_status": exit_status,
+    });
+    // A standard output that cannot be written to does not change the exit status.
+    let _ = text::say_json("error", object);
+}
+
+/// Print why a command failed, with its causes, and return the exit status. With `json`, an error is printed as a JSON
+/// object on standard output too, unless the command has printed a result there.
+pub(crate) fn exit_status(done: anyhow::Result<()>, json: bool) -> u8 {
+    let json = json && !messages::has_result();
+    let (place, advice) = match &done {
+        Err(error) if json => (place(error), advice::alone(error)),
+        _ => (None, None),
+    };
+    let (exit_status, text) = reported(done);
+    if let Some(text) = text.filter(|_| json) {
+        say_error(&text, place, advice, exit_status);
+    }
+    exit_status
+}
+
+/// File, line and key of the first fault of a text, where the error is one of a text.
+fn place(error: &anyhow::Error) -> Option<String> {
+    let mut causes = error.chain();
+    let found = causes.find_map(|cause| cause.downcast_ref::<DescriptionError>())?;
+    found.faults.first().map(|fault| fault.place.to_string())
+}
+
+/// Print why a command failed on standard error. Returns the exit status and the text of the error.
+fn reported(done: anyhow::Result<()>) -> (u8, Option<String>) {
     let error = match done {
-        Ok(()) if messages::bound_is_missed() => return BOUND_MISSED,
-        Ok(()) => return DONE,
+        Ok(()) if messages::bound_is_missed() => return (BOUND_MISSED, None),
+        Ok(()) => return (DONE, None),
         Err(error) => error,
     };
     if let Some(SayError::ReaderGone) = error.downcast_ref() {
-        return DONE;
+        return (DONE, None);
     }
     if error.is::<InterruptedAmidFiles>()
         || error.is::<InterruptedJob>()
         || error.is::<InterruptedWithMaps>()
         || error.is::<InterruptedWithSteps>()
     {
-        messages::error(&error.to_string());
-        return INTERRUPTED;
+        let text = error.to_string();
+        messages::error(&text);
+        return (INTERRUPTED, Some(text));
     }
     if error.chain().any(is_interruption) {
-        messages::error("interrupted; nothing was left in part");
-        return INTERRUPTED;
+        let text = "interrupted; nothing was left in part";
+        messages::error(text);
+        return (INTERRUPTED, Some(text.to_owned()));
     }
-    messages::error(&one_line(&error));
-    if error.is::<Usage>() {
+    let text = one_line(&error);
+    messages::error(&text);
+    let exit_status = if error.is::<Usage>() {
         WRONG_USAGE
     } else {
         FAILED
-    }
+    };
+    (exit_status, Some(text))
 }
 
 fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {

@@ -1,8 +1,8 @@
-//! Ctrl-C, and the signals TERM and HUP: the first ends work cleanly, the second at once.
+//! Handling of Ctrl-C, SIGTERM and SIGHUP: the first signal ends work cleanly, the second at once.
 //!
-//! Long work asks [`pressed`] and comes to its own end. What does not ask, such as a read from a pipe that
-//! nobody writes to, is ended after [`PATIENCE`]: files appear under their names only when they are whole, and what
-//! is not is removed before, so that nothing is left in part then either. Who keeps what has come so far says so with [`Keeping`].
+//! Long work polls [`pressed`] and stops by itself. Work that cannot poll, such as a read from a silent pipe, is ended after
+//! [`PATIENCE`]. Files are renamed into place only when complete, and incomplete ones are removed, so no partial output remains.
+//! Work that saves partial results announces this with [`Keeping`].
 
 use std::process::exit;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -27,7 +27,8 @@ pub(crate) fn listen() {
             unfinished::remove_all();
             exit(INTERRUPTED.into());
         }
-        thread::spawn(end_what_does_not_end);
+        // Without a thread for it work has to come to its own end, or the second signal ends it.
+        let _ = thread::Builder::new().spawn(end_what_does_not_end);
     });
     if let Err(error) = listening {
         // Work goes on; the system's own way of ending it stays.
@@ -67,7 +68,7 @@ pub(crate) fn check() -> Result<(), Interrupted> {
 pub(crate) struct Keeping(());
 
 impl Keeping {
-    /// From now on.
+    /// Announce that partial results will be saved.
     pub(crate) fn begin() -> Self {
         KEEPERS.fetch_add(1, Ordering::SeqCst);
         Self(())

@@ -1,16 +1,15 @@
-//! The log of `--log FILE`: everything that was said, and more, with the time of its saying.
+//! Log of `--log FILE`: all messages, with additional detail and times.
 //!
-//! It is appended to, so that one file may hold a night's runs. Every line is on its way to the disk when it
-//! is written: a run that fails, or is killed, has logged all that came before. As text, or as JSON, an object
-//! a line:
+//! The log is appended to, so one file can record several runs. Every line is flushed when written, so the log of a failed or killed
+//! run is complete up to its end. Formats: text, or one JSON object per line:
 //!
-//! | `kind` | holds beside `time` and `message` |
+//! | `kind` | keys in addition to `time` and `message` |
 //! |---|---|
 //! | `begin` | `command_line`, `version`, `threads`, `memory_bytes` |
 //! | `setting` | `key`, `value` |
 //! | `note`, `warning`, `error`, `result` | |
 //! | `progress` | `work`, `fraction` (`null` if not known), `elapsed_s` |
-//! | `timing` | `work`, `elapsed_s`: that much took so long |
+//! | `timing` | `work`, `elapsed_s`: duration of the work |
 //! | `end` | `exit_status`, `elapsed_s` |
 
 use std::fs::{File, OpenOptions};

@@ -1,4 +1,4 @@
-//! The command `subap`: from phase history to a focused image. The library behind it is the crate
+//! Command-line program `subap`, which forms focused images from phase history with the library
 //! [`subaperture`](https://docs.rs/subaperture).
 #![forbid(unsafe_code)]
 
@@ -20,16 +20,17 @@ mod watch;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    let typed = match args::Args::try_parse() {
+    let typed = match args::parse() {
         Ok(typed) => typed,
         Err(message) => {
             // Help and version are on standard output and no failure. A reader that has gone is
             // none either.
             let code = u8::try_from(message.exit_code()).unwrap_or(failure::WRONG_USAGE);
             let _ = message.print();
+            if code != failure::DONE && failure::json_is_asked_for() {
+                failure::say_wrong_usage(&message);
+            }
             return ExitCode::from(code);
         }
     };
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
         let _ = text::say(args::help());
         return ExitCode::SUCCESS;
     };
+    let json = typed.global.json;
     let done = config::Session::new(&typed.global).and_then(|session| {
         let done = commands::run(&session, command);
         if let Some(bytes) = subaperture::focus::machine::peak_bytes() {
@@ -46,7 +48,7 @@ fn main() -> ExitCode {
         }
         done.map_err(|error| session.memory.explain(error))
     });
-    let status = failure::exit_status(done);
+    let status = failure::exit_status(done, json);
     messages::end(status);
     ExitCode::from(status)
 }

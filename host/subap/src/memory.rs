@@ -1,13 +1,13 @@
-//! The memory that a run may take: all of the process, of which a part is the program's own.
+//! Memory budget of a run. It covers the whole process, including the program's own needs.
 //!
 //! | part | of `--memory SIZE` |
 //! |---|---|
 //! | the program | [`PROGRAM_BYTES`] and [`THREAD_BYTES`] a thread |
 //! | pictures | an eighth of the rest, within [`PICTURE_BYTES`] |
-//! | work | what is left: images, samples, scratch |
+//! | work | the remainder: images, samples, scratch |
 //!
-//! SIZE is never more than the machine has, its container allows, or the limit on the address space (`ulimit -v`)
-//! leaves: what is refused before the work is not an abort within it.
+//! SIZE is limited to the memory of the machine, of its container, and of the address-space limit (`ulimit -v`). Work that does not
+//! fit is refused before it starts.
 
 use anyhow::bail;
 use subaperture::focus::{FormError, machine};
@@ -22,19 +22,22 @@ const PROGRAM_BYTES: u64 = 16 << 20;
 const THREAD_BYTES: u64 = 1 << 20;
 /// Least and most for the picture of an image.
 const PICTURE_BYTES: (u64, u64) = (4 << 20, 64 << 20);
-/// Least for work.
-const LEAST_WORK_BYTES: u64 = 4 << 20;
+/// Memory for the pictures of a small image, bytes per pixel: levels, colours and the compressed file.
+const PIXEL_BYTES: u64 = 32;
+
+/// Minimum memory for work, bytes.
+const MIN_WORK_BYTES: u64 = 4 << 20;
 
 /// How a run's memory is shared out.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Memory {
-    /// All of it.
+    /// Total memory of the process.
     pub(crate) total_bytes: u64,
     /// For images, samples and scratch.
     pub(crate) work_bytes: u64,
-    /// For drawing.
+    /// Memory for drawing pictures.
     pub(crate) picture_bytes: u64,
-    /// What was asked, where the machine has less.
+    /// Requested memory, if the machine has less.
     pub(crate) asked_bytes: Option<u64>,
 }
 
@@ -47,7 +50,7 @@ impl Memory {
         let has = machine::memory_bytes(threads);
         let total_bytes = asked.unwrap_or(has / 2).min(has);
         let own = PROGRAM_BYTES + THREAD_BYTES * threads as u64;
-        let least = own + PICTURE_BYTES.0 + LEAST_WORK_BYTES;
+        let least = own + PICTURE_BYTES.0 + MIN_WORK_BYTES;
         if total_bytes < least {
             let needs = format!(
                 "with {threads} threads the program itself takes {} and needs {} at the least",
@@ -80,6 +83,13 @@ impl Memory {
     /// What the program itself takes, and drawing.
     pub(crate) fn own_bytes(&self) -> u64 {
         self.total_bytes - self.work_bytes
+    }
+
+    /// Memory of the program and of drawing pictures of an image of `pixels` pixels, bytes. Pictures of a small image take less than
+    /// their budget.
+    pub(crate) fn own_bytes_for(&self, pixels: u64) -> u64 {
+        let program_bytes = self.own_bytes().saturating_sub(self.picture_bytes);
+        program_bytes + self.picture_bytes.min(PIXEL_BYTES.saturating_mul(pixels))
     }
 
     /// `error` with where the memory that it misses has gone.

@@ -1,16 +1,16 @@
-//! Everything that is said on standard error: errors, warnings, notes, and lines of progress. Results go to
-//! standard output, by way of [`crate::text::say`].
+//! Output on standard error: errors, warnings, notes and progress lines. Results go to standard output by
+//! [`crate::text::say`].
 //!
 //! | kind | begins with | `-q` | in records |
 //! |---|---|---|---|
 //! | error | `error:` | shown | |
 //! | warning | `warning:` | shown | under `warnings` |
 //! | note, detail of `-v` | `note:` | not shown | |
-//! | progress | what is at work | not shown | |
+//! | progress | the current work | not shown | |
 //!
-//! All of it, and results too, go into the log if there is one (see [`crate::log`]), whatever is shown.
+//! All messages and results are also written to the log, if there is one (see [`crate::log`]), shown or not.
 //!
-//! A reader of standard error that has gone is no reason to stop.
+//! A closed standard error does not stop the run.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -23,7 +23,7 @@ use subaperture::quantity::seconds;
 use crate::log::Log;
 use crate::terminal::printable;
 
-static TOLD: Mutex<Told> = Mutex::new(Told {
+static STATE: Mutex<State> = Mutex::new(State {
     begun: None,
     quiet: false,
     verbosity: 0,
@@ -31,12 +31,13 @@ static TOLD: Mutex<Told> = Mutex::new(Told {
     said: Vec::new(),
     part_missed: false,
     bound_is_missed: false,
+    has_result: false,
     bar: None,
     log: None,
 });
 
 /// What was said, and what may be.
-struct Told {
+struct State {
     begun: Option<Instant>,
     quiet: bool,
     verbosity: u8,
@@ -47,16 +48,18 @@ struct Told {
     /// Whether a result of this part of the work missed its bound.
     part_missed: bool,
     bound_is_missed: bool,
+    /// Whether a result was printed on standard output.
+    has_result: bool,
     /// The bar on the screen, which makes room for lines.
     bar: Option<WeakProgressBar>,
     log: Option<Log>,
 }
 
-fn told() -> MutexGuard<'static, Told> {
-    TOLD.lock().unwrap_or_else(PoisonError::into_inner)
+fn state() -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Told {
+impl State {
     /// A line, or several, on standard error.
     fn print(&self, text: &str) {
         let text = printable(text);
@@ -87,76 +90,83 @@ impl Told {
 
 /// How much is to be said: `-q`, and how often `-v`; and where all of it is logged.
 pub(crate) fn set_up(quiet: bool, verbosity: u8, log: Option<Log>) {
-    let mut told = told();
-    told.begun = Some(Instant::now());
-    told.quiet = quiet;
-    told.verbosity = verbosity;
-    told.log = log;
+    let mut state = state();
+    state.begun = Some(Instant::now());
+    state.quiet = quiet;
+    state.verbosity = verbosity;
+    state.log = log;
 }
 
 /// What ends the command.
 pub(crate) fn error(text: &str) {
-    let mut told = told();
-    told.print(&format!("error: {text}"));
-    told.log("error", text, Value::Null);
+    let mut state = state();
+    state.print(&format!("error: {text}"));
+    state.log("error", text, Value::Null);
 }
 
 /// What the user has to know of a result that is not all it seems; said once, and kept for the records.
 pub(crate) fn warning(text: impl Into<String>) {
-    let (mut told, text) = (told(), text.into());
-    if !told.said.contains(&text) {
-        told.print(&format!("warning: {text}"));
-        told.log("warning", &text, Value::Null);
-        told.said.push(text.clone());
+    let (mut state, text) = (state(), text.into());
+    if !state.said.contains(&text) {
+        state.print(&format!("warning: {text}"));
+        state.log("warning", &text, Value::Null);
+        state.said.push(text.clone());
     }
-    if !told.warnings.contains(&text) {
-        told.warnings.push(text);
+    if !state.warnings.contains(&text) {
+        state.warnings.push(text);
     }
 }
 
-/// A warning that a result misses the bound asked for: done all the same, and told by the exit status.
+/// A warning that a result misses the bound asked for: done all the same, and reported by the exit status.
 pub(crate) fn bound_missed(text: impl Into<String>) {
     warning(text);
-    let mut told = told();
-    told.bound_is_missed = true;
-    told.part_missed = true;
+    let mut state = state();
+    state.bound_is_missed = true;
+    state.part_missed = true;
 }
 
 /// What may be good to know.
 pub(crate) fn note(text: &str) {
-    let mut told = told();
-    if !told.quiet {
-        told.print(&format!("note: {text}"));
+    let mut state = state();
+    if !state.quiet {
+        state.print(&format!("note: {text}"));
     }
-    told.log("note", text, Value::Null);
+    state.log("note", text, Value::Null);
 }
 
 /// What `-v` given `level` times shows.
 pub(crate) fn detail(level: u8, text: impl FnOnce() -> String) {
-    let mut told = told();
-    let shown = told.verbosity >= level;
-    if shown || told.log.is_some() {
+    let mut state = state();
+    let shown = state.verbosity >= level;
+    if shown || state.log.is_some() {
         let text = text();
         if shown {
-            told.print(&format!("note: {text}"));
+            state.print(&format!("note: {text}"));
         }
-        told.log("note", &text, Value::Null);
+        state.log("note", &text, Value::Null);
     }
 }
 
 /// A setting that was chosen, which `-v` given twice shows.
 pub(crate) fn setting(key: &str, value: &Value) {
-    let mut told = told();
+    let mut state = state();
     let text = format!("{key} = {value}");
-    if told.verbosity >= 2 {
-        told.print(&format!("note: {text}"));
+    if state.verbosity >= 2 {
+        state.print(&format!("note: {text}"));
     }
-    told.log("setting", &text, json!({ "key": key, "value": value }));
+    state.log("setting", &text, json!({ "key": key, "value": value }));
 }
 
 /// What was printed on standard output, for the log.
 pub(crate) fn result(text: &str) {
-    told().log("result", text, Value::Null);
+    let mut state = state();
+    state.has_result = true;
+    state.log("result", text, Value::Null);
+}
+
+/// Whether a result was printed on standard output.
+pub(crate) fn has_result() -> bool {
+    state().has_result
 }
 
 /// The first line of a run's log.
@@ -166,41 +176,41 @@ pub(crate) fn begin(more: Value) {
         .map_or_else(Vec::new, |words| {
             words.iter().filter_map(Value::as_str).collect()
         });
-    told().log("begin", &words.join(" "), more.clone());
+    state().log("begin", &words.join(" "), more.clone());
 }
 
-/// The last.
+/// Log the end of the run.
 pub(crate) fn end(exit_status: u8) {
-    let mut told = told();
-    let elapsed = told.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+    let mut state = state();
+    let elapsed = state.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
     let text = format!(
         "exit status {exit_status} after {}",
         seconds(elapsed.as_secs_f64())
     );
     let more = json!({ "exit_status": exit_status, "elapsed_s": elapsed.as_secs_f64() });
-    told.log("end", &text, more);
+    state.log("end", &text, more);
 }
 
 /// A line of progress, shown where no bar shows it.
 pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: Duration) {
-    let mut told = told();
-    if !told.quiet && !io::stderr().is_terminal() {
-        told.print(text);
+    let mut state = state();
+    if !state.quiet && !io::stderr().is_terminal() {
+        state.print(text);
     }
     let more = json!({ "work": work, "fraction": fraction, "elapsed_s": elapsed.as_secs_f64() });
-    told.log("progress", text, more);
+    state.log("progress", text, more);
 }
 
 /// How long a stretch of work took, for the log.
 pub(crate) fn timing(work: &str, elapsed: Duration) {
     let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
-    told().log("timing", &text, more);
+    state().log("timing", &text, more);
 }
 
 /// Every warning so far, of this part of the work.
 pub(crate) fn warnings() -> Vec<String> {
-    told().warnings.clone()
+    state().warnings.clone()
 }
 
 /// What there is to know of a part of the work.
@@ -211,26 +221,26 @@ pub(crate) struct Part {
 
 /// Ends a part of the work, whose warnings are not the next one's: what there is to know of it.
 pub(crate) fn part() -> Part {
-    let mut told = told();
+    let mut state = state();
     Part {
-        warnings: std::mem::take(&mut told.warnings),
-        bound_missed: std::mem::take(&mut told.part_missed),
+        warnings: std::mem::take(&mut state.warnings),
+        bound_missed: std::mem::take(&mut state.part_missed),
     }
 }
 
 /// Takes these for the warnings of this part of the work, and shows none again.
 pub(crate) fn keep(warnings: Vec<String>) {
-    told().warnings = warnings;
+    state().warnings = warnings;
 }
 
 /// Whether a result missed its bound.
 pub(crate) fn bound_is_missed() -> bool {
-    told().bound_is_missed
+    state().bound_is_missed
 }
 
 /// The bar that is on the screen from now on.
 pub(crate) fn show_bar(bar: Option<WeakProgressBar>) {
-    told().bar = bar;
+    state().bar = bar;
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! Progress of long work, with the time left: a bar where standard error is a terminal, else a line now and then.
+//! Progress of long work with the estimated remaining time: a bar on a terminal, otherwise occasional lines.
 //!
-//! The bar is there at once. Lines begin after a second, and each comes later than the one before, up to a
-//! minute: short work says nothing, and a night's log stays short.
+//! The bar appears at once. Lines start after one second, at intervals that grow to one minute, so that short work prints no line
+//! and overnight logs stay short.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};

@@ -1,7 +1,7 @@
-//! With `-v`: what each stage of forming an image will cost, and then what it did cost.
+//! Predicted and measured cost of each stage of image formation, shown with `-v`.
 
 use subaperture::focus::Cost;
-use subaperture::focus::stages::{Taken, Timed, Times};
+use subaperture::focus::stages::{StageTime, StageTimer, StageTimes};
 use subaperture::monitor::Monitor;
 use subaperture::quantity::seconds;
 
@@ -33,12 +33,12 @@ pub(crate) fn measured<T>(
     if session.verbosity() == 0 {
         return form(monitor);
     }
-    let times = Times::default();
-    let formed = form(&Timed {
+    let times = StageTimes::default();
+    let formed = form(&StageTimer {
         monitor,
         times: &times,
     });
-    for Taken {
+    for StageTime {
         stage,
         threads,
         clock,

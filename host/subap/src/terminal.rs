@@ -1,4 +1,4 @@
-//! What may be shown on a terminal.
+//! Escaping of text for display on a terminal.
 
 use std::borrow::Cow;
 

@@ -1,4 +1,4 @@
-//! Words and numbers for people.
+//! Formatting of numbers and facts for display.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -126,7 +126,7 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
 /// Something known, and the label that it is told by.
 pub(crate) type Fact = (&'static str, String);
 
-/// Facts as lines.
+/// Format labelled facts as aligned lines.
 pub(crate) fn facts(facts: &[Fact]) -> Vec<String> {
     facts
         .iter()

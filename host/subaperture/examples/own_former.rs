@@ -3,10 +3,11 @@
 
 use serde_json::{Value, json};
 use subaperture::SPEED_OF_LIGHT_M_S;
-use subaperture::focus::cost::Each;
+use subaperture::focus::cost::Copies;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::{
-    Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Reason, StageCost, Tile, Work,
+    Cost, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason, StageCost, Tile,
+    Work,
 };
 use subaperture::image::Comparison;
 use subaperture::monitor::{Monitor, during};
@@ -34,13 +35,18 @@ impl ImageFormer for Recurrence {
     }
 
     /// Before any sample is read: what will be done, and what it will err by.
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        if aim.collection.sweeps() {
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        if spec.collection.sweeps() {
             return Err(FormError::unsuited(
                 "recurrence: antennas that move while a pulse lasts are not followed".to_owned(),
             ));
         }
-        asked.check(PLANNED_DB, || {
+        goal.check(PLANNED_DB, || {
             Reason::new("float32 holds no more: ask for less")
         })?;
         Ok(Decision {
@@ -48,37 +54,37 @@ impl ImageFormer for Recurrence {
             settings: json!({ "recurrence": "over frequency" }),
             planned_db: PLANNED_DB,
             grain: PatchSize::PIXEL,
-            cost: cost(aim),
+            cost: cost(spec),
         })
     }
 
-    fn open<'a>(&self, aim: Aim<'a>, _: &Value) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened { aim }))
+    fn open<'a>(&self, spec: ImageSpec<'a>, _: &Value) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(Box::new(Opened { spec }))
     }
 }
 
 /// For a pixel, pulse and frequency a sum and a recurrence, complex: 16. A pulse is held.
-fn cost(aim: &Aim) -> Cost {
-    let (pulses, samples) = (aim.collection.pulses.len(), aim.collection.num_samples);
-    let all = aim.grid.num_pixels() as f64 * (pulses * samples) as f64;
+fn cost(spec: &ImageSpec) -> Cost {
+    let (pulses, samples) = (spec.collection.pulses.len(), spec.collection.num_samples);
+    let all = spec.grid.num_pixels() as f64 * (pulses * samples) as f64;
     // Some 4 ns of a core each.
     let sum = StageCost::new("sum", 16.0 * all, 4.0 * all);
-    Cost::of([sum]).holding("a pulse", Each::Pass, 8.0 * samples as f64)
+    Cost::of([sum]).holding("a pulse", Copies::Pass, 8.0 * samples as f64)
 }
 
 struct Opened<'a> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
 }
 
 impl Forming for Opened<'_> {
     /// One pulse at a time, which fits any memory.
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let Aim {
+        let ImageSpec {
             collection,
             grid,
             weights,
             ..
-        } = self.aim;
+        } = self.spec;
         let factor = weights.normalisation();
         let mut samples = vec![Complex32::ZERO; collection.num_samples];
         for (n, pulse) in collection.pulses.iter().enumerate() {

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let grid: ImageGrid = "x=-5:11:0.2,y=-4:12:0.2,z=0".parse()?;
     let image = Focusing::new(&recording, &grid)
         .windows(Window::None, Window::None)
-        .by(&RangeDoppler::default())?;
+        .by(&RangeDopplerBackprojection::default())?;
 
     let point = image.measure(Target::Brightest)?;
     let [x_m, y_m, _] = point.position_m;

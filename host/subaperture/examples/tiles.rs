@@ -4,7 +4,7 @@
 use std::error::Error;
 
 use subaperture::focus::plan::{InMemory, Request, Sink};
-use subaperture::focus::{Misses, Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
+use subaperture::focus::{BoundPolicy, Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
 use subaperture::monitor::Silent;
 use subaperture::prelude::*;
 use subaperture::simulate::{Preset, Variation};
@@ -36,10 +36,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         fast: Window::default(),
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
-        misses: Misses::Refused,
-        means: Default::default(),
+        bound_policy: BoundPolicy::Refused,
+        numerics: Default::default(),
     };
-    let text = Plan::new(&RangeDoppler::default(), &request, &Silent)?.to_text();
+    let text = Plan::new(&RangeDopplerBackprojection::default(), &request, &Silent)?.to_text();
 
     // Wherever tiles are formed: any of them, in any order, within any memory.
     let plan = Plan::from_text(&text)?;
@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "expected error: {:.1} dB",
         opened.judge(&records).predicted_db()
     );
-    let whole = RangeDoppler::default().focus(&recording, &grid)?;
+    let whole = RangeDopplerBackprojection::default().focus(&recording, &grid)?;
     let other = (whole.image.pixels.iter())
         .zip(&image.0.image.pixels)
         .filter(|(a, b)| a != b);

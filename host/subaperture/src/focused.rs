@@ -1,14 +1,15 @@
-//! An image that carries what it was formed of and how.
+//! Formed image with its provenance.
 
 use std::time::Duration;
 
 use serde_json::{Map, Value};
 use subaperture_focus::Formed;
+use subaperture_focus::auto::selected;
 use subaperture_io::product::Antennas;
 use subaperture_io::product::record::Brightest;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
-use subaperture_model::phase_history::{Band, Channel, InputFile, PhaseHistory};
+use subaperture_model::phase_history::{Band, Channel, InputFile, PhaseConvention, PhaseHistory};
 #[cfg(feature = "plot")]
 use subaperture_plot::Orientation;
 #[cfg(feature = "quality")]
@@ -19,36 +20,38 @@ use subaperture_resolution::support::{Looks, RecordedLooks};
 use subaperture_resolution::survey::Survey;
 use subaperture_signal::window::Window;
 
-/// A formed image with its grid, frame, band and settings.
+/// Formed image with its grid, frame, band and settings.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FocusedImage {
-    /// The pixels: rows (y ascending) x columns (x ascending). A unit scatterer on a pixel, seen alike by all pulses,
-    /// reads 1.
+    /// Pixels: rows (y ascending) x columns (x ascending). A unit scatterer centred on a pixel and seen equally by all pulses
+    /// has the value 1.
     pub image: Image,
-    /// Where they lie in the scene frame.
+    /// Positions of the pixels in the scene frame.
     pub grid: ImageGrid,
-    /// Where the scene frame lies.
+    /// Frame of the scene; georeferenced if the recording is.
     pub frame: SceneFrame,
-    /// The recording's frequencies, if all pulses share them.
+    /// Frequencies of the recording; `None` if pulses differ in them.
     pub band: Option<Band>,
-    /// What the recording can show: its name, band, aperture, resolution.
+    /// Name, band, aperture and resolution of the recording.
     pub survey: Option<Survey>,
-    /// The former's name.
+    /// Short name of the former, such as `ffbp`.
     pub former: &'static str,
     /// Windows over fast and slow time.
     pub windows: [Window; 2],
-    /// Every setting that was chosen, given or planned.
+    /// All settings: given, default or planned.
     pub settings: Map<String, Value>,
     /// Predicted relative RMS error against the exact sum, dB.
     pub predicted_error_db: f64,
-    /// Whether that is above the bound asked.
+    /// Whether the predicted error exceeds the requested bound.
     pub bound_missed: bool,
-    /// What its user has to know, a sentence each.
+    /// Warnings for the user, one sentence each.
     pub warnings: Vec<String>,
-    /// The recording's channels that it was formed of, where they are named.
+    /// Channels of the recording used for the image, if they are named.
     pub channels: Vec<Channel>,
-    /// The recording's files and their checksums.
+    /// Distinct phase conventions of the recordings, stated or inferred.
+    pub phase_conventions: Vec<PhaseConvention>,
+    /// Files of the recording, with checksums.
     pub inputs: Vec<InputFile>,
     pub(crate) looks: Option<RecordedLooks>,
     pub(crate) antennas: Antennas,
@@ -83,6 +86,7 @@ impl FocusedImage {
                 .chain(of_former.map(str::to_owned))
                 .collect(),
             channels: history.channels(),
+            phase_conventions: history.phase_conventions(),
             inputs,
             antennas: Antennas::of(history),
             looks: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
@@ -95,26 +99,26 @@ impl FocusedImage {
         }
     }
 
-    /// A title: what was recorded, and by what it was formed.
+    /// Title for pictures: name of the recording and of the former. For [`Auto`](crate::focus::auto::Auto), that of the selected former.
     pub fn title(&self) -> String {
         let survey = self.survey.as_ref();
         let name = survey.map_or("", |survey| survey.name.as_str());
-        format!("{name}, {}", self.former)
+        format!("{name}, {}", selected(&self.settings, self.former))
     }
 
-    /// The brightest pixel; `None` of an image of zeros.
+    /// Brightest pixel; `None` if all pixels are zero.
     pub fn brightest(&self) -> Option<Brightest> {
         Brightest::of(&self.image, &self.grid)
     }
 
-    /// Antennas and bands under the windows: what theory needs to say how a point should look. `None` if more than 1021
-    /// pulses are needed to tell.
+    /// Antenna positions and bands under the windows, from which the theoretical point response follows. `None` if more than 1021
+    /// pulses are needed to represent the aperture.
     pub fn looks(&self) -> Option<Looks> {
         let [fast, slow] = self.windows;
         self.looks.as_ref()?.looks(fast, slow)
     }
 
-    /// Measures a point: place, width, side lobes, level and phase.
+    /// Measure a point target: position, width, side lobes, level and phase.
     ///
     /// # Errors
     /// [`ResponseError`].

@@ -1,21 +1,21 @@
-//! Forming an image with what is left out as by default.
+//! Image formation with defaults for all settings.
 
 use std::time::Instant;
 
 use crate::FocusedImage;
-use subaperture_focus::{FormError, ImageFormer, Means, Misses, Task, TimeModel, machine};
+use subaperture_focus::{BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, machine};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_model::phase_history::{PhaseHistory, Weights};
 use subaperture_signal::window::Window;
 
-/// Forming an image by any former in one call; every [`ImageFormer`] has it.
+/// Form an image in one call. Implemented for every [`ImageFormer`].
 pub trait Focus: ImageFormer {
-    /// Forms the image of `history` on `grid` within this former's bound on the error, with everything else as
-    /// [`Focusing`] has it by default.
+    /// Form the image of `history` on `grid` within this former's error bound, with the defaults of
+    /// [`Focusing`] for all other settings.
     ///
     /// # Errors
-    /// [`FormError`]; [`FormError::BoundMissed`] if the bound cannot be kept.
+    /// [`FormError`]; [`FormError::BoundMissed`] if the image would exceed the error bound.
     fn focus(
         &self,
         history: &dyn PhaseHistory,
@@ -27,7 +27,7 @@ pub trait Focus: ImageFormer {
 
 impl<F: ImageFormer + ?Sized> Focus for F {}
 
-/// An image to be formed, and how.
+/// Settings of one image formation.
 ///
 /// ```no_run
 /// use subaperture::prelude::*;
@@ -47,13 +47,13 @@ pub struct Focusing<'a> {
     windows: [Window; 2],
     memory_bytes: Option<u64>,
     monitor: &'a dyn Monitor,
-    misses: Misses,
-    means: Means<'a>,
+    bound_policy: BoundPolicy,
+    numerics: Numerics<'a>,
 }
 
 impl<'a> Focusing<'a> {
-    /// The image of `history` on `grid`: Taylor windows of 35 dB over fast and slow time, half of the machine's memory,
-    /// in silence, and an error if the former's bound is missed.
+    /// Settings for the image of `history` on `grid`. Defaults: Taylor windows of 35 dB over fast and slow time, half of the
+    /// machine's memory, no progress reports, and an error if the former's bound is exceeded.
     pub fn new(history: &'a dyn PhaseHistory, grid: &'a ImageGrid) -> Self {
         Self {
             history,
@@ -61,19 +61,19 @@ impl<'a> Focusing<'a> {
             windows: [Window::default(); 2],
             memory_bytes: None,
             monitor: &Silent,
-            misses: Misses::Refused,
-            means: Means::default(),
+            bound_policy: BoundPolicy::Refused,
+            numerics: Numerics::default(),
         }
     }
 
-    /// With these windows over fast time (frequencies) and slow time (pulses).
+    /// Windows over fast time (frequencies) and slow time (pulses). Default: Taylor, 35 dB.
     #[must_use]
     pub fn windows(self, fast: Window, slow: Window) -> Self {
         let windows = [fast, slow];
         Self { windows, ..self }
     }
 
-    /// Within so many bytes for the image, the samples in hand and all scratch.
+    /// Memory for the image, the samples held and all scratch, bytes. Default: half of the machine's memory.
     #[must_use]
     pub fn memory_bytes(self, bytes: u64) -> Self {
         let memory_bytes = Some(bytes);
@@ -83,37 +83,40 @@ impl<'a> Focusing<'a> {
         }
     }
 
-    /// With someone who is told how far it is, and may stop it.
+    /// Monitor that receives progress and may cancel. Default: none.
     #[must_use]
     pub fn monitor(self, monitor: &'a dyn Monitor) -> Self {
         Self { monitor, ..self }
     }
 
-    /// As well as can be where the former's bound is missed: [`FocusedImage::bound_missed`] tells.
+    /// Return an image that exceeds the error bound, marked by [`FocusedImage::bound_missed`], instead of an error.
     #[must_use]
     pub fn allow_error(self) -> Self {
-        let misses = Misses::Allowed;
-        Self { misses, ..self }
+        let bound_policy = BoundPolicy::Allowed;
+        Self {
+            bound_policy,
+            ..self
+        }
     }
 
-    /// With the same bits on every machine, at the price of slower transforms.
+    /// Make results bit-identical on all machines. Transforms are slower.
     #[must_use]
     pub fn portable(self) -> Self {
-        let means = self.means.portable();
-        Self { means, ..self }
+        let numerics = self.numerics.portable();
+        Self { numerics, ..self }
     }
 
-    /// Choosing by the times of another machine than the one that defaults are of.
+    /// Timing model by which plans are chosen. Default: that of the reference machine.
     #[must_use]
     pub fn time_model(self, model: &'a TimeModel) -> Self {
-        let means = Means {
+        let numerics = Numerics {
             model,
-            ..self.means
+            ..self.numerics
         };
-        Self { means, ..self }
+        Self { numerics, ..self }
     }
 
-    /// Forms the image, then reads the recording's files once more for their checksums, which go into the record.
+    /// Form the image, then read the recording's files again for the checksums in the record.
     ///
     /// # Errors
     /// [`FormError`].
@@ -127,9 +130,9 @@ impl<'a> Focusing<'a> {
             weights: &Weights::new(self.history.collection(), fast, slow),
             memory_bytes,
             monitor: self.monitor,
-            means: self.means,
+            numerics: self.numerics,
         };
-        let formed = former.form_asked(&task, self.misses)?;
+        let formed = former.form_asked(&task, self.bound_policy)?;
         let inputs = self.history.inputs()?;
         let about = (former.name(), self.windows);
         let mut image = FocusedImage::new(formed, self.history, self.grid, about, inputs);

@@ -1,24 +1,26 @@
 //! Radar image formation: from phase history to a focused, measured image.
 //!
-//! A recording is opened, an image of it formed by one of seven algorithms within a bound on its error, and saved as an
-//! array, a record of everything that it came from, and a picture. The whole program:
+//! The library opens a SAR recording, forms an image by one of seven algorithms within an error bound, measures it, and saves it
+//! as an array with a metadata record and a picture. A complete program:
 //!
 #![doc = concat!("```no_run\n", include_str!("../examples/read_and_focus.rs"), "```")]
 //!
-//! [`open()`] reads CPHD, CRSD, AFRL's GOTCHA files and raw samples described in TOML; [`scene_grid`] is a grid that suits what
-//! was recorded, and any other is written as text or made of numbers ([`geometry::ImageGrid`]). [`Focus::focus`] takes
-//! defaults for all the rest; [`Focusing`] has them: windows, memory, progress, what to do where the bound is missed. The
-//! image comes with its grid, frame, band and settings ([`FocusedImage`]).
+//! - [`open()`] reads CPHD, CRSD, AFRL's GOTCHA files, arrays, and raw samples described in TOML.
+//! - [`scene_grid`] proposes an image grid from the recording's extent and resolution. Other grids are parsed from text or
+//!   constructed ([`geometry::ImageGrid`]).
+//! - [`Focus::focus`] forms the image with default settings. [`Focusing`] sets windows, memory, progress reports, and whether
+//!   an image that exceeds the error bound is an error.
+//! - [`FocusedImage`] holds the pixels with their grid, frame, band and settings.
 //!
-//! Nothing need be on a disk. Phase history of one's own is a [`phase_history::InMemory`] of arrays or implements
-//! [`phase_history::PhaseHistory`]; simulated, it looks like this:
+//! No file is required. [`phase_history::InMemory`] wraps arrays in memory, and any type can implement
+//! [`phase_history::PhaseHistory`]. This example simulates a recording and images it:
 //!
 #![cfg_attr(feature = "simulate", doc = "```")]
 #![cfg_attr(not(feature = "simulate"), doc = "```ignore")]
 //! use subaperture::prelude::*;
 //! use subaperture::simulate::{Preset, Variation};
 //!
-//! // 41 points seen from 5 km by a radar of 200 MHz at 10 GHz; one is in the middle.
+//! // 41 point scatterers at 5 km range; 200 MHz of bandwidth at 10 GHz; one scatterer at the origin.
 //! let recording = Preset::Table41.simulate(&Variation::default());
 //! let grid: ImageGrid = "x=-4:4:0.25,y=-4:4:0.25,z=0".parse()?;
 //! let image = Backprojection::default().error_db(-50.0).focus(&recording, &grid)?;
@@ -29,13 +31,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`open_channels`] has all channels of a recording side by side: formers take one, or the coherent sum of all
-//! ([`phase_history::Channels`]). [`focus::live::Live`] takes pulses one at a time, as a radar sends them, and has the image of
-//! those so far after each.
+//! [`open_channels`] opens all channels of a recording. Formers take one channel or the coherent sum of all
+//! ([`phase_history::Channels`]). [`focus::live::Live`] takes pulses one at a time, as a radar sends them, and provides the
+//! current image after each.
 //!
-//! The folder `examples` has six programs: [read and focus][a], [phase history of one's own][b], [simulate and
-//! measure][c], [one image in tiles][d] on as many machines as there are, [a live image][f], and [a former of one's
-//! own][e].
+//! The folder `examples` contains the program above and others: [read and focus][a], [custom phase history][b], [simulate and
+//! measure][c], [one image in tiles][d] spread over several machines, [a live image][f], and [a custom former][e].
 //!
 //! [a]: https://docs.rs/crate/subaperture/latest/source/examples/read_and_focus.rs
 //! [b]: https://docs.rs/crate/subaperture/latest/source/examples/own_history.rs
@@ -46,67 +47,73 @@
 //!
 //! # Conventions
 //! - **Phase.** A unit scatterer at `p` in pulse `n` at frequency `f` has the phase
-//!   `-2 pi f (path_n(p) - reference_path_n) / c`: CPHD's `SGN = -1`. Readers convert to it; nothing else asks.
-//! - **Path** is the two-way length from transmitter to point to receiver, metres: of one antenna twice the range.
-//! - **Frame.** Positions are metres in the scene frame ([`geometry::SceneFrame`]), float64: x and y in the scene's plane, z up;
-//!   a recording may say where on the Earth that is.
-//! - **Images** have rows of y ascending and columns of x ascending, complex float32. A unit scatterer on a pixel, seen alike
-//!   by all pulses, reads 1, whatever the windows.
-//! - **Units** are in names (`_m`, `_s`, `_hz`, `_rad`, `_db`), and SI otherwise. Levels are `20 log10` of magnitudes.
-//! - **Error** means relative RMS error against the exact sum ([`focus::exact`]), phase included, over the grid's pixels.
+//!   `-2 pi f (path_n(p) - reference_path_n) / c`, which is CPHD's `SGN = -1`. Readers convert every file to this convention.
+//!   The reference path of raw echoes is 0. If a file does not state its sign or reference, the reader infers them from the
+//!   samples or refuses the file ([`convention`]).
+//! - **Path** is the two-way length from transmitter to point to receiver, in metres. For a monostatic antenna it is twice the range.
+//! - **Frame.** Positions are float64 metres in the scene frame ([`geometry::SceneFrame`]): x and y in the ground plane, z up.
+//!   A recording may georeference this frame.
+//! - **Images** are complex float32, with rows in ascending y and columns in ascending x. A unit scatterer centred on a pixel
+//!   and seen equally by all pulses has the value 1, whatever the windows.
+//! - **Units** are suffixes of names (`_m`, `_s`, `_hz`, `_rad`, `_db`); SI otherwise. Levels in dB are `20 log10` of magnitudes.
+//! - **Error** is the relative RMS error against the exact sum ([`focus::exact`]) over the grid's pixels, phase included.
 //!
 //! # Modules and features
-//! What `default` takes reads, simulates, measures and draws; `full` is all there is but `uhd`, which has a licence of its own, and `viewer`,
-//! which takes a server.
+//! `default` enables `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`. `full` enables every feature except
+//! `uhd`, which links a GPL library, and `viewer`, which needs a web server.
 //!
-//! | module | what it holds | feature | adds dependencies |
+//! | module | contents | feature | added dependencies |
 //! |---|---|---|---|
-//! | [`phase_history`], [`geometry`], [`image`], [`radar`], [`track`], [`monitor`], [`units`], [`quantity`] | what all speak of | | |
-//! | [`focus`] | image formers, plans of them, the contract on their error | | `rayon`, `rustfft` |
-//! | [`resolution`] | what a collection can show: widths, sampling, a grid | | |
-//! | [`signal`] | windows, transforms, kernels | | |
-//! | [`io`] | files: recordings in, images out | | `fs4`, `serde_json` |
-//! | `io::cphd`, `io::crsd` | CPHD 1.x; CRSD 1.0, read | `cphd` | `roxmltree` |
+//! | [`phase_history`], [`geometry`], [`image`], [`radar`], [`track`], [`monitor`], [`units`], [`quantity`] | shared data types | | |
+//! | [`focus`] | image formers, their plans and error bounds | | `rayon`, `rustfft` |
+//! | [`resolution`] | resolution, sampling and default grid of a collection | | |
+//! | [`signal`] | windows, transforms, interpolation kernels | | |
+//! | [`io`] | file readers and writers | | `fs4`, `serde_json` |
+//! | `io::cphd`, `io::crsd` | CPHD 1.x; CRSD 1.0 (read only) | `cphd` | `roxmltree` |
 //! | `io::gotcha` | AFRL's GOTCHA files (MATLAB 5) | `gotcha` | `flate2` |
-//! | [`io::npy`], `io::arrays` | arrays in NumPy's archives, too, and phase history of them | `npz` | `zip` |
-//! | `io::arrays` | phase history of arrays in HDF5 | `hdf5` | `hdf5-pure` |
-//! | `io::recording`, `describe`, `receive` | raw recordings described in TOML, and what they need to be phase history | `recording` | `toml` |
-//! | `job` | a whole job as one text: which stages stand, and what is to be done again | `recording` | |
-//! | `simulate` | scenes, tracks and receivers, and what a radar records of them | `simulate` | `rand_chacha`, `rand_distr`, `png` |
-//! | `quality` | measures of images: responses, statistics, coherence | `quality` | |
+//! | [`io::npy`], `io::arrays` | NumPy arrays and archives; phase history stored in them | `npz` | `zip` |
+//! | `io::arrays` | phase history stored in HDF5 | `hdf5` | `hdf5-pure` |
+//! | `io::recording`, `describe`, `receive` | raw recordings described in TOML; range compression to phase history | `recording` | `toml` |
+//! | `job` | processing pipelines from one TOML file; unchanged stages are reused | `recording` | |
+//! | `simulate` | simulator of scenes, tracks, receivers and recordings | `simulate` | `rand_chacha`, `rand_distr`, `png` |
+//! | `quality` | image quality: impulse responses, statistics, coherence | `quality` | |
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
-//! | `planner` | what a radar will show, what that takes and costs | `planner` | |
-//! | `autofocus` | parameters, phases and tracks of recordings by the sharpness of their images | `autofocus` | |
-//! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
-//! | `navigation` | logs of navigation receivers; a radar's own motion fused with them | `navigation` | |
-//! | `one_track` | one track of a recording's echoes and its navigation | `motion` and `navigation` | |
-//! | `maps` | images on the map: cloud-optimised GeoTIFF, KMZ, PNG with world files | `maps` | `png`, `flate2`, `zip` |
-//! | `sicd` | complex images as SICD: written for other programs, and read of them | `sicd` | `roxmltree` |
-//! | `terrain` | surfaces of the Earth to focus on: elevation models (SRTM HGT, GeoTIFF), heights above the ellipsoid | `terrain` | `tiff` |
-//! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
-//! | `radio` | a stepped-carrier radar on a software-defined radio: the radio, a simulated one, capture, range profiles | `radio` | |
-//! | `live_capture` | the image of a capture, sweep by sweep as it comes, on a known way or as its echoes tell | `radio`, which brings `motion` | |
-//! | `viewer` | local web pages: images of any size, a capture as it runs | `viewer` | `axum`, `tokio` |
-//! | `radio::uhd` | a USRP by UHD, which is under GPL-3.0-or-later | `uhd` | the library UHD, linked |
+//! | `planner` | performance prediction and collection planning | `planner` | |
+//! | `autofocus` | calibration of parameters, phases and tracks by image sharpness | `autofocus` | |
+//! | `motion`, `targets` | ego-motion estimation from echo phases; detected targets | `motion` | |
+//! | `navigation` | navigation logs; their fusion with the estimated track | `navigation` | |
+//! | `track_fusion` | fusion of a recording's echoes and its navigation into one track | `motion` and `navigation` | |
+//! | `maps` | map products: cloud-optimised GeoTIFF, KMZ, PNG with world files | `maps` | `png`, `flate2`, `zip` |
+//! | `sicd` | SICD complex images, read and written | `sicd` | `roxmltree` |
+//! | `images` | images of any supported format; pairs resampled onto common pixels | `maps`, `sicd` and `terrain` | |
+//! | `terrain` | elevation models (SRTM HGT, GeoTIFF) with heights above the ellipsoid | `terrain` | `tiff` |
+//! | `module` | embedded module: plan, serial link, maps | `link` | `subaperture-core`, `serial2` |
+//! | `radio` | stepped-frequency radar on a software-defined radio, real or simulated: capture, range profiles | `radio` | |
+//! | `live_capture` | image of a running capture, updated with each sweep, on a given or estimated track | `radio`, which enables `motion` | |
+//! | `viewer` | local web viewer for large images and running captures | `viewer` | `axum`, `tokio` |
+//! | `radio::uhd` | USRP devices by UHD (GPL-3.0-or-later) | `uhd` | the UHD library, linked |
 //!
-//! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
-//!
-//! [`glam`], of which positions are, and [`num_complex`], of which samples are, are here under their own names.
+//! [`glam`] (positions) and [`num_complex`] (samples) are re-exported under their own names.
 #![forbid(unsafe_code)]
 
+pub mod convention;
 mod focused;
 mod focusing;
+#[cfg(all(feature = "maps", feature = "sicd", feature = "terrain"))]
+pub mod images;
 #[cfg(feature = "recording")]
 pub mod job;
 #[cfg(feature = "radio")]
 pub mod live_capture;
 #[cfg(all(feature = "maps", feature = "sicd"))]
 pub mod on_map;
-#[cfg(all(feature = "motion", feature = "navigation"))]
-pub mod one_track;
 pub mod prelude;
 mod reading;
+#[cfg(feature = "recording")]
+mod recognise;
 mod save;
+#[cfg(all(feature = "motion", feature = "navigation"))]
+pub mod track_fusion;
 
 pub use subaperture_model::{
     SPEED_OF_LIGHT_M_S, geometry, image, monitor, phase_history, quantity, radar, track, units,
@@ -122,12 +129,12 @@ pub use subaperture_autofocus as autofocus;
 pub use subaperture_describe as describe;
 #[cfg(feature = "maps")]
 pub use subaperture_maps as maps;
+#[cfg(feature = "link")]
+pub use subaperture_module as module;
 #[cfg(feature = "motion")]
 pub use subaperture_motion as motion;
 #[cfg(feature = "navigation")]
 pub use subaperture_navigation as navigation;
-#[cfg(feature = "link")]
-pub use subaperture_onboard as onboard;
 #[cfg(feature = "planner")]
 pub use subaperture_planner as planner;
 #[cfg(feature = "plot")]
@@ -155,6 +162,8 @@ pub use {glam, num_complex};
 pub use focused::FocusedImage;
 pub use focusing::{Focus, Focusing};
 pub use reading::{open, open_all, open_channels};
+#[cfg(feature = "recording")]
+pub use recognise::{FileKind, capture_of, recognise};
 pub use save::SaveError;
 pub use subaperture_resolution::survey::scene_grid;
 

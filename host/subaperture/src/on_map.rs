@@ -1,13 +1,13 @@
-//! Anyone's SICD on the map.
+//! Georeferencing of SICD images from any program.
 
-use subaperture_maps::Lying;
+use subaperture_maps::ProjectionModel;
 use subaperture_model::geometry::Geodetic;
 use subaperture_sicd::{Band, Projection, ReadError, SicdFile};
 
-/// Where the pixels of a SICD are on the Earth: what each shows is taken to stand as high above the ellipsoid as the scene centre point. What stands `h` higher appears on the map where
-/// it does in the image, about `h` over the tangent of the grazing angle nearer to the radar.
+/// Mapping between SICD pixels and the Earth. Every scatterer is assumed to be at the height of the scene centre point above the
+/// ellipsoid. A scatterer `h` higher is displaced towards the radar by about `h / tan(grazing angle)` (layover).
 ///
-/// [`subaperture_maps::Ortho::told`] reads the image by it.
+/// [`subaperture_maps::Ortho::with_projection`] resamples the image by it.
 #[derive(Clone, Debug)]
 pub struct SicdOnMap {
     projection: Projection,
@@ -17,10 +17,10 @@ pub struct SicdOnMap {
 }
 
 impl SicdOnMap {
-    /// Of a file.
+    /// Mapping of a SICD file.
     ///
     /// # Errors
-    /// [`ReadError::Format`]: its metadata put its pixels nowhere.
+    /// [`ReadError::Format`] if the metadata do not locate the pixels.
     pub fn new(file: &SicdFile) -> Result<Self, ReadError> {
         let projection = file.projection()?;
         let wrong = |what: &str| ReadError::Format {
@@ -48,13 +48,18 @@ impl SicdOnMap {
         })
     }
 
-    /// How high above the ellipsoid all is taken to stand, metres.
+    /// Whether pixels are points of the image plane (`Grid/Type` `PLANE`, `XRGYCR`, `XCTYAT`).
+    pub fn is_plane(&self) -> bool {
+        self.projection.is_plane()
+    }
+
+    /// Assumed height above the ellipsoid, metres.
     pub fn height_m(&self) -> f64 {
         self.height_m
     }
 }
 
-impl Lying for SicdOnMap {
+impl ProjectionModel for SicdOnMap {
     fn place(&self, pixel: [f64; 2]) -> Option<Geodetic> {
         let along_m = self.projection.along_of(pixel);
         self.projection.on_height(along_m, self.height_m)
@@ -74,7 +79,7 @@ impl Lying for SicdOnMap {
     }
 
     fn middle(&self, pixel: [f64; 2]) -> [f64; 2] {
-        // Where the metadata are no numbers the spectrum is taken to lie about zero.
+        // If the metadata are not finite, the spectrum is assumed to be centred on zero.
         let along_m = self.projection.along_of(pixel);
         self.band.middle(along_m).unwrap_or_default()
     }

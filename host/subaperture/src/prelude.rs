@@ -1,4 +1,4 @@
-//! What most programs need: `use subaperture::prelude::*;`.
+//! Items that most programs use: `use subaperture::prelude::*;`.
 
 pub use crate::focus::auto::Auto;
 pub use crate::focus::bp::Backprojection;
@@ -7,7 +7,7 @@ pub use crate::focus::ffbp::FastFactorised;
 pub use crate::focus::omega_k::OmegaK;
 pub use crate::focus::pfa::PolarFormat;
 pub use crate::focus::rda::RangeDopplerAlgorithm;
-pub use crate::focus::rdbp::RangeDoppler;
+pub use crate::focus::rdbp::RangeDopplerBackprojection;
 pub use crate::geometry::ImageGrid;
 pub use crate::glam::DVec3;
 pub use crate::image::Image;

@@ -1,15 +1,18 @@
-//! Recordings opened, with nothing to be said about how.
+//! Opening recordings with default options.
 
 use std::path::Path;
 
+use crate::convention::INFERENCE;
 use subaperture_focus::machine;
 use subaperture_io::open::{self as files, Options};
 use subaperture_model::phase_history::{Channels, Joined, ReadError};
 
-/// Opens a recording by what the file holds: CPHD, GOTCHA, or a raw recording's description (`.toml`).
+/// Open a recording. The format is recognised by content: CPHD, CRSD, GOTCHA, arrays, or a raw recording's description (`.toml`).
 ///
-/// It may hold half of the machine's memory; of a CPHD file the reference channel is taken.
-/// [`io::open`](crate::io::open) has more to choose.
+/// If the file does not state the sign or reference of its phase, they are inferred or the file is refused ([`convention`](crate::convention)).
+///
+/// The recording may use half of the machine's memory. Of a CPHD file the reference channel is opened.
+/// [`io::open`](crate::io::open) has further options.
 ///
 /// # Errors
 /// [`ReadError`], also for a format whose feature is off.
@@ -17,8 +20,8 @@ pub fn open(path: impl AsRef<Path>) -> Result<Joined, ReadError> {
     open_all(&[path])
 }
 
-/// Opens all channels of a recording side by side: a receiver, a transmitter or a polarisation each, with shared pulses.
-/// Formers take one of them, or their coherent sum:
+/// Open all channels of a recording. A channel is one receiver, transmitter or polarisation; all channels share their pulses.
+/// Formers take one channel or the coherent sum:
 ///
 /// ```no_run
 /// use subaperture::prelude::*;
@@ -28,22 +31,22 @@ pub fn open(path: impl AsRef<Path>) -> Result<Joined, ReadError> {
 ///     println!("{}: {} pulses", about.name, history.collection().pulses.len());
 /// }
 /// let grid = "x=-50:50:0.2,y=-50:50:0.2,z=0".parse()?;
-/// let first = RangeDoppler::default().focus(channels.channel(0), &grid)?;
-/// let all = RangeDoppler::default().focus(&channels.coherent_sum()?, &grid)?;
+/// let first = RangeDopplerBackprojection::default().focus(channels.channel(0), &grid)?;
+/// let all = RangeDopplerBackprojection::default().focus(&channels.coherent_sum()?, &grid)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
 /// # Errors
-/// As [`open()`], and [`ReadError::Channels`] if they do not share their pulses.
+/// As [`open()`], and [`ReadError::Channels`] if the channels do not share their pulses.
 pub fn open_channels(path: impl AsRef<Path>) -> Result<Channels<'static>, ReadError> {
     files::open_channels::<&str>(path.as_ref(), None, &options())
 }
 
-/// Opens recordings and joins them into one aperture, its pulses in the order of time, or of angle where no time is
-/// recorded, whatever the order of `paths`.
+/// Open recordings and join them into one aperture. Pulses are sorted by time, or by angle if no time is recorded; the order of
+/// `paths` does not matter.
 ///
 /// # Errors
-/// As [`open()`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
+/// As [`open()`], and [`ReadError::Mismatch`] if `paths` is empty or the recordings do not fit together.
 pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Joined, ReadError> {
     files::open_all(paths, &options())
 }
@@ -51,6 +54,7 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Joined, ReadError> {
 fn options() -> Options<'static> {
     Options {
         memory_bytes: machine::default_bytes(),
+        inference: Some(INFERENCE),
         ..Options::default()
     }
 }

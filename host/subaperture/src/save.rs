@@ -1,4 +1,4 @@
-//! Images written as `subap focus` writes them.
+//! Saving images in the format of `subap focus`.
 
 use std::path::Path;
 
@@ -6,13 +6,13 @@ use serde_json::{Value, json};
 
 use crate::FocusedImage;
 use subaperture_io::atomic::WriteError;
-use subaperture_io::claim::Claims;
+use subaperture_io::claim::OutputClaims;
 use subaperture_io::product;
 use subaperture_io::product::record::{Picture, Record};
 #[cfg(feature = "plot")]
 use subaperture_plot::{Panel, PlotError};
 
-/// Why an image was not saved.
+/// Error of saving an image.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SaveError {
@@ -26,30 +26,35 @@ pub enum SaveError {
 }
 
 impl FocusedImage {
-    /// Writes `image.npy`, `image.json` and, with the feature `plot`, `image.png` into `folder`, which is made if need be:
-    /// all or none, as [`io::product`](crate::io::product) has it. `subap` measures, compares and draws what lies there.
+    /// Write `image.npy`, `image.json` and, with the feature `plot`, `image.png` into `folder`, which is created if necessary.
+    /// Either all files are written or no file is ([`io::product`](crate::io::product)). `subap` measures, compares and draws the product.
     ///
     /// # Errors
-    /// [`SaveError`]: what was not written by Subaperture, and the recording's own files, are not replaced.
+    /// [`SaveError`]. Files not written by Subaperture, and the recording's own files, are never replaced.
     pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), SaveError> {
         let folder = folder.as_ref();
         let inputs: Vec<&Path> = self.inputs.iter().map(|file| file.path.as_path()).collect();
-        let mut claims = Claims::new(&inputs, false);
+        let mut claims = OutputClaims::new(&inputs, false);
         claims.folder(folder, product::NAMES)?;
         product::write_drawing(folder, &self.image, || self.record(), || self.drawn())?;
         Ok(())
     }
 
-    /// What the recording can show, and which of its channels the image is of.
+    /// Description of the recording and the channels used.
     fn recorded(&self) -> Value {
         let mut recorded = json!(self.survey);
-        if let (Some(about), false) = (recorded.as_object_mut(), self.channels.is_empty()) {
-            about.insert("channels".to_owned(), json!(self.channels));
+        if let Some(about) = recorded.as_object_mut() {
+            if !self.channels.is_empty() {
+                about.insert("channels".to_owned(), json!(self.channels));
+            }
+            if !self.phase_conventions.is_empty() {
+                about.insert("phase".to_owned(), json!(self.phase_conventions));
+            }
         }
         recorded
     }
 
-    /// What goes into `image.json`.
+    /// Contents of `image.json`.
     fn record(&self) -> Value {
         let [fast, slow] = self.windows;
         Record {
@@ -84,7 +89,7 @@ impl FocusedImage {
 
 #[cfg(feature = "plot")]
 impl FocusedImage {
-    /// A picture in decibels over metres, as the bytes of a PNG file.
+    /// Picture of the image as PNG bytes: level in decibels over metres.
     ///
     /// # Errors
     /// [`PlotError`].

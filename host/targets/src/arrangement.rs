@@ -1,50 +1,48 @@
-//! Which channels are of which antennas, and where those are on their body: from a recording's own positions in its first pulse.
+//! Antennas of all channels, and their positions on the body, from the recorded positions of the first pulse.
 //!
-//! **Body.** Its origin is the middle between the mean of its transmitters and that of its receivers. Its x axis lies along the receivers, from one of the two that are farthest apart to the other (where
-//! there is one only, from transmitter to receiver; where both are one, level across the way to the reference point), its y axis is where the radar looks: towards the
-//! first pulse's reference point, as far as that is across x. Where x is level within 20 degrees both are made level, and z is up: the radar moves in the
-//! level plane, and what lies out of it is taken for farther away. Otherwise the plane is the one in which x and the reference point lie.
+//! **Body.** Its origin is the midpoint between the mean transmitter and the mean receiver. Its x axis lies along the receivers, from one of the two farthest apart to the other (with one receiver from transmitter to
+//! receiver; with both in one place level, across the direction to the reference point). Its y axis is boresight: towards the first pulse's reference point, as far as that is across x. Where x is level within 20
+//! degrees, x and y are made level and z is up: the radar moves in the level plane, and height differences appear as range. Otherwise the plane contains x and the reference point.
 //!
-//! Antennas of pulses that are not quite of one moment (transmitters that take turns) are moved to that of the first channel, as their channel's next pulse
-//! tells.
+//! Antennas of pulses that are not simultaneous (transmitters that take turns) are moved to the time of the first channel, by their motion to the channel's next pulse.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Channels, PhaseHistory, Pulse};
 use subaperture_motion::Array;
 
-/// Antennas of a level array are off the level by less, as the sine of the angle.
+/// Sine of the largest tilt of an array that counts as level.
 const LEVEL: f64 = 0.34;
 
-/// Antennas that are nearer to each other are one, metres: far below any wavelength, above the rounding of positions in kilometres.
+/// Distance below which two antenna positions are the same antenna, metres: far below any wavelength, above the rounding of positions in kilometres.
 const SAME_M: f64 = 1e-6;
 
 /// Antennas on a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arrangement {
-    /// The body's origin in the first pulse, metres in the scene frame.
+    /// Origin of the body in the first pulse, metres in the scene frame.
     pub origin_m: DVec3,
-    /// From the body's axes to the scene's in the first pulse.
+    /// Rotation from the body's axes to the scene's in the first pulse.
     pub attitude: DQuat,
-    /// Transmitters, in the body's axes, metres.
+    /// Positions of the transmitters in the body's axes, metres.
     pub transmitters_m: Vec<DVec3>,
-    /// Receivers.
+    /// Positions of the receivers in the body's axes, metres.
     pub receivers_m: Vec<DVec3>,
-    /// Transmitter and receiver of each channel.
+    /// Transmitter and receiver of each channel, by their numbers.
     pub of_channels: Vec<[usize; 2]>,
 }
 
-/// Why channels are not those of an array.
+/// Reason why channels do not form an array.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArrangementError {
     /// A channel has no pulses.
     #[error("the recording holds no pulses")]
     NoPulses,
-    /// Two channels are of the same antennas.
+    /// Two channels have the same antennas.
     #[error("channels '{}' and '{}' are of the same antennas", names[0], names[1])]
     Twice {
-        /// Both.
+        /// Names of both channels.
         names: [String; 2],
     },
     /// A transmitter and a receiver have no channel.
@@ -54,17 +52,17 @@ pub enum ArrangementError {
         transmitters * receivers
     )]
     Pairs {
-        /// Transmitters at different places.
+        /// Number of distinct transmitters.
         transmitters: usize,
-        /// Receivers at different places.
+        /// Number of distinct receivers.
         receivers: usize,
-        /// Channels.
+        /// Number of channels.
         channels: usize,
     },
 }
 
 impl Arrangement {
-    /// That of a recording.
+    /// Arrangement of a recording's channels.
     ///
     /// # Errors
     /// [`ArrangementError`].
@@ -80,10 +78,10 @@ impl Arrangement {
         Self::of_antennas(first, &antennas, |channel| names[channel].clone())
     }
 
-    /// That of pulses of one moment, one of each channel.
+    /// Arrangement of simultaneous pulses, one a channel.
     ///
     /// # Errors
-    /// [`ArrangementError`]; channels are called by their numbers.
+    /// [`ArrangementError`], with numbers for names.
     pub fn of_pulses(pulses: &[Pulse]) -> Result<Self, ArrangementError> {
         let first = pulses.first().ok_or(ArrangementError::NoPulses)?;
         let each = pulses.iter();
@@ -134,14 +132,14 @@ impl Arrangement {
         })
     }
 
-    /// Channels transmitter by transmitter, receiver by receiver.
+    /// Channel numbers ordered transmitter by transmitter, receiver by receiver.
     pub fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.of_channels.len()).collect();
         order.sort_by_key(|&c| self.of_channels[c]);
         order
     }
 
-    /// The array in its plane, whose phases are those at `middle_hz`.
+    /// The array in its plane, with the wavelength at `middle_hz`.
     pub fn array(&self, middle_hz: f64) -> Array {
         let plane = |all: &[DVec3]| all.iter().map(|at| at.truncate()).collect::<Vec<DVec2>>();
         Array {
@@ -156,7 +154,7 @@ fn mean(all: &[DVec3]) -> DVec3 {
     all.iter().sum::<DVec3>() / all.len() as f64
 }
 
-/// A channel's antennas, moved to the moment of the first channel's first pulse.
+/// Antennas of a channel, moved to the time of the first channel's first pulse.
 fn at_first(first: &dyn PhaseHistory, history: &dyn PhaseHistory) -> Option<[DVec3; 2]> {
     let first = first.collection().pulses.first()?;
     let pulses = &history.collection().pulses;
@@ -174,7 +172,7 @@ fn at_first(first: &dyn PhaseHistory, history: &dyn PhaseHistory) -> Option<[DVe
     Some([moved(0), moved(1)])
 }
 
-/// The number of a place among those there are, and it among them.
+/// Number of a position among those known; a new one is added.
 fn numbered(all: &mut Vec<DVec3>, at_m: DVec3) -> usize {
     let known = all.iter().position(|known| known.distance(at_m) < SAME_M);
     known.unwrap_or_else(|| {
@@ -183,7 +181,7 @@ fn numbered(all: &mut Vec<DVec3>, at_m: DVec3) -> usize {
     })
 }
 
-/// From the body's axes to the scene's.
+/// Rotation from the body's axes to the scene's.
 fn attitude(pulse: &Pulse, origin_m: DVec3, transmitters: &[DVec3], receivers: &[DVec3]) -> DQuat {
     let pairs = receivers
         .iter()
@@ -210,7 +208,7 @@ fn attitude(pulse: &Pulse, origin_m: DVec3, transmitters: &[DVec3], receivers: &
             .unwrap_or_else(|| along.any_orthonormal_vector()),
     };
     let ahead = up.cross(along);
-    // Turned about z if it looks the other way.
+    // Turn about z if boresight points backwards.
     let sign = if ahead.dot(look) < 0.0 { -1.0 } else { 1.0 };
     DQuat::from_mat3(&DMat3::from_cols(sign * along, sign * ahead, up))
 }
@@ -263,7 +261,7 @@ mod tests {
     #[test]
     fn channels_are_pairs_of_antennas() {
         let at = |x: f64, y: f64| DVec3::new(x, y, 2.0);
-        // The array along y, the radar looks along -x; the second transmitter sends later.
+        // The array lies along y and looks along -x; the second transmitter sends later.
         let (t, r) = ([at(1.0, 0.0), at(1.0, 0.3)], [at(1.0, 0.1), at(1.02, 0.2)]);
         let look = DVec3::new(-50.0, 5.0, 0.0);
         let all = [[0, 1], [1, 0], [0, 0], [1, 1]];

@@ -1,54 +1,51 @@
-//! Detection at a constant false-alarm rate in a range profile whose power is summed over channels.
+//! Constant false-alarm rate (CFAR) detection in a range profile whose power is summed over channels.
 //!
-//! **Equation.** Of a cell of power `p`, summed over `C` channels of independent noise, and `N` training cells around it, beyond the guard cells:
+//! **Equation.** For a cell of power `p`, summed over `C` channels of independent noise, and `N` training cells around it, beyond the guard cells:
 //!
 //! ```text
 //! averaging   detected if  p > k sum x_n,    Pfa = sum_(i < C) binom(C N + i - 1, i) k^i / (1 + k)^(C N + i)
 //! ordered     detected if  p > k x_(r),      Pfa = E Q(C, k x_(r)),   x_(r) the r-th smallest,  Q(C, x) = exp(-x) sum_(i < C) x^i / i!
 //! ```
 //!
-//! Of complex Gaussian noise the power of a cell is Gamma distributed with shape `C`, the sum of `N` of them with shape `C N`; given the sum, the
-//! cell is above with probability `Q(C, k sum)`, whose mean is the series above: `p / (p + sum)` is Beta distributed. For `C = 1` it
-//! is `(1 + k)^-N`, so that `k = Pfa^(-1/N) - 1`: C (7.8), which multiplies the sum of the training cells' powers and not an amplitude.
-//! The density of `x_(r)` is that of the order statistic, `r binom(N, r) F^(r-1) (1 - F)^(N-r) f`, and its mean of `Q` is summed numerically.
+//! For complex Gaussian noise the power of a cell is Gamma distributed with shape `C`, and the sum of `N` cells with shape `C N`. Given the sum, the cell exceeds the threshold with probability `Q(C, k sum)`, whose mean is
+//! the series above: `p / (p + sum)` is Beta distributed. For `C = 1` it is `(1 + k)^-N`, so that `k = Pfa^(-1/N) - 1`: C (7.8), which multiplies the sum of the training cells' powers, not amplitudes. The density of
+//! `x_(r)` is that of the order statistic, `r binom(N, r) F^(r-1) (1 - F)^(N-r) f`; the mean of `Q` over it is summed numerically.
 //!
-//! **Windows.** A window over frequency makes neighbouring cells alike. The sum of training cells then scatters as one of fewer,
-//! `N_eff = N^2 / sum_ij |rho_ij|^2`, with `rho` the noise's correlation, and is taken for a Gamma variable of that mean and scatter; ordered cells are taken as if they
-//! were independent. False alarms counted in 51200 cells at 0.01 asked for (`tests/noise.rs`): 0.98 to 1.04 times as many without a window; under Hamming's 0.92 to 1.06
-//! times by averages, 1.25 to 1.27 times by order.
+//! **Windows.** A window over frequency correlates neighbouring cells. The sum of training cells then scatters like that of `N_eff = N^2 / sum_ij |rho_ij|^2` independent cells, `rho` being the correlation of the noise,
+//! and is taken for a Gamma variable of that mean and variance; ordered cells are taken for independent. False alarms over those asked for, in 51200 cells at 0.01 (`tests/noise.rs`): 0.98 to 1.04 without a window;
+//! under Hamming's window 0.92 to 1.06 for averages, 1.25 to 1.27 for order statistics.
 //!
-//! At a profile's ends the cells that there are count, with the factor of their number. Cells that are no numbers are as if they were not there. Of
-//! equal neighbours the first is the peak.
+//! At the ends of a profile the existing cells count, with the factor of their number. Cells that are not finite are skipped. The first of equal neighbours is the peak.
 //!
-//! The core's detector (`subaperture_core::cfar`) averages over one channel's map in bounded memory; this one knows channels, windows and order.
+//! The core's detector (`subaperture_core::cfar`) averages over one channel's map in bounded memory. This detector handles channels, windows and order statistics.
 
-/// Most training cells on a side: beyond, a profile's noise is hardly even.
-pub const MOST_TRAINING: usize = 64;
+/// Largest number of training cells on a side: noise is hardly homogeneous over more.
+pub const MAX_TRAINING: usize = 64;
 
-/// Settings of the detector, in cells of a range resolution `c / (2 B)`.
+/// Settings of the detector, in range cells of `c / (2 B)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cfar {
-    /// Cells next to the cell, on either side, that are not trained on.
+    /// Guard cells next to the cell under test, on either side; 3 by default.
     pub guard: usize,
-    /// Training cells next to those, on either side, 1 to [`MOST_TRAINING`].
+    /// Training cells beyond the guard cells, on either side, 1 to [`MAX_TRAINING`]; 12 by default.
     pub training: usize,
-    /// Wanted false alarms a cell, above 0 and below 1.
+    /// Probability of false alarm a cell, above 0 and below 1; 1e-5 by default.
     pub false_alarm_probability: f64,
-    /// What of the training cells is compared with.
+    /// Statistic of the training cells; the order statistic of rank 0.6 by default.
     pub level: Level,
 }
 
-/// What of the training cells is compared with.
+/// Statistic of the training cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Level {
-    /// Their mean: best in even noise.
+    /// Mean (cell averaging): best in homogeneous noise.
     Mean,
-    /// The cell of this rank, as a fraction of their number above 0 and at most 1: other targets among them raise it little.
+    /// Order statistic of this rank, as a fraction of their number, above 0 and at most 1: other targets among the training cells raise it little.
     Ordered(f64),
 }
 
 impl Default for Cfar {
-    /// Three guard cells, 12 training cells on either side, of which the 15th counts: up to nine of them may be other targets.
+    /// Three guard cells and 12 training cells on either side, rank 15 of 24: up to nine training cells may be other targets.
     fn default() -> Self {
         Self {
             guard: 3,
@@ -59,45 +56,45 @@ impl Default for Cfar {
     }
 }
 
-/// A peak above the threshold.
+/// Peak above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Its bin.
+    /// Bin of the peak.
     pub bin: usize,
-    /// Its power.
+    /// Power.
     pub power: f64,
-    /// How far above the threshold, as a ratio of powers.
+    /// Power over the threshold.
     pub above: f64,
 }
 
-/// What was found in a profile.
+/// Result of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Strongest first.
+    /// Peaks, strongest first.
     pub peaks: Vec<Peak>,
-    /// Bins compared.
+    /// Number of bins tested.
     pub tested: usize,
-    /// Of these above the threshold, peaks or not.
+    /// Number of bins above the threshold, peaks or not.
     pub above: usize,
-    /// The most that any bin reached, as a ratio of its threshold.
+    /// Highest ratio of a bin's power to its threshold.
     pub most: f64,
 }
 
-/// The detector for profiles of one kind.
+/// Detector for profiles of one length and window.
 #[derive(Clone, Debug)]
 pub struct Detector {
     cfar: Cfar,
-    /// Bins a cell.
+    /// Bins a range cell.
     stride: usize,
-    /// Threshold over the level of training cells, by how many there are on either side.
+    /// Factors from the statistic to the threshold, by the numbers of training cells on either side.
     factors: Vec<f64>,
 }
 
 impl Detector {
-    /// For powers summed over `channels`, `stride` bins a cell; `window` are the weights over frequency.
+    /// Detector for powers summed over `channels`, with `stride` bins a cell and the `window` weights over frequency.
     ///
     /// # Errors
-    /// What is wrong with the settings.
+    /// Text that names the invalid setting.
     pub fn new(
         cfar: Cfar,
         channels: usize,
@@ -108,10 +105,10 @@ impl Detector {
         if !(probability > 0.0 && probability < 1.0) {
             return Err("the probability of false alarm must be above 0 and below 1");
         }
-        if !(1..=MOST_TRAINING).contains(&cfar.training) {
+        if !(1..=MAX_TRAINING).contains(&cfar.training) {
             return Err("training cells must be 1 to 64 on a side");
         }
-        if cfar.guard > MOST_TRAINING {
+        if cfar.guard > MAX_TRAINING {
             return Err("guard cells must be 64 at most on a side");
         }
         if let Level::Ordered(rank) = cfar.level
@@ -146,7 +143,7 @@ impl Detector {
         })
     }
 
-    /// Searches a profile's powers; what lies below `least` is no target, whatever is around it.
+    /// Search a profile's powers. Bins below `least` are no peaks, whatever surrounds them.
     pub fn search(&self, power: &[f64], least: f64) -> Search {
         let mut search = Search::default();
         let mut cells = Vec::with_capacity(2 * self.cfar.training);
@@ -179,23 +176,40 @@ impl Detector {
         search
     }
 
-    /// Powers of the training cells of a bin, before it and after it.
-    pub(crate) fn training<'p>(
+    /// Number of training cells on a side.
+    pub(crate) fn training_cells(&self) -> usize {
+        self.cfar.training
+    }
+
+    /// Bins of the training cells of a bin among `count`, nearest first, before and after it: up to `times` as many as the detector trains on.
+    pub(crate) fn cells(
+        &self,
+        bin: usize,
+        count: usize,
+        times: usize,
+    ) -> [impl Iterator<Item = usize> + use<>; 2] {
+        let (guard, stride) = (self.cfar.guard, self.stride);
+        let cells = times * self.cfar.training;
+        [true, false].map(move |before| {
+            (0..cells).filter_map(move |i| {
+                let away = (guard + 1 + i) * stride;
+                match before {
+                    true => bin.checked_sub(away),
+                    false => Some(bin + away).filter(|bin| *bin < count),
+                }
+            })
+        })
+    }
+
+    /// Powers of the training cells of a bin, before and after it.
+    fn training<'p>(
         &self,
         power: &'p [f64],
         bin: usize,
-    ) -> [impl Iterator<Item = f64> + 'p; 2] {
-        let (guard, stride, count) = (self.cfar.guard, self.stride, self.cfar.training);
-        let cell = move |at: Option<usize>| power.get(at?).copied().filter(|p| p.is_finite());
-        let away = move |i: usize| (guard + 1 + i) * stride;
-        [true, false].map(move |before| {
-            (0..count).filter_map(move |i| {
-                cell(match before {
-                    true => bin.checked_sub(away(i)),
-                    false => Some(bin + away(i)),
-                })
-            })
-        })
+    ) -> [impl Iterator<Item = f64> + use<'p>; 2] {
+        let is_number = |p: &f64| p.is_finite();
+        self.cells(bin, power.len(), 1)
+            .map(|cells| cells.map(|cell| power[cell]).filter(is_number))
     }
 
     fn threshold(&self, power: &[f64], bin: usize, cells: &mut Vec<f64>) -> Option<f64> {
@@ -219,7 +233,7 @@ impl Detector {
         Some(level * self.factors[before * width + count - before])
     }
 
-    /// Whether no bin within a cell exceeds it.
+    /// Whether no bin within a cell exceeds this one.
     fn is_peak(&self, power: &[f64], bin: usize) -> bool {
         let own = power[bin];
         let first = bin.saturating_sub(self.stride);
@@ -229,12 +243,12 @@ impl Detector {
     }
 }
 
-/// The rank of so many cells, from 1.
+/// Rank of so many cells, from 1.
 fn place(rank: f64, count: usize) -> usize {
     ((rank * count as f64).ceil() as usize).clamp(1, count)
 }
 
-/// By how many cells' worth sums of up to `most` cells in a row scatter: `sum_ij |rho_(i-j)|^2`.
+/// Effective number of cells by which sums of up to `most` neighbouring cells scatter: `sum_ij |rho_(i-j)|^2`.
 fn scatter(window: &[f64], most: usize) -> Vec<f64> {
     let total: f64 = window.iter().map(|w| w * w).sum();
     let alike = |lag: usize| {
@@ -259,7 +273,7 @@ fn scatter(window: &[f64], most: usize) -> Vec<f64> {
     (0..=most).map(of).collect()
 }
 
-/// The factor of a Gamma variable of shape `channels * cells`, of which a cell of shape `channels` is above so rarely.
+/// Factor that a cell of shape `channels` exceeds with this probability, over a Gamma variable of shape `channels * cells`.
 fn averaging(probability: f64, channels: usize, cells: f64) -> f64 {
     let shape = channels as f64 * cells;
     solve(probability, |k| {
@@ -272,12 +286,12 @@ fn averaging(probability: f64, channels: usize, cells: f64) -> f64 {
     })
 }
 
-/// The factor of the `rank`-th smallest of `count` cells, of which another is above so rarely.
+/// Factor that a cell exceeds with this probability, over the `rank`-th smallest of `count` cells.
 fn ordering(probability: f64, channels: usize, count: usize, rank: usize) -> f64 {
-    /// Of the sum over the logarithm of the level: rare false alarms come of low levels.
+    /// Steps over the logarithm of the level: rare false alarms come from low levels.
     const STEPS: usize = 1000;
     const LOWEST: f64 = 1e-14;
-    // Beyond, the density is below 1e-15.
+    // The density is below 1e-15 beyond.
     let most = channels as f64 + 12.0 * (channels as f64).sqrt() + 40.0;
     let (n, r, shape) = (count as f64, rank as f64, channels as f64);
     let log_choices = libm::lgamma(n + 1.0) - libm::lgamma(r) - libm::lgamma(n - r + 1.0);
@@ -303,7 +317,7 @@ fn ordering(probability: f64, channels: usize, count: usize, rank: usize) -> f64
     })
 }
 
-/// `exp(-x) sum_(i < shape) x^i / i!`: how often a Gamma variable is above.
+/// Probability that a Gamma variable exceeds `x`: `exp(-x) sum_(i < shape) x^i / i!`.
 fn tail(shape: usize, x: f64) -> f64 {
     let (mut term, mut sum) = (libm::exp(-x), 0.0);
     for i in 0..shape {
@@ -313,7 +327,7 @@ fn tail(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// How often it is below: what [`tail`] leaves, without the rounding of 1.
+/// Probability that it is below `x`, without the cancellation of 1 less [`tail`].
 fn head(shape: usize, x: f64) -> f64 {
     if x > 1.0 {
         return 1.0 - tail(shape, x);
@@ -327,7 +341,7 @@ fn head(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// Where what falls from 1 to 0 has come down to `probability`.
+/// Argument at which a function that falls from 1 to 0 reaches `probability`.
 fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (-60.0, 60.0);
     for _ in 0..60 {
@@ -344,7 +358,7 @@ fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// C (7.8) for one channel without a window, and the known product for ordered cells.
+    /// C (7.8) for one channel without a window, and the known product for order statistics.
     #[test]
     fn factors_are_the_known_ones_of_one_channel() {
         for (probability, cells) in [(1e-2f64, 5), (1e-4, 16), (1e-6, 32)] {

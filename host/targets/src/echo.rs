@@ -1,114 +1,163 @@
-//! A pulse's targets: path and phases of each from all samples, with their standard deviations.
+//! Path and phases of each target of a pulse, from all samples, with standard deviations.
 //!
-//! Each target is looked at with the others taken away: in turn, its echo is added to what all have left of the samples, its path is moved
-//! to the top of `sum_c |S_c(p)|^2` by Newton's steps on the exact sum, and its amplitudes are taken as `S_c(p) / sum w`. What is left in the end is
-//! noise, and clutter that is no point; its power in the training cells of a target is the target's noise.
+//! Each target is estimated with the others subtracted (as in CLEAN). In turn, its echo is added to the residual, Newton steps move its path to the maximum of `sum_c |S_c(p)|^2`, and it is subtracted again with the path and
+//! amplitude of each channel. The final residual is noise and clutter. Its power in training cells outside all main lobes is the noise of a target.
 //!
-//! **Standard deviations.** With noise of power `s^2` a sample, amplitude `a` and `kappa_k = 2 pi (k - (K-1)/2) step / c`, to first order
+//! **Standard deviations.** For noise of power `s^2` a sample, amplitude `a` and `kappa_k = 2 pi (k - (K-1)/2) step / c`, to first order
 //!
 //! ```text
 //! SNR = |a|^2 (sum w)^2 / (s^2 sum w^2),        var(phase) = 1 / (2 SNR)
 //! var(path) = s^2 sum w^2 kappa^2 / (2 |a|^2 (sum w kappa^2)^2)
 //! ```
 //!
-//! The top moves by the noise's slope over the curvature of the peak: `Re` of the derivative of the noise has the variance
-//! `s^2 sum w^2 kappa^2 / 2`, the peak's curvature is `|a| sum w kappa^2`. Without a window that is the bound of Cramer and Rao; windows lose, by
-//! a quarter or so. As `w` is even and `kappa` odd about the middle, phase and path have uncorrelated errors. `tests/echoes.rs` compares with what noise does.
+//! The maximum moves by the slope of the noise over the curvature of the peak: the real part of the noise's derivative has the variance `s^2 sum w^2 kappa^2 / 2`, the peak's curvature is `|a| sum w kappa^2`. Without a
+//! window this is the Cramer-Rao bound; windows lose about a quarter. As `w` is even and `kappa` odd about the middle, errors of phase and path are uncorrelated. `tests/echoes.rs` compares with simulated noise.
 //!
-//! The range told is half of the mean path of the channels, each at the top of its own peak.
+//! The range is half of the mean path of the channels, each at its own maximum.
 
 use num_complex::Complex64;
 
 use crate::cfar::{Detector, Peak};
 use crate::profile::{Echoes, Profiler};
 
-/// Rounds over all targets: each brings what leaks of one into another down by as much as leaks.
+/// Rounds over all targets: each reduces the leakage of one into another by the leakage ratio.
 const ROUNDS: usize = 3;
-/// Newton's steps a round; the first is within a sixteenth of the peak's width.
+/// Newton steps a round; the start is within a sixteenth of the peak's width.
 const STEPS: usize = 2;
-/// What is stronger than noise by more is taken for this strong: samples are float32, and no radar's receiver is better.
-const MOST_SNR: f64 = 1e9;
+/// Half-width of a target's main lobe under the available windows, range cells.
+const LOBE_CELLS: usize = 2;
+/// Training cells are searched up to this multiple of the detector's distance.
+const FARTHER: usize = 4;
+/// Least number of clear cells: they measure noise power to a third.
+const MIN_CELLS: usize = 8;
+/// Highest SNR claimed: samples are float32, and receivers are no better.
+const MAX_SNR: f64 = 1e9;
 
-/// A target in a pulse.
+/// Target in a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Echo {
-    /// Half of the mean path of all channels, metres, and its standard deviation.
+    /// Range, metres: half of the mean path of all channels.
     pub range_m: f64,
-    /// Metres.
+    /// Standard deviation of the range, metres.
     pub range_sigma_m: f64,
-    /// Of each channel, radians: `-2 pi f_m path / c` and what reflection adds.
+    /// Phase of each channel, radians: `-2 pi f_m path / c` and the phase of reflection.
     pub phases_rad: Vec<f64>,
-    /// Of each of them, radians, RMS over the channels.
+    /// Standard deviation of each phase, radians, RMS over the channels.
     pub phase_sigma_rad: f64,
-    /// Power over that of noise in its range cell, of each channel.
+    /// Power over the noise power in its range cell, of each channel.
     pub snr: Vec<f64>,
 }
 
-/// A target while it is found.
+/// Paths with which a target is subtracted from the samples of the channels before others are estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Subtraction {
+    /// The path of each channel. Receivers `b` apart see paths that differ by up to `b`.
+    #[default]
+    PerChannel,
+    /// One path for all channels, as in the embedded odometer (`subaperture_core::motion`). It leaves `(kappa b / 2)^2` of a target's power within its main lobe: -17 dB for half a wavelength at a
+    /// fractional bandwidth of 0.4.
+    Common,
+}
+
+/// Target during the estimation.
 struct Found {
+    /// Path common to all channels, at the maximum of their summed power, metres.
     path_m: f64,
+    /// Path of each channel, metres: separate receivers see different paths.
+    paths_m: Vec<f64>,
     amplitudes: Vec<Complex64>,
 }
 
 /// `S`, `dS/dp` and `d^2S/dp^2`.
 type Slopes = [Complex64; 3];
 
-/// The targets at these peaks.
+/// Estimate the targets at these peaks.
 pub(crate) fn echoes(
     profiler: &Profiler,
     detector: &Detector,
     samples: &Echoes,
     peaks: &[Peak],
+    subtraction: Subtraction,
 ) -> Vec<Echo> {
     let mut left = samples.clone();
     let mut found: Vec<Found> = peaks
         .iter()
         .map(|peak| Found {
             path_m: profiler.path_m(peak.bin),
+            paths_m: vec![profiler.path_m(peak.bin); samples.len()],
             amplitudes: vec![Complex64::ZERO; samples.len()],
         })
         .collect();
-    let total: f64 = profiler.window.iter().sum();
     for _ in 0..ROUNDS {
         for target in &mut found {
             add(profiler, &mut left, target, 1.0);
             for _ in 0..STEPS {
                 target.path_m += step_m(profiler, &slopes(profiler, &left, target.path_m));
             }
-            let tops = slopes(profiler, &left, target.path_m);
-            target.amplitudes = tops.iter().map(|[value, ..]| value / total).collect();
+            refine(profiler, &left, target, subtraction);
             add(profiler, &mut left, target, -1.0);
         }
     }
-    let noise: Vec<Vec<f64>> = left.iter().map(|left| profiler.power(left)).collect();
+    let residual: Vec<Vec<f64>> = left.iter().map(|left| profiler.power(left)).collect();
+    let bins: Vec<usize> = peaks.iter().map(|peak| peak.bin).collect();
     let each = found.into_iter().zip(peaks);
     each.map(|(target, peak)| {
         add(profiler, &mut left, &target, 1.0);
         let tops = slopes(profiler, &left, target.path_m);
         add(profiler, &mut left, &target, -1.0);
-        let noise = noise
-            .iter()
-            .map(|power| mean_noise(detector, power, peak.bin));
+        let cells = noise_cells(profiler, detector, peak.bin, &bins);
+        let noise = residual.iter().map(|power| {
+            let sum: f64 = cells.iter().map(|&bin| power[bin]).sum();
+            sum / cells.len().max(1) as f64
+        });
         measured(profiler, target.path_m, &tops, noise)
     })
     .collect()
 }
 
-/// Adds a target's echo times `sign`.
+/// Add a target's echo times `sign`.
 fn add(profiler: &Profiler, left: &mut Echoes, target: &Found, sign: f64) {
     if target.amplitudes.iter().all(|a| *a == Complex64::ZERO) {
         return;
     }
-    let phasors: Vec<Complex64> = profiler.phasors(-target.path_m).collect();
-    for (left, amplitude) in left.iter_mut().zip(&target.amplitudes) {
+    for ((left, amplitude), path_m) in left.iter_mut().zip(&target.amplitudes).zip(&target.paths_m)
+    {
         let own = sign * amplitude;
-        for (z, phasor) in left.iter_mut().zip(&phasors) {
+        for (z, phasor) in left.iter_mut().zip(profiler.phasors(-path_m)) {
             *z += own * phasor;
         }
     }
 }
 
-/// Of each channel.
+/// Estimate path and amplitude of each channel, starting from the common path.
+///
+/// With one path for all, the residual within a target's main lobe would be noise for its neighbours: see [`Subtraction::Common`].
+fn refine(profiler: &Profiler, left: &Echoes, target: &mut Found, subtraction: Subtraction) {
+    let total: f64 = profiler.window.iter().sum();
+    let most_m = 0.5 * profiler.cell_m();
+    let tops = slopes(profiler, left, target.path_m);
+    for (c, top) in tops.iter().enumerate() {
+        let (path_m, value) = match subtraction {
+            Subtraction::Common => (target.path_m, top[0]),
+            Subtraction::PerChannel => {
+                let [slope, curvature] = bend(top);
+                let path_m = target.path_m + limited(slope, curvature, most_m);
+                (path_m, value(profiler, &left[c], path_m))
+            }
+        };
+        target.paths_m[c] = path_m;
+        target.amplitudes[c] = value / total;
+    }
+}
+
+/// `S` of a channel.
+fn value(profiler: &Profiler, samples: &[Complex64], path_m: f64) -> Complex64 {
+    let phasors = profiler.phasors(path_m).zip(&profiler.window);
+    let each = samples.iter().zip(phasors);
+    each.map(|(z, (phasor, w))| z * phasor * w).sum()
+}
+
+/// Value, slope and curvature of each channel.
 fn slopes(profiler: &Profiler, samples: &Echoes, path_m: f64) -> Vec<Slopes> {
     let weighted: Vec<(Complex64, f64)> = profiler
         .phasors(path_m)
@@ -137,7 +186,7 @@ fn bend(&[value, first, second]: &Slopes) -> [f64; 2] {
     ]
 }
 
-/// Newton's step to the top of the power of all channels, a bin at the most.
+/// Newton step to the maximum of the summed power, at most one bin.
 fn step_m(profiler: &Profiler, slopes: &[Slopes]) -> f64 {
     let [slope, curvature] = slopes
         .iter()
@@ -146,7 +195,7 @@ fn step_m(profiler: &Profiler, slopes: &[Slopes]) -> f64 {
     limited(slope, curvature, profiler.bin_m())
 }
 
-/// Towards the top, no farther than `most`.
+/// Step towards the maximum, at most `most`.
 fn limited(slope: f64, curvature: f64, most: f64) -> f64 {
     match curvature < 0.0 {
         true => (-slope / curvature).clamp(-most, most),
@@ -155,13 +204,31 @@ fn limited(slope: f64, curvature: f64, most: f64) -> f64 {
     }
 }
 
-/// Mean power in a bin's training cells.
-fn mean_noise(detector: &Detector, power: &[f64], bin: usize) -> f64 {
-    let [before, after] = detector.training(power, bin);
-    let (sum, count) = before
-        .chain(after)
-        .fold((0.0, 0usize), |(sum, count), p| (sum + p, count + 1));
-    sum / count.max(1) as f64
+/// Bins in which a target's noise is measured: the nearest training cells on either side outside the main lobes of all targets.
+///
+/// Within the main lobe of a subtracted target the residual is not noise: the fit has absorbed the noise of three real numbers a channel, and interference that it does not describe remains. Where a crowd of targets leaves
+/// too few clear cells, all training cells count.
+fn noise_cells(
+    profiler: &Profiler,
+    detector: &Detector,
+    bin: usize,
+    peaks: &[usize],
+) -> Vec<usize> {
+    let (_, count) = profiler.bins;
+    let lobe = LOBE_CELLS * profiler.stride();
+    let is_clear = |cell: &usize| peaks.iter().all(|peak| peak.abs_diff(*cell) > lobe);
+    let [before, after] = detector.cells(bin, count, FARTHER);
+    let training = detector.cells(bin, count, 1);
+    let wanted = detector.training_cells();
+    let clear: Vec<usize> = before
+        .filter(is_clear)
+        .take(wanted)
+        .chain(after.filter(is_clear).take(wanted))
+        .collect();
+    match clear.len() >= wanted.min(MIN_CELLS) {
+        true => clear,
+        false => training.into_iter().flatten().collect(),
+    }
 }
 
 fn measured(
@@ -187,9 +254,9 @@ fn measured(
         .zip(noise)
         .map(|([value, ..], noise)| {
             let power = value.norm_sqr();
-            match noise * MOST_SNR > power {
+            match noise * MAX_SNR > power {
                 true => power / noise,
-                false => MOST_SNR,
+                false => MAX_SNR,
             }
         })
         .collect();

@@ -1,58 +1,58 @@
-//! What is wrong with a recording, and what can be trusted all the same.
+//! Faults of a recording or of a track, and what stays reliable.
 
 use std::fmt;
 
-/// What was found wrong. As text: what it is, and what it does to the track.
+/// Fault of a recording or of its track. Its text says what is affected and how.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Fault {
-    /// A channel without echoes; it is left out.
+    /// Channel without echoes; the track leaves it out.
     Dead {
         /// Its name.
         channel: String,
-        /// Its echoes below those of the strongest channel, dB; none if it holds nothing but zeros.
+        /// Level of its echoes below those of the strongest channel, dB; `None` if it contains only zeros.
         below_db: Option<f64>,
     },
-    /// A channel whose converter was at its end.
+    /// Channel whose converter was at full scale.
     Saturated {
         /// Its name.
         channel: String,
-        /// Samples at the end, as a fraction of all.
+        /// Samples at full scale, as a fraction of all.
         share: f64,
     },
-    /// A channel in which targets that others see are lost in noise.
+    /// Channel in whose noise targets of the other channels are lost.
     Weak {
         /// Its name.
         channel: String,
-        /// Echoes lost, as a fraction of those that all other channels have.
+        /// Echoes lost, as a fraction of those in all other channels.
         share: f64,
     },
-    /// Pulses with values that are no numbers, or that could not be read.
+    /// Pulses that could not be read, or with samples that are not finite.
     Unreadable {
         /// How many.
         pulses: usize,
         /// The first.
         first: usize,
-        /// Where, and what to do about it.
+        /// Text of the reader's error.
         what: String,
     },
-    /// Targets come or go so fast that phases wrap from pulse to pulse.
+    /// Targets approach or recede so fast that phases wrap from pulse to pulse.
     Fast {
-        /// Change of path, metres a pulse.
+        /// Change of path in metres a pulse.
         path_m: f64,
-        /// Half a wavelength.
+        /// Half a wavelength, metres.
         half_m: f64,
-        /// The pulse.
+        /// Pulse at which that was seen.
         pulse: usize,
     },
-    /// Pulses of a turn are not of one moment.
+    /// Transmitters that take turns do not send simultaneously.
     Turns {
-        /// Between the first and the last of a turn, seconds.
+        /// From the first to the last transmitter of a turn, seconds.
         apart_s: f64,
-        /// The path that may change in that time as targets were seen to move, radians of phase.
+        /// Largest change of phase in that time, radians.
         phase_rad: f64,
     },
-    /// Pulses in which fewer than two targets are seen.
+    /// Pulses with fewer than two targets: they have no pose.
     Blind {
         /// How many.
         pulses: usize,
@@ -61,23 +61,59 @@ pub enum Fault {
         /// The longest run of them.
         longest: usize,
     },
-    /// Phases that may have wrapped.
+    /// Phases whose whole turns are in doubt.
     Doubtful {
-        /// In how many pulses.
+        /// Number of pulses.
         pulses: usize,
         /// The first.
         first: usize,
     },
-    /// What is measured lies farther from the track and targets found than its noise.
+    /// Residuals of the track exceed the noise.
     Misfit {
-        /// Squared errors over what they should be.
+        /// Squared residuals over their expected number.
         chi_square_ratio: f64,
     },
-    /// The track found goes the other way than the recorded one.
+    /// The track runs opposite to the recorded one.
     Reversed,
+    /// A block of pulses fits worse than the rest.
+    Uneven {
+        /// Squared residuals of the block over their expected number.
+        ratio: f64,
+        /// Its first pulse.
+        pulse: usize,
+    },
+    /// Only two targets are seen at a time.
+    Unconfirmed,
+    /// The track rests on two targets: no three targets agree with one motion.
+    TwoTargets {
+        /// Number of targets left out.
+        left_out: usize,
+    },
+    /// The track and the recorded positions differ in shape.
+    Contradicts {
+        /// RMS distance after turn and shift, metres.
+        off_m: f64,
+        /// RMS extent of the recorded positions, metres.
+        extent_m: f64,
+    },
 }
 
-/// A number of pulses.
+impl Fault {
+    /// Whether the track may be wrong by more than its covariances.
+    pub fn is_doubt(&self) -> bool {
+        matches!(
+            self,
+            Self::Misfit { .. }
+                | Self::Doubtful { .. }
+                | Self::Uneven { .. }
+                | Self::Reversed
+                | Self::Contradicts { .. }
+                | Self::TwoTargets { .. }
+        )
+    }
+}
+
+/// Number of pulses, as text.
 struct Pulses(usize);
 
 impl fmt::Display for Pulses {
@@ -97,21 +133,21 @@ impl fmt::Display for Fault {
                 below_db: Some(below_db),
             } => write!(
                 f,
-                "channel '{channel}' is dead: its echoes are {below_db:.0} dB below those of the others; it is left out, and the track is that of the others"
+                "channel '{channel}' is dead: its echoes are {below_db:.0} dB below those of the strongest channel; the track uses the other channels"
             ),
             Self::Dead { channel, .. } => write!(
                 f,
-                "channel '{channel}' is dead: it holds nothing but zeros; it is left out, and the track is that of the others"
+                "channel '{channel}' is dead: it contains only zeros; the track uses the other channels"
             ),
             Self::Saturated { channel, share } => write!(
                 f,
-                "channel '{channel}' is saturated: {:.0} % of its samples are at its largest value; ranges can be trusted, phases are bent by the \
-                 strongest targets, and weak targets at sums of others' ranges may not be there",
+                "channel '{channel}' is saturated: {:.0} % of its samples are at full scale; ranges are reliable, phases are distorted by the strongest \
+                 targets, and weak targets at sums of other ranges may be intermodulation",
                 100.0 * share
             ),
             Self::Weak { channel, share } => write!(
                 f,
-                "channel '{channel}' is weak: {:.0} % of the echoes that the others have are lost in its noise; without it there would be more targets",
+                "channel '{channel}' is weak: {:.0} % of the echoes that the other channels have are lost in its noise; the track has more targets without this channel",
                 100.0 * share
             ),
             Self::Unreadable {
@@ -120,7 +156,7 @@ impl fmt::Display for Fault {
                 what,
             } => write!(
                 f,
-                "{} could not be read, the first of them pulse {first} ({what}); they tell nothing, the others can be trusted",
+                "{} could not be read, the first is pulse {first} ({what}); the track leaves them out",
                 Pulses(*pulses)
             ),
             Self::Fast {
@@ -129,12 +165,12 @@ impl fmt::Display for Fault {
                 pulse,
             } => write!(
                 f,
-                "about pulse {pulse} a path changes by {path_m:.4} m a pulse, and phases tell half a wavelength, {half_m:.4} m: the track holds only while \
-                 the motion is even"
+                "near pulse {pulse} a path changes by {path_m:.4} m a pulse, more than half a wavelength of {half_m:.4} m: phase unwrapping holds only while the \
+                 motion is even"
             ),
             Self::Turns { apart_s, phase_rad } => write!(
                 f,
-                "transmitters take turns within {apart_s:.3e} s, in which phases change by up to {phase_rad:.2} rad as the radar moves: they are taken as if of one moment"
+                "transmitters take turns within {apart_s:.3e} s, in which the radar's motion changes phases by up to {phase_rad:.2} rad: the track takes them for simultaneous"
             ),
             Self::Blind {
                 pulses,
@@ -142,23 +178,38 @@ impl fmt::Display for Fault {
                 longest,
             } => write!(
                 f,
-                "in {}, {longest} of them in a row and the first of them pulse {first}, fewer than two targets are seen: the track has no place for them",
+                "the track has no pose in {}, {longest} of them in a row, the first is pulse {first}: fewer than two targets are seen there",
                 Pulses(*pulses)
             ),
             Self::Doubtful { pulses, first } => write!(
                 f,
-                "in {}, the first of them pulse {first}, phases are near half a turn from what was expected and may have wrapped: from there on the track may \
-                 be off by half wavelengths",
+                "phase near pi from the expected in {}: half-wavelength slips of the track are possible from pulse {first} on",
                 Pulses(*pulses)
             ),
             Self::Misfit { chi_square_ratio } => write!(
                 f,
-                "ranges and phases are off those of the track found by {:.1} times their noise: targets that are no points or move, or antennas that are \
-                 not where the recording has them; covariances are too small by the square of that",
+                "residuals of the track are {:.1} times the noise: targets are extended or move, or antennas are not at their recorded positions; covariances are \
+                 enlarged by the square of that",
                 chi_square_ratio.sqrt()
             ),
+            Self::Uneven { ratio, pulse } => write!(
+                f,
+                "residuals of the track near pulse {pulse} are {:.1} times the noise: a target may be mistaken for another, or its phase be off by whole turns",
+                ratio.sqrt()
+            ),
+            Self::Unconfirmed => f.write_str(
+                "the track rests on two targets at a time: it assumes that both stand still, and no third target confirms it",
+            ),
+            Self::TwoTargets { left_out } => write!(
+                f,
+                "the track rests on the two targets that fit one motion best: {left_out} other targets contradict that motion, and no third target confirms it"
+            ),
+            Self::Contradicts { off_m, extent_m } => write!(
+                f,
+                "the track is {off_m:.3} m RMS off the recorded positions, whose extent is {extent_m:.3} m RMS: one of the two is wrong"
+            ),
             Self::Reversed => f.write_str(
-                "the track goes the other way than the recorded one along the array: receivers may be swapped, and the track mirrored",
+                "the track runs opposite to the recorded one along the array: receivers may be swapped, and the track mirrored",
             ),
         }
     }

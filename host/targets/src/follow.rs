@@ -1,29 +1,24 @@
-//! The same target from pulse to pulse.
+//! Association of targets from pulse to pulse.
 //!
-//! **Prediction.** A target's range and its rate, metres a pulse, are followed by a Kalman filter of constant rate, disturbed by an acceleration of
-//! [`Follow::acceleration_cells`] a pulse squared, white. Differences of phase between its channels, which are its angle of arrival, are held as
-//! they were last.
+//! **Prediction.** A Kalman filter of constant rate follows a target's range and range rate, with white acceleration of [`TrackerSettings::acceleration_cells`] a pulse squared. Phase differences between channels, which give the
+//! direction of arrival, are predicted to stay as in the last sighting.
 //!
-//! **Association.** An echo may be a target's if its range is within [`Follow::gate_cells`] of the predicted, and the differences of phase
-//! within [`MOST_TURNED_RAD`] RMS of those held. Of all such pairs the one that is off the least, as the sum of squares of both over their limits, is
-//! taken first, then the next of those that are left.
+//! **Association.** An echo may belong to a target if its range is within [`TrackerSettings::gate_cells`] of the prediction and its phase differences are within [`MAX_TURNED_RAD`] RMS of the last ones. Of all such pairs the one with
+//! the least sum of squares, each over its limit, is assigned first, then the next of the remaining ones.
 //!
-//! **Birth.** An echo that is no target's begins a candidate. A candidate that is seen in [`Follow::seen`] of its first [`Follow::within`] pulses
-//! is a target, else it is forgotten. What is told of a pulse waits for that long, so that a target is told from its first echo on.
+//! **Birth.** An unassigned echo starts a candidate. A candidate with sightings in [`TrackerSettings::seen`] of its first [`TrackerSettings::within`] pulses becomes a target, otherwise it is discarded. Results of a pulse are delayed by as many
+//! pulses, so that a target is reported from its first echo on.
 //!
-//! **Gaps and death.** A target that is not seen goes on at its rate; after more than [`Follow::bridge`] pulses in a row it has died. What comes after is
-//! another target: whole turns of phase between would be a guess.
+//! **Gaps and death.** A target without an echo continues at its rate. After more than [`TrackerSettings::bridge`] such pulses in a row it is dead. Later echoes are another target: the whole turns of phase between are unknown.
 //!
-//! **Crossing.** Targets whose ranges are predicted within [`Follow::apart_cells`] of each other are one peak, or two that bend each other's
-//! phases. They are followed as well as they can be, and nothing is told of them until they are apart, when angles of arrival tell which is which; one that was
-//! not found again until then is another target, until the track says that both lie at one place ([`crate::recover()`]). A target that is born so near to another has split from it, or lay hidden by it: that is reported.
+//! **Crossing.** Targets with predicted ranges within [`TrackerSettings::apart_cells`] of each other are one peak, or two that distort each other's phases. They are followed but not reported until they separate, when directions of
+//! arrival identify them. A target that was not identified is another target until the track shows that both have one position ([`crate::recover()`]). A target that is born so near to another is reported as split from it.
 //!
-//! **Crowds.** Measured with 6 to 24 reflectors at random over 20 m by 12 m, in cells of 0.25 m, by 240 pulses of 1.1 to 1.7 GHz: of a pulse's echoes this follows about as many as
-//! somebody who knows all places could name without doubt (2.5 where 2.4 can be named of 8, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 of 24), so that regions of directions and motion
-//! (C 7.3.4) have nothing to gain here: wraps between channels are told by `subaperture_motion::arrival` one baseline after another, which are its target regions. What fails in
-//! crowds is detection: with 12 training cells on either side, most of them other targets, 2 to 78 % of the targets that stand apart are seen; with 40 cells and rank 0.4, 82 to 98 %.
-//! Where two or three are left in a pulse tracks are lost, and their chi-square tells it: 6 to 1e5 times what is expected. (One of six crowds by default, none of them well
-//! with 40 cells, is followed to its noise: what bends echoes in between, targets nearer than 1.5 cells, is not measured.)
+//! **Crowds.** Measured with 6 to 24 random reflectors over 20 m by 12 m, in cells of 0.25 m, by 240 pulses of 1.1 to 1.7 GHz. Of a pulse's echoes the follower associates about as many as can be identified with all positions
+//! known (2.5 of 2.4 for 8 reflectors, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 for 24). Gates on direction and motion (C 7.3.4) have nothing to add: `subaperture_motion::arrival` unwraps channels one
+//! baseline after another, which are its target regions. Detection fails in crowds: with 12 training cells on either side, most of which hold other targets, 2 to 78 % of the separate targets are detected; with 40 cells and
+//! rank 0.4, 82 to 98 %. With two or three targets a pulse tracks are lost, and their chi-square shows it: 6 to 1e5 times its expectation. (One of six crowds by default, and no crowd with 40 cells, is tracked to
+//! its noise: distortion by targets nearer than 1.5 cells is not measured.)
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -32,27 +27,27 @@ use subaperture_motion::Sighting;
 
 use crate::echo::Echo;
 
-/// How far differences of phase may be off those last seen, radians RMS.
-pub const MOST_TURNED_RAD: f64 = 1.2;
+/// Largest deviation of phase differences from the last ones, radians RMS.
+pub const MAX_TURNED_RAD: f64 = 1.2;
 
-/// Settings of the follower; cells are those of a range resolution `c / (2 B)`.
+/// Settings of the association; cells are range cells of `c / (2 B)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Follow {
-    /// How far an echo may be from where its target is predicted.
+pub struct TrackerSettings {
+    /// Largest distance of an echo from its prediction, cells; 0.5 by default.
     pub gate_cells: f64,
-    /// Standard deviation of a target's acceleration, cells a pulse squared.
+    /// Standard deviation of a target's acceleration, cells a pulse squared; 0.01 by default.
     pub acceleration_cells: f64,
-    /// Nearer targets disturb each other.
+    /// Distance below which targets distort each other, cells; 1.5 by default.
     pub apart_cells: f64,
-    /// In so many of a candidate's first pulses it has to be seen.
+    /// Least number of a candidate's first pulses with a sighting; 5 by default.
     pub seen: usize,
-    /// How many those are.
+    /// Number of those first pulses, 1000 at most; 8 by default.
     pub within: usize,
-    /// Pulses in a row in which a target may be unseen.
+    /// Largest number of pulses in a row without a sighting; 30 by default.
     pub bridge: usize,
 }
 
-impl Default for Follow {
+impl Default for TrackerSettings {
     fn default() -> Self {
         Self {
             gate_cells: 0.5,
@@ -65,8 +60,8 @@ impl Default for Follow {
     }
 }
 
-impl Follow {
-    /// What is wrong with the settings.
+impl TrackerSettings {
+    /// Text that names an invalid setting.
     pub(crate) fn fault(&self) -> Option<&'static str> {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let lengths = [self.gate_cells, self.acceleration_cells, self.apart_cells];
@@ -80,45 +75,45 @@ impl Follow {
     }
 }
 
-/// What became of targets.
+/// Birth, death or crossing of targets.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Event {
-    /// A target was confirmed.
+    /// A candidate became a target.
     Born {
-        /// Its number.
+        /// Number of the target.
         target: usize,
-        /// The pulse in which it was first seen.
+        /// Pulse of its first sighting.
         pulse: usize,
-        /// Where, metres.
+        /// Range at the first sighting, metres.
         range_m: f64,
     },
-    /// A target was seen no more.
+    /// A target died.
     Lost {
-        /// Its number.
+        /// Number of the target.
         target: usize,
-        /// The last pulse in which it was seen.
+        /// Pulse of its last sighting.
         pulse: usize,
     },
-    /// Two targets came too near to be told apart.
+    /// Two targets came too near to be resolved.
     Crossed {
-        /// Their numbers.
+        /// Numbers of the targets.
         targets: [usize; 2],
-        /// The first pulse of it.
+        /// First pulse in which they are not resolved.
         pulse: usize,
     },
-    /// Beside a target another appeared, too near to have been told from it before.
+    /// A target appeared too near to another to have been resolved before.
     Split {
-        /// The target.
+        /// Number of the other target.
         target: usize,
-        /// The new one.
+        /// Number of the new target.
         into: usize,
-        /// The pulse in which that was first seen.
+        /// Pulse of its first sighting.
         pulse: usize,
     },
 }
 
-/// Something that is followed.
+/// Candidate or target.
 struct Followed {
     number: usize,
     confirmed: bool,
@@ -127,38 +122,38 @@ struct Followed {
     last_seen: usize,
     times_seen: usize,
     range_m: f64,
-    /// Metres a pulse.
+    /// Range rate, metres a pulse.
     rate_m: f64,
-    /// Of range and rate: both variances, and between.
+    /// Variances of range and rate, with the covariance between them.
     variance: [f64; 3],
-    /// Of each channel but the first, against the first.
+    /// Phase of each channel but the first against the first, radians.
     differences_rad: Vec<f64>,
-    /// Beside which other it is too near to be told apart.
+    /// Numbers of targets that are not resolved from it.
     near: Vec<usize>,
-    /// The other from which it was born too near.
+    /// Number of the target from which it was not resolved at its birth.
     split_from: Option<usize>,
 }
 
-/// Follows targets over pulses.
-pub struct Follower {
-    follow: Follow,
+/// Associates echoes with targets, pulse by pulse.
+pub struct TargetTracker {
+    follow: TrackerSettings,
     cell_m: f64,
     all: Vec<Followed>,
     next: usize,
     pulse: usize,
-    /// What waits, oldest first.
+    /// Delayed results, oldest first.
     waiting: VecDeque<Vec<Sighting>>,
     events: Vec<Event>,
-    /// The fastest change of range so far, metres a pulse, of a target and at a pulse.
+    /// Largest range rate so far, metres a pulse, with the target and the pulse.
     fastest: Option<(f64, usize, usize)>,
 }
 
-impl Follower {
-    /// With range resolution `cell_m`.
+impl TargetTracker {
+    /// Follower for the range resolution `cell_m`, metres.
     ///
     /// # Errors
-    /// What is wrong with the settings.
-    pub fn new(follow: Follow, cell_m: f64) -> Result<Self, &'static str> {
+    /// Text that names the invalid setting.
+    pub fn new(follow: TrackerSettings, cell_m: f64) -> Result<Self, &'static str> {
         if !(cell_m > 0.0 && cell_m.is_finite()) {
             return Err("the range resolution must be above 0");
         }
@@ -177,7 +172,7 @@ impl Follower {
         }
     }
 
-    /// Takes the next pulse's echoes, and tells what was seen [`Follow::within`] pulses before, if there was one.
+    /// Take the next pulse's echoes and return the sightings of the pulse [`TrackerSettings::within`] pulses before, if any.
     pub fn push(&mut self, echoes: &[Echo]) -> Option<Vec<Sighting>> {
         self.predict();
         self.find_crossings();
@@ -207,22 +202,22 @@ impl Follower {
         }
     }
 
-    /// What waits still, pulse by pulse, and the end of all targets.
+    /// Return the delayed sightings, pulse by pulse, and end all targets.
     pub fn finish(&mut self) -> Vec<Vec<Sighting>> {
         std::iter::from_fn(|| self.release()).collect()
     }
 
-    /// What became of targets since this was asked for.
+    /// Take the events since the last call.
     pub fn events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// The fastest change of a confirmed target's range so far, metres a pulse, with its number and the pulse.
+    /// Largest range rate of a target so far, metres a pulse, with its number and the pulse.
     pub fn fastest(&self) -> Option<(f64, usize, usize)> {
         self.fastest
     }
 
-    /// The oldest that waits, of targets alone.
+    /// Oldest delayed result, targets only.
     fn release(&mut self) -> Option<Vec<Sighting>> {
         let mut told = self.waiting.pop_front()?;
         let is_target = |number: usize| {
@@ -230,7 +225,7 @@ impl Follower {
             own.is_some_and(|own| own.confirmed)
         };
         told.retain(|sighting| is_target(sighting.target));
-        // The dead are kept for as long as anything is to be told of them.
+        // Dead targets are kept while results are delayed.
         let oldest = self.pulse - self.waiting.len();
         let (bridge, within) = (self.follow.bridge, self.follow.within);
         self.all
@@ -275,7 +270,7 @@ impl Follower {
         }
     }
 
-    /// The echo of each that is followed.
+    /// Assigned echo of each candidate and target.
     fn associate(&self, echoes: &[Echo]) -> Vec<Option<usize>> {
         let gate_m = self.follow.gate_cells * self.cell_m;
         let expected = self.all.iter().map(|own| {
@@ -290,7 +285,7 @@ impl Follower {
         let [range, both, rate] = own.variance;
         let mut noise = echo.range_sigma_m.powi(2);
         if !own.near.is_empty() {
-            // Of both together.
+            // Uncertainty of an unresolved pair.
             noise += (self.follow.gate_cells * self.cell_m).powi(2);
         }
         let (gain, rate_gain) = (range / (range + noise), both / (range + noise));
@@ -317,7 +312,7 @@ impl Follower {
         }
     }
 
-    /// A candidate, and what is seen of it if no other is near.
+    /// Start a candidate, with its sighting if no target is near.
     fn bear(&mut self, echo: &Echo) -> Option<Sighting> {
         let apart_m = self.follow.apart_cells * self.cell_m;
         let near = self.all.iter().filter(|own| {
@@ -370,7 +365,7 @@ impl Follower {
         let (within, bridge, pulse) = (self.follow.within, self.follow.bridge, self.pulse);
         let events = &mut self.events;
         self.all.retain(|own| {
-            // Candidates have their first pulses.
+            // Candidates live for their first pulses.
             own.confirmed || pulse - own.born < within
         });
         for own in self.all.iter().filter(|own| own.confirmed) {
@@ -384,7 +379,7 @@ impl Follower {
     }
 }
 
-/// The echo of each whose range and differences of phase are expected.
+/// Assign echoes to expected ranges and phase differences.
 pub(crate) fn associate<'a>(
     expected: impl Iterator<Item = Option<(f64, &'a [f64])>>,
     echoes: &[Echo],
@@ -399,7 +394,7 @@ pub(crate) fn associate<'a>(
         };
         for (e, echo) in echoes.iter().enumerate() {
             let off = (echo.range_m - range_m) / gate_m;
-            let turned = turned_rad(differences_rad, &echo.phases_rad) / MOST_TURNED_RAD;
+            let turned = turned_rad(differences_rad, &echo.phases_rad) / MAX_TURNED_RAD;
             if off.abs() < 1.0 && turned < 1.0 {
                 pairs.push((off * off + turned * turned, i, e));
             }
@@ -424,13 +419,13 @@ pub(crate) fn sighting(target: usize, echo: &Echo) -> Sighting {
     }
 }
 
-/// Of each channel but the first, against the first.
+/// Phase of each channel but the first against the first.
 pub(crate) fn differences_rad(phases_rad: &[f64]) -> Vec<f64> {
     let (first, rest) = phases_rad.split_first().unwrap_or((&0.0, &[]));
     rest.iter().map(|phase| phase - first).collect()
 }
 
-/// How far differences of phase are off those held, RMS.
+/// RMS deviation of phase differences from expected ones, radians.
 fn turned_rad(held: &[f64], phases_rad: &[f64]) -> f64 {
     let new = differences_rad(phases_rad);
     let squares = held.iter().zip(&new).map(|(held, new)| {

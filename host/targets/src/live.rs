@@ -1,83 +1,97 @@
-//! A radar's own motion while it moves, by its echoes as they come.
+//! Online track from echoes, pulse by pulse.
 //!
 //! ```text
-//! pulse of each channel ─ profile, cfar, echo ─> follow: waits for `Follow::within` pulses ─> motion::Tracker: looks at the last forty again ─> Located
+//! pulse of each channel ─ profile, cfar, echo ─> follow: waits for `TrackerSettings::within` pulses ─> motion::Tracker: looks at the last forty again ─> Located
 //! ```
 //!
-//! It is what [`crate::recover()`] does with a whole recording, as far as that can be done before the rest has come. A pulse's place is told when it leaves the tracker's window,
-//! [`Live::lag`] pulses after its own, and is final: targets that later turn out to be one are not joined, and all pulses are not solved at once.
+//! The online form of [`crate::recover()`]. The pose of a pulse is reported when it leaves the smoother's window, [`Live::lag`] pulses after the pulse, and is final: targets that later turn out to be one are not joined, and there
+//! is no joint solution over all pulses.
 //!
-//! **Frame**: the body's in the first pulse that tells a place ([`Arrangement`]), as the first pulse's positions have it. Echoes tell no more.
+//! **Frame**: the body's frame in the first pulse with a pose ([`Arrangement`]), placed by the first pulse's recorded position. Echoes determine no more.
 //!
-//! **Neglected**: targets that move are taken for still. [`subaperture_motion::live`] tells them apart, of more targets than most pulses of a stepped radar show.
+//! **Contradictions**: the echo of two targets that are not resolved has a phase that is off by up to half a turn. A sighting whose phases are off by more than noise against the other sightings of its pulse is left out,
+//! while three that agree remain.
 //!
-//! **Memory**: targets that are followed, [`Settings::most_targets`] a pulse and those not seen for [`crate::follow::Follow::bridge`] pulses at the most; [`Live::lag`] pulses' sightings.
-//! **Cost** of a push: two transforms of each channel's profile, and the tracker's, which grows with the cube of the targets. **Accuracy**: `tests/live.rs`; of a
-//! radio's walk `tests/cli/live.rs`.
+//! **Neglected**: moving targets are taken for standing ones until they contradict the others. [`subaperture_motion::live`] separates them, but needs more targets than most pulses of a stepped radar show.
+//!
+//! **Memory**: targets that are followed, at most [`Settings::most_targets`] a pulse and those not seen for [`crate::follow::TrackerSettings::bridge`] pulses; sightings of [`Live::lag`] pulses. **Cost** of a pulse: two transforms of each
+//! channel's profile, and the smoother's time, which grows with the cube of the targets. **Accuracy**: `tests/live.rs`; of a radio's walk `tests/cli/live.rs`.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use glam::{DQuat, DVec3};
 use num_complex::Complex32;
 use subaperture_model::phase_history::{Band, Pulse};
-use subaperture_motion::{Pose, Sighting, Tracker};
+use subaperture_motion::joint::HUBER;
+use subaperture_motion::{MotionError, Pose, Sighting, Step, Tracker};
 
 use crate::arrangement::Arrangement;
-use crate::follow::{Event, Follower};
+use crate::follow::{Event, TargetTracker};
 use crate::profile::Echoes;
 use crate::see::{Looker, Settings, TargetsError, profiler};
 
-/// Pulses that motion looks at again: a place is told once, so more than where all are solved together at the end.
+/// Lag of the smoother, pulses: poses are final, so it is longer than where a joint solution follows.
 const WINDOW: usize = 40;
+/// RMS residual of a sighting's phases, radians, beyond which it contradicts the others if it is beyond [`HUBER`] standard deviations too. Peaks of two targets that are not resolved are off by up to 3 rad at any SNR;
+/// sightings that are off by less than this move a pose by less than a hundredth of the wavelength.
+const CONTRADICTS_RAD: f64 = 0.1;
+/// Number of sightings that have to agree before others are left out: two determine a pose and check it, a third decides which of two that contradict each other is right.
+const MIN_CONSISTENT: usize = 3;
+/// Number of contradicting sightings in a row after which a target starts anew.
+const MAX_CONTRADICTIONS: usize = 8;
 
-/// Where a pulse was taken.
+/// Pose of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Located {
-    /// Its number: pulses are counted from 0 as they are pushed.
+    /// Number of the pulse, counted from 0 as pushed.
     pub pulse: usize,
-    /// The body's origin, metres.
+    /// Position of the body's origin, metres.
     pub position_m: DVec3,
-    /// From the body's axes to those of the first pulse's positions.
+    /// Rotation from the body's axes to those of the first pulse's positions.
     pub attitude: DQuat,
 }
 
-/// How well it goes.
+/// State of the estimation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Going {
-    /// Pulses of which fewer than two targets are seen, or that do not tell a place: they have none.
+    /// Number of pulses without a pose: fewer than two targets, or sightings that do not determine it.
     pub blind: usize,
-    /// Pulses with phases that may have wrapped: from there on places may be off by half wavelengths.
+    /// Number of pulses with phases of which whole turns are in doubt: half-wavelength slips are possible from there on.
     pub doubtful: usize,
-    /// Squared errors in standard deviations of the last window, and how many they should be.
+    /// Number of sightings that are left out because they contradict the others of their pulse: echoes of targets that are too near to each other in range, or of moving ones.
+    pub contradictions: usize,
+    /// Sum of squared residuals of the last window in standard deviations, and its expectation.
     pub chi_square: [f64; 2],
-    /// Targets that are known.
+    /// Number of known targets.
     pub targets: usize,
 }
 
-/// Finds where a radar is, pulse by pulse.
+/// Online estimator of the radar's poses.
 pub struct Live {
     looker: Looker,
     arrangement: Arrangement,
     order: Vec<usize>,
-    follower: Follower,
+    follower: TargetTracker,
     tracker: Tracker,
     within: usize,
-    /// The heading that the first pulse was found to have, which is that of the body in its frame.
+    /// Estimated heading of the first pulse; the frame is turned to it.
     first_rad: Option<f64>,
     pushed: usize,
     released: usize,
-    /// Numbers of the pulses in the tracker's window.
+    /// Numbers of the pulses in the smoother's window.
     window: VecDeque<usize>,
-    /// Targets that are seen no more and could not be forgotten yet.
+    /// Dead targets that could not be removed yet.
     lost: Vec<usize>,
+    /// Sightings in a row of each target that contradict the others.
+    contradictions: BTreeMap<usize, usize>,
     going: Going,
 }
 
 impl Live {
-    /// Of an array whose channels' antennas are where these pulses of one moment say, one a channel, of `num_samples` samples each.
+    /// Estimator for an array with antennas at the positions of these simultaneous pulses, one a channel, of `num_samples` samples each.
     ///
     /// # Errors
-    /// Channels that are no array, receivers too far apart to tell angles, too few samples, settings that cannot be.
+    /// Channels that do not form an array, receivers too far apart for directions of arrival, too few samples, invalid settings.
     pub fn new(
         first: &[Pulse],
         num_samples: usize,
@@ -96,7 +110,8 @@ impl Live {
         let profiler = profiler(own, first[0].reference_path_m, settings)?;
         let tracker = Tracker::new(arrangement.array(profiler.middle_hz()), WINDOW);
         let cell_m = 0.5 * profiler.cell_m();
-        let follower = Follower::new(settings.follow, cell_m).map_err(TargetsError::Settings)?;
+        let follower =
+            TargetTracker::new(settings.follow, cell_m).map_err(TargetsError::Settings)?;
         Ok(Self {
             looker: Looker::new(profiler, settings, first.len())?,
             order: arrangement.order(),
@@ -109,21 +124,22 @@ impl Live {
             released: 0,
             window: VecDeque::with_capacity(WINDOW + 1),
             lost: Vec::new(),
+            contradictions: BTreeMap::new(),
             going: Going::default(),
         })
     }
 
-    /// Where the antennas are on the body that is located.
+    /// Antennas on the located body.
     pub fn arrangement(&self) -> &Arrangement {
         &self.arrangement
     }
 
-    /// Pulses after which a place is told at the latest, of those that tell one.
+    /// Largest number of pulses after which a pose is reported.
     pub fn lag(&self) -> usize {
         self.within + WINDOW
     }
 
-    /// How well it goes.
+    /// State of the estimation.
     pub fn going(&self) -> Going {
         Going {
             targets: self.tracker.targets().count(),
@@ -131,10 +147,10 @@ impl Live {
         }
     }
 
-    /// Takes the next pulse, of each channel its samples and what they are compensated by; places that are known now, in the order of pulses. Samples that are no numbers tell nothing.
+    /// Take the next pulse: of each channel the samples with their compensation. Returns poses that became final, in the order of pulses. Samples that are not finite are ignored.
     ///
     /// # Panics
-    /// If there are not as many channels and samples as at first.
+    /// If the number of channels or samples differs from the first.
     pub fn push(&mut self, channels: &[(Pulse, Vec<Complex32>)]) -> Vec<Located> {
         assert_eq!(channels.len(), self.order.len(), "channels");
         let is_number = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
@@ -165,7 +181,7 @@ impl Live {
         })
     }
 
-    /// Places of the pulses that wait still, when no more come.
+    /// Return the remaining poses at the end.
     pub fn finish(&mut self) -> Vec<Located> {
         let mut located = Vec::new();
         for told in self.follower.finish() {
@@ -181,7 +197,7 @@ impl Live {
         located
     }
 
-    /// What is seen in a pulse; the place of the one that leaves the window for it.
+    /// Take the sightings of a pulse, and return the pose of the pulse that leaves the window.
     fn understand(&mut self, sightings: &[Sighting]) -> Option<Located> {
         let number = self.released;
         self.released += 1;
@@ -192,10 +208,11 @@ impl Live {
         });
         if sightings.len() < 2 {
             self.going.blind += 1;
+            self.tracker.skip(1);
             return None;
         }
         let oldest = self.tracker.window().first().copied();
-        match self.tracker.push(sightings) {
+        match self.consistent(sightings) {
             Ok(step) => {
                 self.window.push_back(number);
                 self.going.chi_square = step.chi_square;
@@ -203,7 +220,7 @@ impl Live {
             }
             Err(_) => self.going.blind += 1,
         }
-        // Whether the pulse was understood or not, the oldest may have made room for it.
+        // The oldest may have left the window even if this pulse was refused.
         if self.window.len() == self.tracker.window().len() {
             return None;
         }
@@ -211,9 +228,48 @@ impl Live {
         Some(self.located(number, &pose))
     }
 
+    /// Push a pulse without the sightings that contradict the others: the worst one is left out in turn, until those that remain agree. They have to be three at least, and more than half; where such a majority does not
+    /// agree, all are kept. A target starts anew after [`MAX_CONTRADICTIONS`] contradicting sightings in a row, since its own position may be wrong.
+    fn consistent(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
+        let before = self.tracker.clone();
+        let mut step = self.tracker.push(sightings)?;
+        let mut rest = sightings.to_vec();
+        let mut worst = worst_contradiction(&self.tracker);
+        let mut tracker = before.clone();
+        while let Some(target) = worst {
+            rest.retain(|sighting| sighting.target != target);
+            tracker.clone_from(&before);
+            let majority = 2 * rest.len() > sightings.len();
+            match tracker.push(&rest) {
+                Ok(without) if majority && rest.len() >= MIN_CONSISTENT => {
+                    worst = worst_contradiction(&tracker);
+                    if worst.is_none() {
+                        self.tracker.clone_from(&tracker);
+                        step = without;
+                    }
+                }
+                _ => return Ok(step),
+            }
+        }
+        for sighting in sightings {
+            let target = sighting.target;
+            if rest.iter().any(|other| other.target == target) {
+                self.contradictions.remove(&target);
+                continue;
+            }
+            self.going.contradictions += 1;
+            let count = self.contradictions.entry(target).or_default();
+            *count += 1;
+            if *count > MAX_CONTRADICTIONS && self.tracker.forget(target) {
+                self.contradictions.remove(&target);
+            }
+        }
+        Ok(step)
+    }
+
     fn located(&mut self, pulse: usize, pose: &Pose) -> Located {
         let first_rad = *self.first_rad.get_or_insert(pose.heading_rad);
-        // What is held is the direction to the first target; the body's first heading is the frame's.
+        // The smoother holds the direction to the first target; the frame is the body's at its first heading.
         let back = DQuat::from_rotation_z(-first_rad);
         let own = &self.arrangement;
         Located {
@@ -222,4 +278,13 @@ impl Live {
             attitude: own.attitude * DQuat::from_rotation_z(pose.heading_rad - first_rad),
         }
     }
+}
+
+/// The target whose sighting in the last pulse contradicts the others most.
+fn worst_contradiction(tracker: &Tracker) -> Option<usize> {
+    let residuals = tracker.residuals().into_iter();
+    residuals
+        .filter(|one| one.rms_sigmas > HUBER && one.rms_rad > CONTRADICTS_RAD)
+        .max_by(|a, b| a.rms_sigmas.total_cmp(&b.rms_sigmas))
+        .map(|one| one.target)
 }

@@ -1,17 +1,15 @@
-//! Range profiles of the channels of a pulse, on one axis of path.
+//! Range profiles of all channels of a pulse, on one axis of path.
 //!
-//! What the recording did to the phases is undone first: sample `k` of a channel is turned back by `2 pi f_k reference_path / c`, so that a scatterer
-//! at path `p` has the phase `-2 pi f_k p / c` in every channel and pulse, whatever antennas they were compensated with. Then
+//! First the recording's compensation is undone: sample `k` of a channel is multiplied by `exp(-j 2 pi f_k reference_path / c)`, so that a scatterer at path `p` has the phase `-2 pi f_k p / c` in every channel and pulse. Then
 //!
 //! ```text
 //! S_c(p) = sum_k w_k z_ck exp(+j 2 pi (k - (K-1)/2) step p / c),        power(l) = sum_c |S_c(l c / (L step))|^2
 //! ```
 //!
-//! with `w` symmetric about `(K-1)/2`, the middle of the band. A scatterer's `S_c` near its own path `p_0` is then a real number times
-//! `exp(-j 2 pi f_m p_0 / c)`, `f_m` the frequency in the middle: **its phase is that of the path at `f_m`, whatever the error of `p`**, and
-//! has nothing in common with the error of the path found. Read at another frequency of the band it would carry the path's error along, as a slope.
+//! with `w` symmetric about `(K-1)/2`, the middle of the band. Near a scatterer's path `p_0`, `S_c` is a real number times `exp(-j 2 pi f_m p_0 / c)` with `f_m` the middle frequency: **its phase is that of the path at `f_m`,
+//! whatever the error of `p`**, and is independent of the error of the estimated path. At any other frequency of the band it would depend on that error linearly.
 //!
-//! Paths repeat after `c / step`; they are told from a least one on, half of that below the first pulse's reference, and from 0.
+//! Paths are ambiguous by `c / step`. They are reported from a least path on: half of that below the first pulse's reference path, but not below 0.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -23,29 +21,29 @@ use subaperture_model::phase_history::{Band, Pulse};
 use subaperture_signal::fast_length::fastest_length;
 use subaperture_signal::phase::phasor;
 
-/// Bins of a profile for each sample: peaks lose less than a tenth of their power between them under any window.
+/// Bins of a profile a sample: scalloping is below a tenth of the power under any window.
 pub(crate) const STRIDE: usize = 4;
 
-/// Makes profiles of one band.
+/// Computes profiles of one band.
 #[derive(Clone)]
 pub(crate) struct Profiler {
     pub(crate) band: Band,
-    /// Over frequency.
+    /// Weights over frequency.
     pub(crate) window: Vec<f64>,
     fft: Arc<dyn Fft<f64>>,
-    /// Bins that are searched: the first, and how many.
+    /// Searched bins: the first, and their number.
     pub(crate) bins: (usize, usize),
-    /// Paths are told from this on, metres.
+    /// Least path reported, metres.
     least_path_m: f64,
-    /// Targets are looked for up to this, metres; noise beyond it too.
+    /// Largest path searched for targets, metres; noise is measured beyond it too.
     pub(crate) most_path_m: f64,
 }
 
-/// Samples of a pulse, channel by channel, whose phases are those of whole paths.
+/// Uncompensated samples of a pulse, channel by channel.
 pub(crate) type Echoes = Vec<Vec<Complex64>>;
 
 impl Profiler {
-    /// For paths within twice these ranges, or all that are told apart.
+    /// Profiler for paths of twice these ranges, or for the whole unambiguous interval.
     pub(crate) fn new(
         band: Band,
         window: Vec<f64>,
@@ -73,39 +71,39 @@ impl Profiler {
         profiler
     }
 
-    /// Frequency in the middle of the band, hertz.
+    /// Middle frequency of the band, hertz.
     pub(crate) fn middle_hz(&self) -> f64 {
         self.band.start_hz + 0.5 * (self.band.count as f64 - 1.0) * self.band.step_hz
     }
 
-    /// Path from bin to bin, metres.
+    /// Path difference between bins, metres.
     pub(crate) fn bin_m(&self) -> f64 {
         self.band.unambiguous_path_m() / self.fft.len() as f64
     }
 
-    /// Path of a range resolution, metres.
+    /// Path resolution, metres.
     pub(crate) fn cell_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / self.band.bandwidth_hz()
     }
 
-    /// Bins a range resolution.
+    /// Bins a path resolution.
     pub(crate) fn stride(&self) -> usize {
         (self.cell_m() / self.bin_m()).round() as usize
     }
 
-    /// The path that bin `i` of the searched ones is of, metres.
+    /// Path of searched bin `i`, metres.
     pub(crate) fn path_m(&self, i: usize) -> f64 {
         self.told_m((self.bins.0 + i) as f64 * self.bin_m())
     }
 
-    /// The path that is told for one that differs from it by whole repetitions, metres.
+    /// Path within the reported interval, metres: it differs by a whole number of ambiguities.
     pub(crate) fn told_m(&self, path_m: f64) -> f64 {
         let repeats_m = self.band.unambiguous_path_m();
         let above = (path_m - self.least_path_m) / repeats_m;
         path_m - above.floor() * repeats_m
     }
 
-    /// Samples as they would be had the recording compensated nothing.
+    /// Samples without the recording's compensation.
     pub(crate) fn uncompensated(&self, pulse: &Pulse, samples: &[Complex32]) -> Vec<Complex64> {
         let turns = |hz: f64| -hz * pulse.reference_path_m / SPEED_OF_LIGHT_M_S;
         let step = phasor(turns(self.band.step_hz));
@@ -125,7 +123,7 @@ impl Profiler {
         (0..count).map(|i| all[(first + i) % all.len()]).collect()
     }
 
-    /// Power in all bins from path 0 on.
+    /// Power in all bins, from path 0 on.
     pub(crate) fn full_power(&self, samples: &[Complex64]) -> Vec<f64> {
         let length = self.fft.len();
         let mut bins: Vec<Complex64> = samples
@@ -138,13 +136,13 @@ impl Profiler {
         bins.iter().map(Complex64::norm_sqr).collect()
     }
 
-    /// Radians of sample `k` a metre of path, relative to the middle of the band.
+    /// Wavenumber of sample `k` relative to the middle of the band, radians a metre of path.
     pub(crate) fn rad_m(&self, k: usize) -> f64 {
         let from_middle = k as f64 - 0.5 * (self.band.count as f64 - 1.0);
         TAU * from_middle * self.band.step_hz / SPEED_OF_LIGHT_M_S
     }
 
-    /// `exp(+j rad_m(k) path)` for all samples in turn.
+    /// `exp(+j rad_m(k) path)` for all samples.
     pub(crate) fn phasors(&self, path_m: f64) -> impl Iterator<Item = Complex64> + use<> {
         let step_turns = self.band.step_hz * path_m / SPEED_OF_LIGHT_M_S;
         let step = phasor(step_turns);

@@ -58,10 +58,7 @@ fn nothing_and_one_target_are_told() {
         matches!(one, TargetsError::TooFew { most: 1, ranges_m: (near, far), .. } if near > 7.0 && far < 9.5),
         "{one}"
     );
-    assert!(
-        one.to_string().contains("its ranges can be trusted"),
-        "{one}"
-    );
+    assert!(one.to_string().contains("ranges are reliable"), "{one}");
 }
 
 #[test]

@@ -4,6 +4,8 @@ mod echoes;
 mod faults;
 mod images;
 mod live;
+mod movers;
 mod noise;
 mod scene;
+mod seeds;
 mod tracks;

@@ -61,14 +61,43 @@ pub(crate) fn w_band() -> Radar {
 
 #[derive(Clone, Copy)]
 pub(crate) struct Reflector {
+    /// In the first pulse.
     pub(crate) at_m: DVec2,
     pub(crate) amplitude: f64,
+    /// How far it goes a pulse, and in which pulses it does: from the first of these on, before the second.
+    pub(crate) step_m: DVec2,
+    pub(crate) goes: [usize; 2],
+    /// Acceleration from the first pulse on, metres a pulse squared.
+    pub(crate) bend_m: DVec2,
+}
+
+impl Reflector {
+    /// Where it is in a pulse.
+    pub(crate) fn in_pulse_m(&self, n: usize) -> DVec2 {
+        let [from, to] = self.goes;
+        let bent = self.bend_m * (0.5 * (n * n) as f64);
+        self.at_m + self.step_m * n.clamp(from, to).saturating_sub(from) as f64 + bent
+    }
+}
+
+/// Time from pulse to pulse, seconds.
+pub(crate) const PERIOD_S: f64 = 1e-2;
+
+/// One that moves all the time, metres a second.
+pub(crate) fn moving(at_m: [f64; 2], velocity_m_s: [f64; 2], amplitude: f64) -> Reflector {
+    Reflector {
+        step_m: DVec2::from_array(velocity_m_s) * PERIOD_S,
+        ..reflector(at_m[0], at_m[1], amplitude)
+    }
 }
 
 pub(crate) fn reflector(x: f64, y: f64, amplitude: f64) -> Reflector {
     Reflector {
         at_m: DVec2::new(x, y),
         amplitude,
+        step_m: DVec2::ZERO,
+        goes: [0, usize::MAX],
+        bend_m: DVec2::ZERO,
     }
 }
 
@@ -110,7 +139,7 @@ impl Recording<'_> {
                     let [tx, rx] = [t_arm, r_arm].map(|arm| level(antenna(told, *arm)));
                     let reference_m = DVec3::new(0.0, 12.0, 0.0);
                     let pulse = Pulse {
-                        time_s: n as f64 * 1e-2,
+                        time_s: n as f64 * PERIOD_S,
                         transmitter_m: tx,
                         receiver_m: rx,
                         reference_m,
@@ -123,8 +152,9 @@ impl Recording<'_> {
                         let hz = self.radar.start_hz + k as f64 * self.radar.step_hz;
                         let mut sum = Complex64::ZERO;
                         for reflector in self.reflectors {
-                            let legs = [t_arm, r_arm]
-                                .map(|arm| reflector.at_m.distance(antenna(truth, *arm)));
+                            let at_m = reflector.in_pulse_m(n);
+                            let legs =
+                                [t_arm, r_arm].map(|arm| at_m.distance(antenna(truth, *arm)));
                             let path_m = legs[0] + legs[1] - pulse.reference_path_m;
                             let turns = hz * path_m / C_M_S;
                             sum += Complex64::cis(-TAU * turns.fract()) * reflector.amplitude;

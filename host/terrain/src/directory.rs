@@ -1,17 +1,17 @@
-//! The first directory of a TIFF, looked at before anything is taken of it: a tag that claims more values than the file has bytes would be given their memory first.
+//! Check of a TIFF's first directory before any allocation: a tag may claim more values than the file has bytes.
 
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Memory of a value once it is read, bytes: what a tag of so many values may take is checked by it.
+/// Upper bound of the memory of a decoded tag value, bytes.
 const VALUE_BYTES: u64 = 64;
 
-/// Most tags of a directory.
-const MOST_TAGS: u64 = 4096;
+/// Largest number of tags in a directory.
+const MAX_TAGS: u64 = 4096;
 
-/// Whether tags are within the file and within a bound of memory; the file is left at its beginning.
+/// Check that tags lie within the file and within a memory bound. Leaves the file at its beginning.
 pub(crate) fn check<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> Result<(), String> {
     let checked = checked(file, allowed_bytes)
-        .unwrap_or_else(|error| Err(format!("its directory cannot be read: {error}")));
+        .unwrap_or_else(|error| Err(format!("cannot read the TIFF directory: {error}")));
     file.rewind().map_err(|error| error.to_string())?;
     checked
 }
@@ -24,13 +24,13 @@ fn checked<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> io::Result<Resul
     let little = match &start[..2] {
         b"II" => true,
         b"MM" => false,
-        _ => return Ok(Err("it does not begin as a TIFF does".to_owned())),
+        _ => return Ok(Err("expected a TIFF header (II or MM, 42 or 43)".to_owned())),
     };
     let mut numbers = Numbers { file, little };
     let big = match numbers.of(&start[2..4]) {
         42 => false,
         43 => true,
-        _ => return Ok(Err("it does not begin as a TIFF does".to_owned())),
+        _ => return Ok(Err("expected a TIFF header (II or MM, 42 or 43)".to_owned())),
     };
     let directory = match big {
         false => numbers.of(&start[4..8]),
@@ -38,8 +38,10 @@ fn checked<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> io::Result<Resul
     };
     numbers.file.seek(SeekFrom::Start(directory))?;
     let count = numbers.read(if big { 8 } else { 2 })?;
-    if count > MOST_TAGS {
-        return Ok(Err(format!("its directory has {count} tags")));
+    if count > MAX_TAGS {
+        return Ok(Err(format!(
+            "the TIFF directory has {count} tags, expected at most {MAX_TAGS}"
+        )));
     }
     for _ in 0..count {
         let tag = numbers.read(2)?;
@@ -57,14 +59,14 @@ fn checked<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> io::Result<Resul
         let beyond = bytes > word as u64 && place.saturating_add(bytes) > end;
         if beyond || values.saturating_mul(VALUE_BYTES) > allowed_bytes {
             return Ok(Err(format!(
-                "its tag {tag} claims {values} values, more than there is of the file or of memory: it is cut short or damaged"
+                "tag {tag} claims {values} values, more than the file or the memory limit holds; the file is truncated or damaged"
             )));
         }
     }
     Ok(Ok(()))
 }
 
-/// Numbers of a file in its order of bytes.
+/// Unsigned integers in the file's byte order.
 struct Numbers<'a, R> {
     file: &'a mut R,
     little: bool,

@@ -1,98 +1,98 @@
-//! Why there is no surface, and what to do.
+//! Errors of elevation models and reliefs.
 
 use std::io;
 use std::path::PathBuf;
 
 use subaperture_model::geometry::GridError;
 
-/// Why there is no surface.
+/// Error of reading an elevation model or computing a relief.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerrainError {
     /// A file could not be read.
     #[error("cannot read {}: {source}", path.display())]
     Io {
-        /// Which.
+        /// File.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: io::Error,
     },
-    /// A file is no model of the ground that is known here.
+    /// A file is damaged or not a supported elevation model.
     #[error("{}: {what}", path.display())]
     Format {
-        /// Which.
+        /// File.
         path: PathBuf,
         /// What is wrong, and what to do.
         what: String,
     },
-    /// A folder has no model of the ground that is wanted.
+    /// No elevation model in the file or folder overlaps the scene.
     #[error(
-        "{}: no elevation model in it (.hgt, .tif) covers any of the scene, {region}", path.display()
+        "{}: expected an elevation model (.hgt, .tif) that overlaps the scene, {region}; found none", path.display()
     )]
     Nothing {
-        /// The folder or file.
+        /// Folder or file.
         path: PathBuf,
-        /// What is wanted.
+        /// Extent of the scene.
         region: String,
     },
-    /// The part that is needed takes more than it may.
+    /// The part of a file that the scene needs exceeds the memory limit.
     #[error(
-        "{}: the part that the scene needs takes {needed_mib} MiB and {allowed_mib} MiB are allowed: a smaller grid, a coarser \
-         model or more memory would do", path.display()
+        "{}: the scene needs {needed_mib} MiB of this file, {allowed_mib} MiB are allowed; use a smaller grid, a coarser \
+         model or more memory", path.display()
     )]
     Memory {
-        /// Which file.
+        /// File.
         path: PathBuf,
-        /// MiB.
+        /// Memory needed, MiB.
         needed_mib: u64,
-        /// MiB.
+        /// Memory limit, MiB.
         allowed_mib: u64,
     },
-    /// There is no height somewhere.
+    /// The surface has no height at a position of the scene.
     #[error(
-        "{surface} has no height at latitude {latitude_deg:.6}, longitude {longitude_deg:.6}: it ends there, or has a void: fill it, or \
-         choose a smaller grid"
+        "{surface} has no height at latitude {latitude_deg:.6}, longitude {longitude_deg:.6} (outside the model, or no data); fill the void or \
+         use a smaller grid"
     )]
     Void {
-        /// Of what.
+        /// Description of the surface.
         surface: String,
-        /// Where, degrees.
+        /// Latitude, degrees.
         latitude_deg: f64,
-        /// Where, degrees.
+        /// Longitude, degrees.
         longitude_deg: f64,
     },
-    /// The geoid is not known somewhere.
+    /// The geoid file has no undulation at a position of the scene.
     #[error(
-        "the geoid's file has no undulation at latitude {latitude_deg:.6}, longitude {longitude_deg:.6}: take one that covers the scene"
+        "the geoid file has no undulation at latitude {latitude_deg:.6}, longitude {longitude_deg:.6}; use one that covers the scene"
     )]
     NoUndulation {
-        /// Where, degrees.
+        /// Latitude, degrees.
         latitude_deg: f64,
-        /// Where, degrees.
+        /// Longitude, degrees.
         longitude_deg: f64,
     },
-    /// Nothing is known of the Earth.
+    /// The scene's position on the Earth is unknown.
     #[error(
-        "the recording does not say where on the Earth it was, so that no surface of the Earth is known in its scene"
+        "the recording does not contain the scene's position on the Earth; an Earth surface needs it"
     )]
     Local,
-    /// The plane's normals do not meet the surface once.
+    /// A normal of the grid's plane does not intersect the surface exactly once.
     #[error(
-        "the grid's plane is too steep for {surface}: near latitude {latitude_deg:.6}, longitude {longitude_deg:.6} its normal meets it in no one \
-         point; a horizontal grid would do"
+        "the grid's plane is too steep for {surface}: its normal near latitude {latitude_deg:.6}, longitude {longitude_deg:.6} does not intersect it in \
+         exactly one point; use a horizontal grid"
     )]
     Steep {
-        /// Of what.
+        /// Description of the surface.
         surface: String,
-        /// Where, degrees.
+        /// Latitude, degrees.
         latitude_deg: f64,
-        /// Where, degrees.
+        /// Longitude, degrees.
         longitude_deg: f64,
     },
-    /// The heights are none that a grid takes.
+    /// The grid rejects the heights.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// The monitor asked to stop.
+    /// Cancelled by the monitor.
     #[error("interrupted")]
     Cancelled,
 }

@@ -1,14 +1,17 @@
-//! What GeoTIFF says of where its pixels are: OGC 19-008, of which this reads
-//! - models: geographic, and projected by UTM, both on WGS 84, by their EPSG codes;
-//! - places: one tie point and a scale, or a matrix without rotation;
-//! - pixels as areas, whose heights are those of their middles, and as points;
-//! - heights in metres.
+//! Georeference of a GeoTIFF (OGC 19-008). Supported:
+//! - coordinate systems: geographic and UTM, both on WGS 84 or NAD83, by EPSG code;
+//! - transforms: one tie point and a scale, or a matrix without rotation;
+//! - `PixelIsArea`, with heights at pixel centres, and `PixelIsPoint`;
+//! - heights in metres and feet: [`vertical`].
 //!
-//! Everything else is refused, and says what it is.
+//! NAD83 coordinates are used as WGS 84, from which they differ by 1 to 2 m in North America; [`Tags::is_nad83`] reports it.
+//!
+//! Everything else is an error that names what was found.
 
 use subaperture_model::geometry::Zone;
 
 use crate::lattice::{Lattice, Projection};
+use crate::vertical::{self, VERTICAL_TYPE, VERTICAL_UNITS, Vertical};
 
 const MODEL_TYPE: u16 = 1024;
 const RASTER_TYPE: u16 = 1025;
@@ -16,43 +19,54 @@ const GEOGRAPHIC_TYPE: u16 = 2048;
 const ANGULAR_UNITS: u16 = 2054;
 const PROJECTED_TYPE: u16 = 3072;
 const LINEAR_UNITS: u16 = 3076;
-const VERTICAL_UNITS: u16 = 4099;
 
 const PROJECTED: u16 = 1;
 const GEOGRAPHIC: u16 = 2;
 const AREA: u16 = 1;
 const POINT: u16 = 2;
-/// Geographic systems that are WGS 84: two and three dimensions.
+/// EPSG codes of WGS 84, two- and three-dimensional.
 const WGS_84: [u16; 2] = [4326, 4979];
+/// EPSG codes of NAD83: original, CSRS (Canada), HARN, NSRS2007, 2011 in two and three dimensions.
+const NAD83: [u16; 6] = [4269, 4617, 4152, 4759, 6318, 6319];
 const DEGREE: u16 = 9102;
 const METRE: u16 = 9001;
 
-/// The tags, as they are.
-#[derive(Debug, Default)]
-pub(crate) struct GeoTags {
+/// Geographic tags of a GeoTIFF, unparsed; empty where absent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tags {
     /// `GeoKeyDirectory`.
-    pub(crate) keys: Vec<u16>,
+    pub keys: Vec<u16>,
     /// `ModelPixelScale`.
-    pub(crate) scale: Vec<f64>,
+    pub scale: Vec<f64>,
     /// `ModelTiepoint`.
-    pub(crate) tie: Vec<f64>,
+    pub tie: Vec<f64>,
     /// `ModelTransformation`.
-    pub(crate) matrix: Vec<f64>,
+    pub matrix: Vec<f64>,
 }
 
-impl GeoTags {
-    /// A key's value, if it is there and held in the directory itself.
-    fn key(&self, wanted: u16) -> Option<u16> {
+/// Northern UTM zone of an EPSG code of NAD83 or NAD83(2011).
+fn nad83_zone(code: u16) -> Option<u8> {
+    match code {
+        26901..=26923 => Some((code - 26900) as u8),
+        6328..=6329 => Some((code - 6328 + 59) as u8),
+        6330..=6348 => Some((code - 6329) as u8),
+        _ => None,
+    }
+}
+
+impl Tags {
+    /// A key's value, if it is stored in the key directory itself.
+    pub fn key(&self, wanted: u16) -> Option<u16> {
         let entries = self.keys.get(4..)?.chunks_exact(4);
         let mut own = entries.filter(|entry| entry[0] == wanted && entry[1] == 0);
         own.next().map(|entry| entry[3])
     }
 
-    /// Where posts lie, of so many columns.
+    /// Post positions of a raster of `columns` columns.
     pub(crate) fn lattice(&self, columns: usize) -> Result<Lattice, String> {
         if self.keys.len() < 4 {
             return Err(
-                "it is a TIFF without GeoTIFF's keys, so that nobody knows where it lies"
+                "expected GeoTIFF keys (GeoKeyDirectory), found none; the position of the raster is unknown"
                     .to_owned(),
             );
         }
@@ -60,22 +74,21 @@ impl GeoTags {
         let units = [
             (ANGULAR_UNITS, DEGREE, "angles in degrees"),
             (LINEAR_UNITS, METRE, "lengths in metres"),
-            (VERTICAL_UNITS, METRE, "heights in metres"),
         ];
         for (key, wanted, what) in units {
             if let Some(found) = self.key(key).filter(|&found| found != wanted) {
                 return Err(format!(
-                    "its units are EPSG {found} (key {key}), and {what} are read (EPSG {wanted}): convert it"
+                    "expected {what} (EPSG {wanted}), found units of EPSG {found} (key {key}); convert the file"
                 ));
             }
         }
-        // Pixel coordinates of the first post: the middle of an area.
+        // Pixel coordinates of the first post: the centre of an area.
         let first = match self.key(RASTER_TYPE) {
             None | Some(AREA) => 0.5,
             Some(POINT) => 0.0,
             Some(other) => {
                 return Err(format!(
-                    "its raster type is {other} (key {RASTER_TYPE}), and 1 (pixel is area) and 2 (pixel is point) are known"
+                    "expected raster type 1 (PixelIsArea) or 2 (PixelIsPoint), found {other} (key {RASTER_TYPE})"
                 ));
             }
         };
@@ -90,19 +103,39 @@ impl GeoTags {
         match numbers.iter().all(|x| x.is_finite()) && a > 0.0 && e != 0.0 {
             true => Ok(lattice),
             false => Err(format!(
-                "its pixels are {a} by {e} apart from {d}, {h}: positive steps eastwards, and finite numbers, are read"
+                "pixel spacing {a} by {e} from {d}, {h}: expected finite numbers and a positive step eastwards"
             )),
         }
     }
 
+    /// Whether coordinates are NAD83.
+    pub(crate) fn is_nad83(&self) -> bool {
+        match self.key(MODEL_TYPE) {
+            Some(GEOGRAPHIC) => self
+                .key(GEOGRAPHIC_TYPE)
+                .is_some_and(|code| NAD83.contains(&code)),
+            Some(PROJECTED) => self.key(PROJECTED_TYPE).and_then(nad83_zone).is_some(),
+            _ => false,
+        }
+    }
+
+    /// Unit and datum of heights; `band` is GDAL's band unit, empty if absent.
+    pub(crate) fn vertical(&self, band: &str) -> Result<Vertical, String> {
+        vertical::of(self.key(VERTICAL_TYPE), self.key(VERTICAL_UNITS), band)
+    }
+
     fn projection(&self) -> Result<Projection, String> {
-        let convert = "convert it to EPSG 4326 or to UTM on WGS 84 (EPSG 32601 to 32660, 32701 to 32760), as gdalwarp -t_srs does";
+        let convert = "convert the file to EPSG 4326 or to UTM on WGS 84 (EPSG 32601 to 32660, 32701 to 32760), for example with gdalwarp -t_srs";
         match self.key(MODEL_TYPE) {
             Some(GEOGRAPHIC) => match self.key(GEOGRAPHIC_TYPE) {
-                Some(code) if WGS_84.contains(&code) => Ok(Projection::Geographic),
-                Some(code) => Err(format!("its coordinates are of EPSG {code}: {convert}")),
+                Some(code) if WGS_84.contains(&code) || NAD83.contains(&code) => {
+                    Ok(Projection::Geographic)
+                }
+                Some(code) => Err(format!(
+                    "unsupported coordinate system EPSG {code}; {convert}"
+                )),
                 None => Err(format!(
-                    "its geographic coordinates are of no known system: {convert}"
+                    "geographic coordinates without an EPSG code; {convert}"
                 )),
             },
             Some(PROJECTED) => {
@@ -110,27 +143,29 @@ impl GeoTags {
                 let zone = match code {
                     Some(code @ 32601..=32660) => Zone::new((code - 32600) as u8, true).ok(),
                     Some(code @ 32701..=32760) => Zone::new((code - 32700) as u8, false).ok(),
-                    _ => None,
+                    Some(code) => nad83_zone(code).and_then(|zone| Zone::new(zone, true).ok()),
+                    None => None,
                 };
-                let named = code.map_or("of no known system".to_owned(), |code| {
-                    format!("of EPSG {code}")
+                let named = code.map_or("without an EPSG code".to_owned(), |code| {
+                    format!("EPSG {code}")
                 });
-                zone.map(Projection::Utm)
-                    .ok_or_else(|| format!("its coordinates are {named}: {convert}"))
+                zone.map(Projection::Utm).ok_or_else(|| {
+                    format!("unsupported projected coordinate system, {named}; {convert}")
+                })
             }
             _ => Err(format!(
-                "its coordinates are neither geographic nor projected: {convert}"
+                "coordinates are neither geographic nor projected; {convert}"
             )),
         }
     }
 
-    /// `[[east a column, east at 0], [north a row, north at 0]]`, in pixel coordinates.
+    /// `[[east per column, east at 0], [north per row, north at 0]]`, in pixel coordinates.
     fn affine(&self) -> Result<[[f64; 2]; 2], String> {
         if let [a, b, _, d, e, f, _, h, ..] = self.matrix[..] {
             return match b == 0.0 && e == 0.0 {
                 true => Ok([[a, d], [f, h]]),
                 false => Err(
-                    "its rows and columns are turned against east and north: warp it, as gdalwarp does"
+                    "rows and columns are rotated against east and north; warp the file, for example with gdalwarp"
                         .to_owned(),
                 ),
             };
@@ -140,10 +175,13 @@ impl GeoTags {
                 Ok([[x, east - column * x], [-y, north + row * y]])
             }
             (_, tie) if tie.len() > 6 => Err(format!(
-                "it has {} tie points, and one with a scale is read: warp it, as gdalwarp does",
+                "expected one tie point and a scale, found {} tie points; warp the file, for example with gdalwarp",
                 tie.len() / 6
             )),
-            _ => Err("it says no places of its pixels (ModelPixelScale and ModelTiepoint, or ModelTransformation)".to_owned()),
+            _ => Err(
+                "expected ModelPixelScale and ModelTiepoint, or ModelTransformation; found neither"
+                    .to_owned(),
+            ),
         }
     }
 }

@@ -1,30 +1,31 @@
-//! Heights of the ground over a region, of as many files as it takes.
+//! Ground heights over a region, from one or more elevation model files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::raster::Raster;
+use crate::raster::{Model, Raster};
 use crate::{Region, TerrainError, geotiff, hgt};
 
-/// What lies between the ellipsoid and the surface above which a model states its heights.
+/// Geoid undulation added to the heights of an elevation model.
 #[derive(Clone, Debug, Default)]
 pub enum Geoid {
-    /// Nothing: heights are above the ellipsoid, or taken as if they were.
+    /// None: heights are used as ellipsoidal. Default.
     #[default]
     None,
-    /// So much everywhere, metres.
+    /// Constant undulation, metres.
     Undulation(f64),
-    /// A file of undulations, metres, read as models of the ground are.
+    /// Raster of undulations, metres, in a format of elevation models.
     File(PathBuf),
 }
 
-/// Heights of the ground above the ellipsoid, over a region.
+/// Ground heights above the WGS 84 ellipsoid over a region.
 #[derive(Debug)]
 pub struct Ground {
     name: String,
     rasters: Vec<Raster>,
     undulation: Undulation,
     files: Vec<PathBuf>,
+    warnings: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -34,11 +35,11 @@ enum Undulation {
 }
 
 impl Ground {
-    /// What a file, or all files of a folder, tell of a region, within a bound of memory: HGT and GeoTIFF, by the ends of their names. Where files
-    /// overlap the first by name counts.
+    /// Read a file, or all files of a folder: HGT and GeoTIFF, by file name extension. Only the part that `region` needs is held, within
+    /// `memory_bytes`. Where files overlap, the first by name is used.
     ///
     /// # Errors
-    /// [`TerrainError`].
+    /// [`TerrainError`] if a file cannot be read, is not supported, exceeds the memory or does not overlap the region.
     pub fn open(
         path: &Path,
         geoid: &Geoid,
@@ -46,44 +47,62 @@ impl Ground {
         memory_bytes: u64,
     ) -> Result<Self, TerrainError> {
         let mut left = memory_bytes;
-        let (rasters, mut files) = rasters(path, region, &mut left)?;
+        let Read {
+            rasters,
+            mut files,
+            mut warnings,
+            above_sea,
+        } = rasters(path, region, &mut left)?;
         let models = listed(&files);
         let undulation = match geoid {
             Geoid::None => Undulation::Constant(0.0),
             Geoid::Undulation(metres) => Undulation::Constant(*metres),
             Geoid::File(path) => {
-                let (rasters, own) = self::rasters(path, region, &mut left)?;
-                files.extend(own);
-                Undulation::Rasters(rasters)
+                let own = self::rasters(path, region, &mut left)?;
+                files.extend(own.files);
+                warnings.extend(own.warnings);
+                Undulation::Rasters(own.rasters)
             }
         };
         let above = match geoid {
-            Geoid::None => ", its heights taken as above the ellipsoid".to_owned(),
+            Geoid::None => ", heights used as ellipsoidal".to_owned(),
             Geoid::Undulation(metres) => format!(" above a geoid {metres} m above the ellipsoid"),
             Geoid::File(path) => format!(" above the geoid of {}", short(path)),
         };
+        if let (Some(datum), Geoid::None) = (above_sea, geoid) {
+            warnings.push(format!(
+                "{}: heights refer to {datum} and are used as ellipsoidal; errors of up to 107 m are possible; give the geoid",
+                path.display()
+            ));
+        }
         Ok(Self {
             name: format!("the ground of {models}{above}"),
             rasters,
             undulation,
             files,
+            warnings,
         })
     }
 
-    /// What it is, in words.
+    /// Description: files and vertical reference.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The files that were read.
+    /// Warnings, one sentence each.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Files that contributed heights or undulations.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
 
-    /// Height above the ellipsoid, metres, where it is known.
+    /// Height above the ellipsoid, metres.
     ///
     /// # Errors
-    /// [`TerrainError::Void`], [`TerrainError::NoUndulation`].
+    /// [`TerrainError::Void`] outside the model or in a void; [`TerrainError::NoUndulation`] outside the geoid raster.
     pub fn height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, TerrainError> {
         let found = |rasters: &[Raster]| height_of(rasters, latitude_deg, longitude_deg);
         let height = found(&self.rasters).ok_or_else(|| TerrainError::Void {
@@ -102,7 +121,7 @@ impl Ground {
         Ok(height + undulation.ok_or(unknown)?)
     }
 
-    /// Metres between posts, about: the least of all files.
+    /// Approximate post spacing, metres: the finest of all files.
     pub fn step_m(&self, latitude_deg: f64) -> f64 {
         let steps = self
             .rasters
@@ -112,7 +131,7 @@ impl Ground {
     }
 }
 
-/// The height at a place in the first raster that has it; or between the last posts of one and the first of its neighbours, as models whose files share no posts have it.
+/// Height from the first raster that covers a position. Between the outermost posts of two adjacent rasters that share no posts, it is interpolated across the gap.
 fn height_of(rasters: &[Raster], latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
     let within = |latitude, longitude| {
         let mut all = rasters.iter();
@@ -124,13 +143,13 @@ fn height_of(rasters: &[Raster], latitude_deg: f64, longitude_deg: f64) -> Optio
     })
 }
 
-/// A path's last part.
+/// File name of a path.
 fn short(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     name.to_string_lossy().into_owned()
 }
 
-/// Names of files, three at the most.
+/// Comma-separated file names, at most three.
 fn listed(files: &[PathBuf]) -> String {
     const MOST: usize = 3;
     let named: Vec<String> = files.iter().take(MOST).map(|path| short(path)).collect();
@@ -140,12 +159,18 @@ fn listed(files: &[PathBuf]) -> String {
     }
 }
 
-/// The parts that a region needs, and of which files, taking what they take from what is `left`.
-fn rasters(
-    path: &Path,
-    region: &Region,
-    left: &mut u64,
-) -> Result<(Vec<Raster>, Vec<PathBuf>), TerrainError> {
+/// Rasters read from a file or folder.
+#[derive(Default)]
+struct Read {
+    rasters: Vec<Raster>,
+    files: Vec<PathBuf>,
+    warnings: Vec<String>,
+    /// Geoid to which heights refer, if a file names one.
+    above_sea: Option<&'static str>,
+}
+
+/// Read the parts that a region needs; subtract their memory from `left`.
+fn rasters(path: &Path, region: &Region, left: &mut u64) -> Result<Read, TerrainError> {
     let failed = |source| TerrainError::Io {
         path: path.to_owned(),
         source,
@@ -163,27 +188,29 @@ fn rasters(
             paths.sort();
         }
     }
-    let (mut rasters, mut files) = (Vec::new(), Vec::new());
+    let mut all = Read::default();
     for own in paths {
         let read = match Format::of(&own) {
-            Some(Format::Hgt) => hgt::read(&own, region, *left)?,
+            Some(Format::Hgt) => hgt::read(&own, region, *left)?.map(Model::plain),
             Some(Format::GeoTiff) => geotiff::read(&own, region, *left)?,
             None => {
                 return Err(TerrainError::Format {
                     path: own,
-                    what: "elevation models are read from .hgt (SRTM, unpacked) and .tif or .tiff (GeoTIFF): convert it, as gdal_translate does"
+                    what: "expected an elevation model in .hgt (SRTM, uncompressed), .tif or .tiff (GeoTIFF); convert the file, for example with gdal_translate"
                         .to_owned(),
                 });
             }
         };
-        if let Some(raster) = read {
-            *left = left.saturating_sub(raster.bytes());
-            rasters.push(raster);
-            files.push(own);
+        if let Some(model) = read {
+            *left = left.saturating_sub(model.raster.bytes());
+            all.rasters.push(model.raster);
+            all.files.push(own);
+            all.warnings.extend(model.warnings);
+            all.above_sea = all.above_sea.or(model.above_sea);
         }
     }
-    match rasters.is_empty() {
-        false => Ok((rasters, files)),
+    match all.rasters.is_empty() {
+        false => Ok(all),
         true => Err(TerrainError::Nothing {
             path: path.to_owned(),
             region: region.to_string(),

@@ -1,13 +1,13 @@
-//! SRTM's HGT files: a degree of latitude by a degree of longitude.
+//! SRTM elevation tiles (HGT) of one degree by one degree.
 //!
-//! | what | how |
+//! | property | value |
 //! |---|---|
-//! | name | of the south-western post: `N52E004.hgt` |
-//! | posts | 1201 x 1201, 3 arc seconds apart, or 3601 x 3601, 1 arc second; edges are shared with the neighbours |
-//! | order | rows from north to south, in them from west to east |
-//! | height | 16 bits, big-endian, signed, whole metres above the geoid EGM96; -32768 is a void |
+//! | file name | south-western post: `N52E004.hgt` |
+//! | posts | 1201 x 1201 (3 arc seconds) or 3601 x 3601 (1 arc second); edge posts are shared with adjacent tiles |
+//! | order | rows from north to south, columns from west to east |
+//! | height | int16, big-endian, metres above the geoid EGM96; -32768 is no data |
 //!
-//! The format has no header: all that is known of a file is its name and its size.
+//! The format has no header: position comes from the file name, post spacing from the file size.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -17,12 +17,12 @@ use crate::lattice::{Lattice, Projection};
 use crate::raster::{Extent, Raster, check_memory};
 use crate::{Region, TerrainError};
 
-/// Posts a side.
+/// Posts per side.
 const SIDES: [usize; 2] = [1201, 3601];
 
 const VOID: i16 = -32768;
 
-/// Latitude and longitude of the south-western post that a name tells, degrees.
+/// Latitude and longitude of the south-western post from a file name, degrees.
 pub(crate) fn corner(name: &str) -> Option<[f64; 2]> {
     let (stem, _) = name.split_once('.').unwrap_or((name, ""));
     let bytes = stem.as_bytes();
@@ -44,7 +44,7 @@ pub(crate) fn corner(name: &str) -> Option<[f64; 2]> {
     sound.then_some([latitude, longitude])
 }
 
-/// What a file of this name and size is.
+/// Extent of a tile from its file name and size.
 fn extent(path: &Path, bytes: u64) -> Result<Extent, TerrainError> {
     let wrong = |what: String| TerrainError::Format {
         path: path.to_owned(),
@@ -52,14 +52,17 @@ fn extent(path: &Path, bytes: u64) -> Result<Extent, TerrainError> {
     };
     let name = path.file_name().map(|name| name.to_string_lossy());
     let corner = name.as_deref().and_then(corner).ok_or_else(|| {
-        wrong("the name of an HGT file tells its south-western corner, as N52E004.hgt: give it back its name".to_owned())
+        wrong(
+            "expected the south-western corner as file name, such as N52E004.hgt; rename the file"
+                .to_owned(),
+        )
     })?;
     let side = SIDES
         .into_iter()
         .find(|&side| 2 * (side * side) as u64 == bytes)
         .ok_or_else(|| {
             wrong(format!(
-                "it has {bytes} bytes; HGT files have 2884802 (3 arc seconds) or 25934402 (1 arc second): it is damaged or packed"
+                "expected 2884802 bytes (3 arc seconds) or 25934402 bytes (1 arc second), found {bytes} bytes; the file is damaged or compressed"
             ))
         })?;
     let step = 1.0 / (side - 1) as f64;
@@ -75,7 +78,7 @@ fn extent(path: &Path, bytes: u64) -> Result<Extent, TerrainError> {
     })
 }
 
-/// The part of a file that a region needs; none if it has nothing of it.
+/// Read the part of a tile that a region needs; `None` if they do not overlap.
 pub(crate) fn read(
     path: &Path,
     region: &Region,
@@ -114,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_corners() {
+    fn file_name_gives_south_western_corner() {
         assert_eq!(corner("N52E004.hgt"), Some([52.0, 4.0]));
         assert_eq!(corner("s01w180.HGT"), Some([-1.0, -180.0]));
         assert_eq!(corner("N52E004.SRTMGL1.hgt"), Some([52.0, 4.0]));

@@ -1,31 +1,31 @@
-//! Where the posts of a raster lie on the Earth.
+//! Post positions of a raster on the Earth.
 
 use subaperture_model::geometry::{Geodetic, Utm, Zone};
 
-/// In what coordinates posts are evenly spaced.
+/// Coordinates in which posts are evenly spaced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Projection {
-    /// Longitude and latitude, degrees, of WGS 84.
+    /// Longitude and latitude on WGS 84, degrees.
     Geographic,
-    /// Easting and northing, metres, of a zone of UTM on WGS 84.
+    /// UTM easting and northing on WGS 84, metres.
     Utm(Zone),
 }
 
-/// Posts at even steps: that of row 0 and column 0 at `origin`, rows `steps[0]` apart and columns `steps[1]`, in the projection's coordinates:
-/// easting or longitude first. Rows mostly go south, so that their step is negative.
+/// Regular lattice of posts: `origin` is the post of row 0 and column 0, `steps` are the row and column spacing, in the projection's coordinates,
+/// easting or longitude first. Rows usually run south, so that the row step is negative.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Lattice {
     pub(crate) projection: Projection,
     /// East, north.
     pub(crate) origin: [f64; 2],
-    /// Of rows (northwards), of columns (eastwards).
+    /// Row step northwards, column step eastwards.
     pub(crate) steps: [f64; 2],
-    /// The column in the middle: longitudes are taken the nearest way around the Earth from there.
+    /// Middle column, about which longitudes are wrapped.
     pub(crate) middle_column: f64,
 }
 
 impl Lattice {
-    /// Row and column of a place, with fractions; none where the projection does not reach.
+    /// Fractional row and column of a position; `None` outside the projection's domain.
     pub(crate) fn at(&self, latitude_deg: f64, longitude_deg: f64) -> Option<[f64; 2]> {
         let [east, north] = match self.projection {
             Projection::Geographic => [longitude_deg, latitude_deg],
@@ -73,7 +73,7 @@ impl Lattice {
         self.projection == Projection::Geographic && turn > 360.0 - 0.5 * self.steps[1].abs()
     }
 
-    /// Metres between posts, about: the smaller of both ways, at this latitude.
+    /// Approximate post spacing at a latitude, metres; the smaller of row and column spacing.
     pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
         /// Metres a degree of latitude.
         const DEGREE_M: f64 = 111_195.0;

@@ -1,4 +1,4 @@
-//! Surfaces of the Earth on which images are focused: models of the ground's elevation, and heights above the ellipsoid.
+//! Elevation models and surfaces of the Earth on which images are focused.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `terrain`.
@@ -7,16 +7,18 @@
 //! grid, frame ─> Region ─> Ground (HGT, GeoTIFF: the part that the grid needs) ─> relief ─> ImageGrid::on
 //! ```
 //!
-//! What is focused in a plane stands where it is only if it lies in that plane: what is higher appears nearer to the radar (layover).
-//! [`relief`] lays the pixels of a grid on the ground instead, or on a surface of constant height above the ellipsoid.
+//! An image focused on a plane shows terrain above the plane displaced towards the radar (layover, foreshortening).
+//! [`relief`] places the pixels of a grid on the ground instead, or on a surface of constant height above the ellipsoid.
 //!
-//! **Heights.** [`Ground`] tells heights above the WGS 84 ellipsoid. Models of the ground mostly state heights above mean sea level, that is the geoid
-//! (SRTM and Copernicus: EGM96, EGM2008); between both lie -107 to +86 m. The undulation is added where it is given ([`Geoid`]); where it is
-//! not, heights are taken as they are.
+//! **Heights.** [`Ground`] gives heights above the WGS 84 ellipsoid. Most elevation models state heights above mean sea level, that is the geoid
+//! (SRTM: EGM96; Copernicus: EGM2008); the geoid undulation ranges from -107 to +86 m. It is added where a [`Geoid`] is given; otherwise
+//! heights are used as ellipsoidal.
 //!
-//! **Neglected.** A relief has one height over a place: no overhangs, no bridges. Between posts of a model, heights are bilinear.
+//! **Limits.** A relief is single-valued: no overhangs, no bridges. Heights between posts are bilinear.
 #![forbid(unsafe_code)]
 
+pub mod bands;
+mod chunks;
 mod directory;
 mod error;
 mod geokeys;
@@ -27,6 +29,7 @@ mod lattice;
 mod raster;
 mod region;
 mod surface;
+mod vertical;
 
 pub use error::TerrainError;
 pub use ground::{Geoid, Ground};

@@ -1,4 +1,4 @@
-//! A part of a raster of heights, held in memory.
+//! Window of an elevation raster in memory.
 
 use std::ops::Range;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use crate::lattice::Lattice;
 use crate::{Region, TerrainError};
 
-/// Posts beyond a region that are held.
+/// Margin of the window around a region, posts.
 const AROUND: f64 = 2.0;
 
-/// A raster on disk: how large it is and where.
+/// Size and position of a raster on disk.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
     pub(crate) lattice: Lattice,
@@ -18,7 +18,7 @@ pub(crate) struct Extent {
 }
 
 impl Extent {
-    /// Rows and columns that a region needs; none where the raster has nothing of it.
+    /// Rows and columns that a region needs; `None` where they do not overlap.
     pub(crate) fn window(&self, region: &Region) -> Option<[Range<usize>; 2]> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for place in region.places() {
@@ -35,7 +35,7 @@ impl Extent {
             let end = (high[i] + AROUND).ceil().min(count as f64);
             (first < end).then_some(first as usize..end as usize)
         };
-        // What goes around the Earth has its first column beside its last.
+        // In a global raster the first column is adjacent to the last.
         let at_an_end = low[1] < AROUND || high[1] + AROUND > self.columns as f64;
         let columns = match at_an_end && self.lattice.goes_around(self.columns) {
             true => 0..self.columns,
@@ -45,15 +45,18 @@ impl Extent {
     }
 }
 
-/// Bytes that a window takes, if it may take them.
+/// Memory of a window, bytes.
+///
+/// # Errors
+/// [`TerrainError::Memory`] if window and `extra_bytes` exceed `allowed_bytes`.
 pub(crate) fn check_memory(
     path: &Path,
     [rows, columns]: &[Range<usize>; 2],
-    besides_bytes: u64,
+    extra_bytes: u64,
     allowed_bytes: u64,
 ) -> Result<u64, TerrainError> {
     let bytes = 4 * rows.len() as u64 * columns.len() as u64;
-    let needed = bytes.saturating_add(besides_bytes);
+    let needed = bytes.saturating_add(extra_bytes);
     match needed <= allowed_bytes {
         true => Ok(bytes),
         false => Err(TerrainError::Memory {
@@ -64,7 +67,27 @@ pub(crate) fn check_memory(
     }
 }
 
-/// Heights of a window, NaN where there is none.
+/// Part of an elevation model that a region needs.
+pub(crate) struct Model {
+    pub(crate) raster: Raster,
+    /// Warnings, one sentence each.
+    pub(crate) warnings: Vec<String>,
+    /// Geoid to which heights refer, if the file names one.
+    pub(crate) above_sea: Option<&'static str>,
+}
+
+impl Model {
+    /// A model without warnings and without a named geoid.
+    pub(crate) fn plain(raster: Raster) -> Self {
+        Self {
+            raster,
+            warnings: Vec::new(),
+            above_sea: None,
+        }
+    }
+}
+
+/// Heights of a window, metres; NaN where there is no data.
 #[derive(Clone, Debug)]
 pub(crate) struct Raster {
     lattice: Lattice,
@@ -90,19 +113,19 @@ impl Raster {
         }
     }
 
-    /// The height at a place, bilinear between its four posts; none beyond the outermost posts, or where one of them has none.
+    /// Bilinear height; `None` beyond the outermost posts, or where a post that is used has no data.
     pub(crate) fn at(&self, latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
         let [row, column] = self.lattice.at(latitude_deg, longitude_deg)?;
         let (row, column) = (row - self.first[0] as f64, column - self.first[1] as f64);
         let last = [self.rows - 1, self.columns - 1].map(|n| n as f64);
-        // Roundings of a place at the very edge are none beyond it.
+        // Tolerance for rounding at the edge, posts.
         const EDGE: f64 = 1e-6;
         let within =
             row >= -EDGE && column >= -EDGE && row <= last[0] + EDGE && column <= last[1] + EDGE;
         if !within {
             return None;
         }
-        // On a post to a rounding no other counts.
+        // Within the tolerance of a post, that post alone is used.
         let on_post = |x: f64| match (x - x.round()).abs() < EDGE {
             true => x.round(),
             false => x,
@@ -114,7 +137,7 @@ impl Raster {
         })
     }
 
-    /// The height at a place between this raster's posts and others beyond its outermost, as `post` tells them by latitude and longitude; none where the place is beyond those.
+    /// Bilinear height between this raster's outermost posts and the next posts beyond, which `post` gives by latitude and longitude; `None` farther out.
     pub(crate) fn at_edge(
         &self,
         latitude_deg: f64,
@@ -136,18 +159,18 @@ impl Raster {
         })
     }
 
-    /// Bytes held.
+    /// Memory of the heights, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         size_of_val(self.heights.as_slice()) as u64
     }
 
-    /// Metres between its posts, about.
+    /// Approximate post spacing, metres.
     pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
         self.lattice.step_m(latitude_deg)
     }
 }
 
-/// Between four posts, of which those that weigh nothing are not asked; none where one has none.
+/// Bilinear interpolation of four posts; posts of weight 0 are not read. `None` where a post has no data.
 fn bilinear([row, column]: [f64; 2], post: impl Fn(usize, usize) -> Option<f64>) -> Option<f64> {
     let (i, j) = (row as usize, column as usize);
     let (v, u) = (row - i as f64, column - j as f64);

@@ -1,4 +1,4 @@
-//! The part of the Earth that a grid needs to know.
+//! Geographic extent of a grid on the ground.
 
 use std::fmt;
 
@@ -6,32 +6,32 @@ use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 
 use crate::TerrainError;
 
-/// Between these heights above the ellipsoid all ground lies, metres.
+/// Lowest and highest ground on the Earth, metres above the ellipsoid.
 pub(crate) const GROUND_M: [f64; 2] = [-600.0, 9000.0];
 
-/// Least cosine between a plane's normal and the vertical.
-pub(crate) const LEAST_COSINE: f64 = 0.2;
+/// Smallest supported cosine between a plane's normal and the vertical.
+pub(crate) const MIN_COSINE: f64 = 0.2;
 
-/// Places along each side of a grid.
+/// Samples along each side of a grid.
 const SIDE: usize = 17;
 
-/// Added all around, degrees: 11 m of latitude.
+/// Margin on all sides, degrees (11 m of latitude).
 const MARGIN_DEG: f64 = 1e-4;
 
-/// A part of the Earth between two latitudes and two longitudes.
+/// Range of latitudes and longitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
     /// South and north, degrees.
     pub latitudes_deg: [f64; 2],
-    /// West and east, degrees: east is the larger, and may be more than 180.
+    /// West and east, degrees. East is the larger and may exceed 180.
     pub longitudes_deg: [f64; 2],
 }
 
 impl Region {
-    /// Where the normals of the grid's plane at its pixels may meet the ground, however high that is.
+    /// Extent of the points where the plane's normals at the grid's pixels may intersect the ground, at any terrain height.
     ///
     /// # Errors
-    /// [`TerrainError::Local`], [`TerrainError::Steep`].
+    /// [`TerrainError::Local`] if the frame has no position on the Earth; [`TerrainError::Steep`] if the plane is too steep.
     pub fn of(grid: &ImageGrid, frame: &SceneFrame) -> Result<Self, TerrainError> {
         let mut places = Vec::new();
         let [low_m, high_m] = plane_box(grid);
@@ -46,7 +46,7 @@ impl Region {
                 let place = frame.geodetic(foot).ok_or(TerrainError::Local)?;
                 let up = frame.direction_from_ecf(place.east_north_up()[2]);
                 let cosine = up.dot(normal);
-                if cosine.abs() < LEAST_COSINE {
+                if cosine.abs() < MIN_COSINE {
                     return Err(TerrainError::Steep {
                         surface: "the ground".to_owned(),
                         latitude_deg: place.latitude_deg,
@@ -62,7 +62,7 @@ impl Region {
         Ok(Self::around(&places))
     }
 
-    /// The least that holds some places, and a margin.
+    /// Smallest region that contains `places`, plus the margin.
     fn around(places: &[Geodetic]) -> Self {
         let first = places.first().map_or(0.0, |place| place.longitude_deg);
         let mut region = Self {
@@ -70,7 +70,7 @@ impl Region {
             longitudes_deg: [f64::INFINITY, f64::NEG_INFINITY],
         };
         for place in places {
-            // The nearest way around the Earth from the first.
+            // Longitude difference from the first, in -180 to 180.
             let east = (place.longitude_deg - first + 180.0).rem_euclid(360.0) - 180.0;
             let values = [place.latitude_deg, first + east];
             for ([low, high], value) in [&mut region.latitudes_deg, &mut region.longitudes_deg]
@@ -81,7 +81,7 @@ impl Region {
                 *high = high.max(value + MARGIN_DEG);
             }
         }
-        // Only what holds a pole lies on more than half of all meridians.
+        // A region wider than 180 degrees contains a pole.
         let [west, east] = region.longitudes_deg;
         if east - west > 180.0 {
             region.longitudes_deg = [first - 180.0, first + 180.0];
@@ -94,7 +94,7 @@ impl Region {
         region
     }
 
-    /// Places of its outline and within, row by row.
+    /// Regular samples of the region, row by row, edges included.
     pub(crate) fn places(&self) -> impl Iterator<Item = Geodetic> + '_ {
         let part =
             |[low, high]: [f64; 2], i: usize| low + (high - low) * i as f64 / (SIDE - 1) as f64;
@@ -116,7 +116,7 @@ impl fmt::Display for Region {
     }
 }
 
-/// Least and greatest x and y of the plane at the edges of a grid's pixels, metres.
+/// Bounding box of a grid's pixels in its plane, `[[x, y] low, [x, y] high]`, metres.
 pub(crate) fn plane_box(grid: &ImageGrid) -> [[f64; 2]; 2] {
     let ends =
         |axis: &subaperture_model::geometry::Axis| [axis.start - axis.step, axis.at(axis.count)];
@@ -124,7 +124,7 @@ pub(crate) fn plane_box(grid: &ImageGrid) -> [[f64; 2]; 2] {
     if !grid.polar {
         return [[columns[0], rows[0]], [columns[1], rows[1]]];
     }
-    // So many angles that an arc lies within a thousandth of its chords' ends.
+    // Enough angles that an arc deviates from its chord by less than a thousandth of the range.
     const ANGLES: usize = 512;
     let reach = rows[0].abs().max(rows[1].abs()) * 1e-3;
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);

@@ -1,54 +1,53 @@
-//! A surface of the Earth as the relief of a grid.
+//! Relief of a grid: intersection of a surface of the Earth with the normals of the grid's plane.
 //!
-//! At each node the plane's normal is followed to where it meets the surface: the height `z` over the plane at which the point's height above the
-//! ellipsoid is the surface's there, found by steps
+//! At each node the height `z` over the plane at which the plane's normal intersects the surface is found by the fixed-point iteration
 //!
 //! ```text
 //! z <- z + (surface(latitude, longitude) - height) / cos,      latitude, longitude, height of foot + z normal
 //! ```
 //!
-//! with the cosine between normal and vertical; each step leaves the surface's slope times the tangent of that angle, which of a horizontal plane is
-//! a thousandth a kilometre of scene at most.
+//! with the cosine between normal and vertical. Each step multiplies the error by the surface's slope times the tangent of that angle, which for a
+//! horizontal plane is at most a thousandth per kilometre of scene.
 //!
-//! **Nodes** lie as far apart as keeps the surface within a twentieth of a pixel, at the middles of all cells and of their edges, where bilinear interpolation of a
-//! smooth surface errs the most; of a model of the ground never farther than its posts, unless [`Relief::MOST_NODES`] are too few for that. What is left
-//! is [`Relief::error_m`], measured there. The image is focused exactly on the nodes' surface, so that this is a displacement of the ground, not a
-//! defocus: at most the error over the tangent of the grazing angle.
+//! **Node spacing** keeps the interpolation error within a twentieth of a pixel. The error is measured at the centres of all cells and of their edges, where
+//! bilinear interpolation of a smooth surface is worst, and recorded as [`Relief::error_m`]. On an elevation model, nodes are never farther apart than its posts,
+//! unless that takes more than [`Relief::MAX_NODES`]. The image is focused exactly on the interpolated surface: the error is a displacement on the
+//! ground, at most the height error over the tangent of the grazing angle, and no defocus.
 
 use glam::DVec3;
 
 use subaperture_model::geometry::{Axis, ImageGrid, Relief, SceneFrame};
 use subaperture_model::monitor::Monitor;
 
-use crate::region::{LEAST_COSINE, plane_box};
+use crate::region::{MIN_COSINE, plane_box};
 use crate::{Ground, TerrainError};
 
-/// Error of nodes over the smaller of a pixel's sides, at which they are no longer made finer.
+/// Target interpolation error over the smaller pixel side.
 const OF_A_PIXEL: f64 = 0.05;
 
-/// Nodes that are finer by less are not worth another look.
+/// Refinement ends where the next spacing would exceed this fraction of the present one.
 const LITTLE_FINER: f64 = 0.9;
 
-/// Nodes a side, at first.
+/// Initial nodes per side.
 const FIRST: usize = 5;
 
-/// Steps along a normal.
-const MOST_STEPS: usize = 100;
+/// Largest number of iterations along a normal.
+const MAX_STEPS: usize = 100;
 
-/// Where these end, metres: below what nodes are rounded to.
+/// Convergence threshold, metres; below the rounding of nodes.
 const NEAR_M: f64 = 1e-5;
 
-/// A surface of the Earth.
+/// Surface on which an image is focused.
 #[derive(Clone, Copy, Debug)]
 pub enum Surface<'a> {
-    /// Of this height above the ellipsoid, metres.
+    /// Constant height above the WGS 84 ellipsoid, metres.
     Ellipsoid(f64),
-    /// The ground.
+    /// Ground heights from elevation models.
     Ground(&'a Ground),
 }
 
 impl Surface<'_> {
-    /// In words.
+    /// Description for errors and records.
     fn name(&self) -> String {
         match self {
             Self::Ellipsoid(height_m) => {
@@ -66,10 +65,10 @@ impl Surface<'_> {
     }
 }
 
-/// The relief of a surface over the plane of a grid in a scene.
+/// Compute the relief of a surface over the plane of a grid.
 ///
 /// # Errors
-/// [`TerrainError`].
+/// [`TerrainError`] if the scene has no position on the Earth, the surface has a void there, the plane is too steep, or the monitor cancels.
 pub fn relief(
     grid: &ImageGrid,
     frame: &SceneFrame,
@@ -97,7 +96,7 @@ pub fn relief(
     };
     let mut step_m = (sides_m[0].max(sides_m[1]) / (FIRST - 1) as f64).min(farthest_m);
     let count = |step_m: f64| sides_m.map(|side| (side / step_m).ceil() as usize + 1);
-    let fits = |[rows, columns]: [usize; 2]| rows.saturating_mul(columns) <= Relief::MOST_NODES;
+    let fits = |[rows, columns]: [usize; 2]| rows.saturating_mul(columns) <= Relief::MAX_NODES;
     while !fits(count(step_m).map(|n| n.max(2))) {
         step_m *= 1.1;
     }
@@ -112,7 +111,7 @@ pub fn relief(
         let heights_m = over.nodes(&axes, monitor)?;
         let nodes = Relief::new(surface.name(), axes, heights_m, 0.0)?;
         let error_m = over.error_m(&nodes, monitor)?;
-        // Half as far apart, or as near as there may be nodes for.
+        // Half the spacing, or the finest that the node limit allows.
         let mut finer_m = 0.5 * step_m;
         while !fits(count(finer_m)) {
             finer_m *= 1.02;
@@ -125,7 +124,7 @@ pub fn relief(
     }
 }
 
-/// A surface over a plane.
+/// Surface seen from a grid's plane.
 struct Over<'a> {
     grid: &'a ImageGrid,
     frame: &'a SceneFrame,
@@ -138,7 +137,7 @@ impl Over<'_> {
         self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y
     }
 
-    /// Heights at all nodes.
+    /// Heights over the plane at all nodes, metres.
     fn nodes(
         &self,
         [rows, columns]: &[Axis; 2],
@@ -158,7 +157,7 @@ impl Over<'_> {
         Ok(heights_m)
     }
 
-    /// How far nodes lie from the surface between them: the most at the middles of cells and of their edges.
+    /// Interpolation error, metres: maximum over the centres of cells and of their edges.
     fn error_m(&self, nodes: &Relief, monitor: &dyn Monitor) -> Result<f64, TerrainError> {
         let (rows, columns) = (nodes.rows(), nodes.columns());
         let mut error_m = 0.0f64;
@@ -179,12 +178,12 @@ impl Over<'_> {
         Ok(error_m)
     }
 
-    /// Height over the plane at a place of it, sought from `guess_m` on.
+    /// Height over the plane at a point of it, metres; the iteration starts at `guess_m`.
     fn height_m(&self, place: [f64; 2], guess_m: f64) -> Result<f64, TerrainError> {
         let foot = self.foot(place);
         let mut height_m = guess_m;
         let mut at = self.frame.geodetic(foot).ok_or(TerrainError::Local)?;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             at = self
                 .frame
                 .geodetic(foot + self.normal * height_m)
@@ -193,7 +192,7 @@ impl Over<'_> {
                 .frame
                 .direction_from_ecf(at.east_north_up()[2])
                 .dot(self.normal);
-            if cosine.abs() < LEAST_COSINE {
+            if cosine.abs() < MIN_COSINE {
                 break;
             }
             let there_m = self.surface.height_m(at.latitude_deg, at.longitude_deg)?;

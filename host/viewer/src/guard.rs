@@ -1,15 +1,18 @@
-//! What all pages have in common: who is answered, and the headers of every answer.
+//! Parts common to all pages: access checks, and the headers of every response.
 
+use axum::Router;
 use axum::extract::Request;
 use axum::http::StatusCode;
 use axum::http::header::{self, HeaderName, HeaderValue};
-use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use subaperture_plot::Colours;
+use tower::ServiceExt;
 
+use crate::admission::Seat;
 use crate::host::may_ask;
+use crate::secret::Secret;
 
-/// Headers of every answer: nothing is loaded but from here, nobody frames it, nothing of it is kept.
+/// Headers of every response: only same-origin resources, no framing, no caching.
 const HEADERS: [(HeaderName, &str); 6] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -29,17 +32,43 @@ const HEADERS: [(HeaderName, &str); 6] = [
     ),
 ];
 
-/// Serves those who mean this server.
-pub(crate) async fn guard(request: Request, next: Next) -> Response {
+/// Answer requests that name this server and carry its secret.
+pub(crate) async fn answer(
+    routes: &Router,
+    secret: &Secret,
+    seat: &Seat,
+    mut request: Request,
+) -> Response {
     let host = request.headers().get(header::HOST);
-    let mut answer = match host
+    let is_meant = host
         .and_then(|host| host.to_str().ok())
-        .is_some_and(may_ask)
-    {
-        true => next.run(request).await,
-        false => {
-            let what = "This page answers to localhost and to addresses in digits, as http://127.0.0.1:8080/, by no other name.\n";
+        .is_some_and(may_ask);
+    let path = request.uri().path();
+    let query = request.uri().query().map(|query| format!("?{query}"));
+    let own = secret
+        .strip(path)
+        .map(|own| own.to_owned() + &query.unwrap_or_default());
+    let mut answer = match own {
+        _ if !is_meant => {
+            let what = "This page is served under localhost and numeric addresses only, for example http://127.0.0.1:8080/.\n";
             (StatusCode::MISDIRECTED_REQUEST, what).into_response()
+        }
+        Some(own) => {
+            seat.is_known();
+            match own.parse() {
+                Ok(uri) => {
+                    *request.uri_mut() = uri;
+                    let Ok(answer) = routes.clone().oneshot(request).await;
+                    answer
+                }
+                Err(_) => StatusCode::NOT_FOUND.into_response(),
+            }
+        }
+        // Browsers request it unprompted.
+        None if path == "/favicon.ico" => StatusCode::NO_CONTENT.into_response(),
+        None => {
+            let what = "Access denied: open the whole address that the program printed. It contains a secret.\n";
+            (StatusCode::FORBIDDEN, [(header::CONNECTION, "close")], what).into_response()
         }
     };
     for (name, value) in HEADERS {
@@ -50,12 +79,12 @@ pub(crate) async fn guard(request: Request, next: Next) -> Response {
     answer
 }
 
-/// A file that is in the program.
+/// Serve a file embedded in the program.
 pub(crate) async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
-/// Colour maps: 256 colours each, from the lowest level to the highest.
+/// Colour maps of 256 colours each, from the lowest level to the highest.
 pub(crate) async fn colours() -> impl IntoResponse {
     let maps = serde_json::json!({
         "viridis": Colours::Viridis.table(),

@@ -1,11 +1,12 @@
-//! Whether a request was meant for this server.
+//! Check of the `Host` header against DNS rebinding.
 //!
-//! DNS rebinding: a page of `evil.example` has its name resolve to 127.0.0.1 once it is loaded, and then reads from there as its own. The
-//! requests still carry its name. An address in digits resolves to nothing else, and `localhost` is the machine's own.
+//! In DNS rebinding, a page of `evil.example` changes its own name to resolve to 127.0.0.1 after it is loaded, and then
+//! reads from this server as its own origin. Such requests still carry the name `evil.example`. A numeric address
+//! cannot be rebound, and `localhost` belongs to this machine.
 
 use std::net::{IpAddr, Ipv6Addr};
 
-/// Whether a request with this `Host` header is served.
+/// Whether a request with this `Host` header is served: `localhost` or a numeric IP address, with or without a port.
 pub fn may_ask(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         // [::1]:8080
@@ -35,7 +36,7 @@ mod tests {
     use super::may_ask;
 
     #[test]
-    fn addresses_in_digits_and_localhost_are_served() {
+    fn localhost_and_numeric_addresses_are_accepted() {
         for host in [
             "localhost",
             "localhost:8080",
@@ -51,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn names_of_others_are_not() {
+    fn other_host_names_are_rejected() {
         for host in [
             "",
             ":",

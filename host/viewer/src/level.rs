@@ -1,9 +1,9 @@
-//! Levels as they are sent: tenths of a decibel in 16 bits.
+//! Encoding of levels for the page: tenths of a decibel in 16 bits.
 
-/// Of what has no level.
+/// Value for a missing level.
 pub(crate) const NONE: i16 = i16::MIN;
 
-/// Tenths of dB; of what is no number [`NONE`].
+/// Convert dB to tenths of dB, saturating at the limits of 16 bits. NaN becomes [`NONE`].
 pub(crate) fn tenths(db: f32) -> i16 {
     match db.is_nan() {
         true => NONE,
@@ -17,7 +17,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_are_tenths_of_db_and_what_is_none_says_so() {
+    fn levels_are_encoded_in_tenths_of_db_and_nan_as_none() {
         assert_eq!(tenths(-12.34), -123);
         assert_eq!(tenths(f32::NEG_INFINITY), -32767);
         assert_eq!(tenths(1e9), i16::MAX);

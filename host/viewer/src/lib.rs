@@ -1,36 +1,41 @@
-//! Local web pages, for any browser: images of any size ([`product`]), and a capture as it runs.
+//! Local web pages for any browser: a viewer for images of any size ([`product`]), and the live display of a capture.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation.
+//! Part of [Subaperture](https://docs.rs/subaperture), radar image formation.
 //!
-//! # A capture
+//! # Capture page
 //! ```text
-//! radio::live::Board <── asked ten times a second, a client ── Server (a thread) ── HTTP on loopback ──> the page
+//! radio::live::Board <── polled ten times a second per client ── Server (one thread) ── HTTP on loopback ──> page
 //! ```
+//! [`Server::start`] serves a [`LiveState`] until it is dropped. The page consists of three files embedded in the program:
+//! it works offline and loads nothing from other servers. It shows the latest range profile, the waterfall, the levels
+//! of both channels, fault counts, the free disk space, and the image while it forms, if there is one.
 //!
-//! [`Server::start`] serves a [`Board`] until it is dropped. The page is three files in the program: it needs no network and loads
-//! nothing from anywhere else. It draws the latest range profile, the waterfall, both channels' levels, what went wrong, the room on the
-//! disk, and the image as it forms where there is one.
-//!
-//! | path | what it is |
+//! | path | content |
 //! |---|---|
 //! | `/`, `/page.css`, `/page.js` | the page |
 //! | `/colours` | colour maps, JSON: 256 colours each, dark to bright |
-//! | `/events` | server-sent events, a JSON object each: the state, and all rows of the waterfall since the last |
-//! | `/picture` | the image: 16-bit integers, little-endian, tenths of dB, rows of y ascending |
+//! | `/events` | server-sent events, one JSON object each: the state, and the waterfall rows since the previous event |
+//! | `/picture` | the image: 16-bit integers, little-endian, tenths of dB, rows in ascending y |
 //!
-//! Nothing that a client asks changes anything.
+//! No request changes any state.
 //!
-//! # Who may look
-//! Whoever can reach the address: loopback unless the caller says otherwise. A page of somebody else's, open in the same browser, may send
-//! requests here, but reads no answer, for no header allows it; and by DNS rebinding it comes under a name of its own, so that
-//! requests are served only if their `Host` is `localhost` or an address in digits ([`host::may_ask`]).
+//! # Access control
+//! The address of the page ([`Server::url`]) starts with a random secret. Requests without it are refused, so that
+//! others who can reach the port see nothing: all users of this machine, and of the network if the caller listens on
+//! it. Traffic is not encrypted. A foreign page open in the same browser may send requests to this server, but cannot
+//! read the responses, since no header allows it. DNS rebinding would let it do so under its own host name; requests
+//! are therefore served only if their `Host` is `localhost` or a numeric address ([`host::may_ask`]).
 //!
-//! # Bounds
-//! At most [`MOST_CONNECTIONS`] connections, others wait to be accepted; one on which nothing moves for 30 s is closed. A slow client
-//! gets fewer events, each with what it missed, as far as the board has it: nothing is queued for it, and the capture knows nothing of clients.
-//! Memory: a message for each client, 3 kB a row, and the picture.
+//! # Limits
+//! At most [`MAX_CONNECTIONS`] connections are open at a time, and at most [`MAX_OF_A_CLIENT`] from one remote
+//! address. When the server is full, the oldest connection that has not yet sent the secret is closed. If all have sent
+//! it, new connections wait. A request header is limited to 16 KiB and 10 s, and a connection is closed after 30 s
+//! without traffic. A slow client receives fewer events, each with all that it missed and that the board still has:
+//! nothing is queued for it, and it does not affect the capture. Memory use is one message per client, 3 kB per
+//! waterfall row, and the image.
 #![forbid(unsafe_code)]
 
+mod admission;
 mod connections;
 mod guard;
 pub mod host;
@@ -38,8 +43,9 @@ mod level;
 mod message;
 pub mod product;
 mod routes;
+mod secret;
 mod server;
 
-pub use connections::MOST_CONNECTIONS;
+pub use admission::{MAX_CONNECTIONS, MAX_OF_A_CLIENT};
 pub use server::{ServeError, Server};
-pub use subaperture_radio::live::Board;
+pub use subaperture_radio::live::LiveState;

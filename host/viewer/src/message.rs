@@ -1,4 +1,4 @@
-//! The state as the page gets it: an event, JSON.
+//! Event sent to the page, in JSON.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use subaperture_radio::live::{Level, Picture, Row, Status};
 
 use crate::level::tenths;
 
-/// An event.
+/// State of a capture, as sent in an event.
 #[derive(Serialize)]
 pub(crate) struct Message<'a> {
     name: &'a str,
@@ -15,14 +15,14 @@ pub(crate) struct Message<'a> {
     sweeps: u64,
     sweep: Option<u64>,
     usable: usize,
-    /// Steps of the latest sweep.
+    /// Flagged steps of the latest sweep.
     flagged: Named<usize>,
     reference: Channel,
     echo: Channel,
     rate_hz: Option<f64>,
     taken: u64,
     bursts: u64,
-    /// Steps since the beginning.
+    /// Flagged steps since the start of the capture.
     flagged_ever: Named<u64>,
     events: Events,
     lost_samples: u64,
@@ -36,7 +36,7 @@ pub(crate) struct Message<'a> {
     ranges_m: [f64; 2],
     calibrated: bool,
     ended: Option<&'a str>,
-    /// Rows of the waterfall that are kept.
+    /// Number of waterfall rows that are kept.
     most_rows: usize,
     rows: Vec<TenthsOfDb>,
     picture: Option<About>,
@@ -60,7 +60,7 @@ struct Events {
     gone: u64,
 }
 
-/// Levels of full scale, dB; none of silence.
+/// Levels in dBFS; `None` for zero amplitude.
 #[derive(Serialize)]
 struct Channel {
     rms_db: Option<f64>,
@@ -74,7 +74,7 @@ struct TenthsOfDb {
     levels: Vec<i16>,
 }
 
-/// A picture without its pixels.
+/// Description of an image, without its pixels.
 #[derive(Serialize)]
 struct About {
     revision: u64,
@@ -174,7 +174,7 @@ impl TenthsOfDb {
     }
 }
 
-/// A picture's levels as they are sent.
+/// Levels of an image as they are sent: 16-bit tenths of dB, little-endian.
 pub(crate) fn pixels(picture: &Picture) -> Vec<u8> {
     let bytes = |db: &f32| tenths(*db).to_le_bytes();
     picture.levels_db.iter().flat_map(bytes).collect()
@@ -184,9 +184,9 @@ pub(crate) fn pixels(picture: &Picture) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// Silence has no level, and JSON no infinity.
+    /// Zero amplitude has no level in dB, and JSON has no infinity.
     #[test]
-    fn a_capture_before_its_first_sweep_can_be_told() {
+    fn state_before_first_sweep_is_valid_json() {
         let status = Status {
             name: "a \"name\" </script>".to_owned(),
             ..Status::default()

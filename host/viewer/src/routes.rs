@@ -1,4 +1,4 @@
-//! What is answered to whom.
+//! HTTP routes of the capture page.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -9,22 +9,21 @@ use axum::body::{Body, Bytes};
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::http::header;
-use axum::middleware::from_fn;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use futures_util::stream;
 use tokio::time::{Instant, sleep};
 
-use crate::Board;
-use crate::guard::{colours, file, guard};
+use crate::LiveState;
+use crate::guard::{colours, file};
 use crate::message::{Message, pixels};
 
-/// How often a client is told, at the most.
+/// Minimum interval between events of a client.
 const EVERY: Duration = Duration::from_millis(100);
-/// How often it is told that nothing has changed.
+/// Interval of keep-alive comments while nothing changes.
 const STILL_HERE: Duration = Duration::from_secs(5);
 
-pub(crate) fn routes(board: Arc<Board>) -> Router {
+pub(crate) fn routes(board: Arc<LiveState>) -> Router {
     Router::new()
         .route(
             "/",
@@ -43,15 +42,13 @@ pub(crate) fn routes(board: Arc<Board>) -> Router {
                 )
             }),
         )
-        .route("/favicon.ico", get(|| async { StatusCode::NO_CONTENT }))
         .route("/colours", get(colours))
         .route("/events", get(events))
         .route("/picture", get(picture))
         .with_state(board)
-        .layer(from_fn(guard))
 }
 
-async fn picture(State(board): State<Arc<Board>>) -> Response {
+async fn picture(State(board): State<Arc<LiveState>>) -> Response {
     match board.picture() {
         (Some(picture), _) => {
             let kind = [(header::CONTENT_TYPE, "application/octet-stream")];
@@ -61,31 +58,31 @@ async fn picture(State(board): State<Arc<Board>>) -> Response {
     }
 }
 
-/// What a client has been told.
-struct Told {
-    board: Arc<Board>,
+/// Event stream of one client: what was sent last, and when.
+struct ClientStream {
+    board: Arc<LiveState>,
     revision: u64,
     sweep: Option<u64>,
     at: Option<Instant>,
 }
 
-async fn events(State(board): State<Arc<Board>>) -> impl IntoResponse {
-    let told = Told {
+async fn events(State(board): State<Arc<LiveState>>) -> impl IntoResponse {
+    let client = ClientStream {
         board,
         revision: 0,
         sweep: None,
         at: None,
     };
-    // Asked for only when the connection has room: a slow client is told less often, and nothing waits for it.
-    let events = stream::unfold(told, |mut told| async move {
-        let event = told.next().await;
-        Some((Ok::<_, Infallible>(event), told))
+    // The stream is polled only when the connection has room: a slow client receives fewer events and blocks nothing.
+    let events = stream::unfold(client, |mut client| async move {
+        let event = client.next().await;
+        Some((Ok::<_, Infallible>(event), client))
     });
     let kind = [(header::CONTENT_TYPE, "text/event-stream")];
     (kind, Body::from_stream(events))
 }
 
-impl Told {
+impl ClientStream {
     async fn next(&mut self) -> Bytes {
         loop {
             let due = self.at.map(|at| at + EVERY);
@@ -105,7 +102,8 @@ impl Told {
     }
 
     fn changed(&mut self) -> Bytes {
-        // Rows after the state: one that comes in between is of a later sweep than it says, and not told twice.
+        // Rows are read after the state: a row added in between belongs to a later sweep than the state, and is not
+        // sent twice.
         let (status, revision) = self.board.status();
         let rows = self.board.rows_after(self.sweep);
         let (picture, picture_revision) = self.board.picture();
@@ -117,7 +115,7 @@ impl Told {
             .as_deref()
             .map(|picture| (picture, picture_revision));
         let message = Message::new(&status, &rows, self.board.most_rows(), picture);
-        // Numbers and text alone: there is nothing that cannot be written.
+        // The message holds numbers and text only, so serialization cannot fail.
         let text = serde_json::to_string(&message).unwrap_or_default();
         Bytes::from(format!("data: {text}\n\n"))
     }

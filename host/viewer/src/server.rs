@@ -1,4 +1,4 @@
-//! The server: a thread with a runtime of its own.
+//! Server thread with its own runtime.
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
@@ -8,96 +8,110 @@ use std::thread::{self, JoinHandle};
 use axum::Router;
 use tokio::sync::oneshot;
 
-use crate::Board;
-use crate::connections::{Bounded, MOST_CONNECTIONS};
+use crate::LiveState;
+use crate::connections;
 use crate::product::{Gallery, product_routes};
 use crate::routes::routes;
+use crate::secret::Secret;
 
-/// Why there is no page.
+/// Error starting a page server.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServeError {
-    /// The address cannot be listened at.
+    /// The address cannot be bound.
     #[error(
-        "cannot listen at {address}: {source}; another address or port may do, and port 0 takes any that is free"
+        "cannot listen at {address}: {source}; choose another address or port, or port 0 for any free port"
     )]
     Listen {
-        /// The address.
+        /// Requested address.
         address: SocketAddr,
-        /// What the system says.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The system has no thread for it.
-    #[error("cannot start the page's thread: {0}")]
+    /// The operating system provided no thread, runtime or random numbers.
+    #[error("cannot start the page server: {0}")]
     Thread(#[from] io::Error),
 }
 
-/// A page that is served until this is dropped.
+/// Web page server; stops when dropped.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
+    secret: Secret,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Serves a board at an address; of port 0 the system chooses one.
+    /// Serve the live display of a capture at `address`. Port 0 selects a free port.
     ///
     /// # Errors
-    /// [`ServeError`], before anything is served.
-    pub fn start(address: SocketAddr, board: Arc<Board>) -> Result<Self, ServeError> {
-        Self::serve(address, routes(board))
+    /// [`ServeError`] if the address cannot be bound or the server cannot start.
+    pub fn start(address: SocketAddr, board: Arc<LiveState>) -> Result<Self, ServeError> {
+        Self::serve(address, routes(board), None)
     }
 
-    /// Serves images at an address; of port 0 the system chooses one.
+    /// Serve images at `address`. Port 0 selects a free port.
     ///
     /// # Errors
-    /// [`ServeError`], before anything is served.
+    /// [`ServeError`] if the address cannot be bound or the server cannot start.
     pub fn show(address: SocketAddr, gallery: Arc<Gallery>) -> Result<Self, ServeError> {
         gallery.begin()?;
-        Self::serve(address, product_routes(gallery))
+        let computing = gallery.bounds.computing.max(1);
+        Self::serve(address, product_routes(gallery), Some(computing))
     }
 
-    fn serve(address: SocketAddr, routes: Router) -> Result<Self, ServeError> {
+    /// Start the server. `computing` limits the number of threads that compute responses.
+    fn serve(
+        address: SocketAddr,
+        routes: Router,
+        computing: Option<usize>,
+    ) -> Result<Self, ServeError> {
         let fault = |source| ServeError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
         let address = listener.local_addr().map_err(fault)?;
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_io()
-            .enable_time()
-            .build()?;
+        let secret = Secret::new()?;
+        let mut runtime = tokio::runtime::Builder::new_current_thread();
+        runtime.enable_io().enable_time();
+        if let Some(most) = computing {
+            runtime.max_blocking_threads(most);
+        }
+        let runtime = runtime.build()?;
         let (stop, stopped) = oneshot::channel();
+        let known = secret.clone();
         let serve = async move {
-            let listener = tokio::net::TcpListener::from_std(listener)?;
-            let listener = Bounded::new(listener, MOST_CONNECTIONS);
-            axum::serve(listener, routes).await
+            if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
+                connections::serve(listener, routes, known).await;
+            }
         };
         let thread = thread::Builder::new()
             .name("page".to_owned())
             .spawn(move || {
                 runtime.block_on(async {
                     tokio::select! {
-                        _ = serve => {}
+                        () = serve => {}
                         _ = stopped => {}
                     }
                 });
-                // Clients that are still there are left: their tasks end with the runtime, which waits for nothing that is being computed for them.
+                // Remaining client tasks end with the runtime. Computations in progress are not waited for.
                 runtime.shutdown_background();
             })?;
         Ok(Self {
             address,
+            secret,
             stop: Some(stop),
             thread: Some(thread),
         })
     }
 
-    /// Where it listens.
+    /// Address that the server listens on, with the selected port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The page's address for a browser of this machine.
+    /// Address of the page for a browser on this machine. It contains the secret: give it only to people who may see
+    /// the page.
     pub fn url(&self) -> String {
         let mut address = self.address;
         if address.ip().is_unspecified() {
@@ -106,7 +120,7 @@ impl Server {
                 SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
             });
         }
-        format!("http://{address}/")
+        format!("http://{address}/{}/", self.secret.word())
     }
 }
 

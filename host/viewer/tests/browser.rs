@@ -1,6 +1,6 @@
-//! The page in a browser: what moves, what is told, who may look.
+//! Browser tests of the capture page: display, counts, and access.
 //!
-//! `SUBAPERTURE_SCREENSHOTS=FOLDER` keeps pictures of it, base64 of PNG.
+//! `SUBAPERTURE_SCREENSHOTS=FOLDER` stores screenshots, as PNG in base64.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::driver::Browser;
 use crate::http::serve;
 use crate::running::{Running, SPEED_M_S, STEPS, captured};
 
-/// The first number of a text.
+/// First number in a text.
 fn number(text: &str) -> f64 {
     let digits = text.trim_start_matches(|c: char| !c.is_ascii_digit() && c != '-');
     let end = digits
@@ -30,7 +30,7 @@ fn keep(browser: &Browser, name: &str) {
     }
 }
 
-/// A canvas as it is, a number for all of its pixels.
+/// Hash of the pixels of a canvas.
 fn pixels(browser: &Browser, id: &str) -> Value {
     browser.run(&format!(
         "const c = document.getElementById('{id}'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; \
@@ -38,11 +38,19 @@ fn pixels(browser: &Browser, id: &str) -> Value {
     ))
 }
 
-fn shown(browser: &Browser, sweep: u64) {
-    browser.wait(&format!("document.body.dataset.drawn === '{sweep}'"));
+/// Wait until a condition holds and the page has drawn everything it was asked to draw.
+fn wait_drawn(browser: &Browser, condition: &str) {
+    browser.wait(&format!("{condition} && !drawPending"));
 }
 
-/// Addresses at which this machine listens at a port, as the kernel tells: hexadecimal.
+fn shown(browser: &Browser, sweep: u64) {
+    wait_drawn(
+        browser,
+        &format!("document.body.dataset.drawn === '{sweep}'"),
+    );
+}
+
+/// Hexadecimal addresses that this machine listens on at a port, as reported by the kernel.
 #[cfg(target_os = "linux")]
 fn listening(port: u16) -> Vec<String> {
     let mut all = Vec::new();
@@ -62,8 +70,9 @@ fn listening(port: u16) -> Vec<String> {
     all
 }
 
-/// The strongest echo is where the reflector is at the middle of the sweep. The profile of a radar that moves by `v` shows it farther by
-/// `f v T / B`, the sweep's time `T` from its steps; its places are 12 m over 255 apart, of which half, and noise of -20 dB moves it by less.
+/// Check that the strongest echo appears at the reflector's range at mid-sweep. For a radar moving at `v`, the profile
+/// shows the reflector farther by `f v T / B`, with `T` the duration of a sweep computed from its steps. Half a display
+/// point (12 m / 255) and noise of -20 dB move it by less than the tolerance.
 fn assert_profile(browser: &Browser, running: &Running, sweep: u64) {
     let text = browser.text("cursor");
     assert!(text.starts_with("strongest: "), "{text}");
@@ -81,7 +90,7 @@ fn assert_profile(browser: &Browser, running: &Running, sweep: u64) {
 }
 
 #[test]
-fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
+fn page_follows_capture_and_shows_levels_and_losses() {
     let Some(browser) = Browser::start(1280, 1000) else {
         println!("skipped: chromium or chromedriver not found");
         return;
@@ -91,7 +100,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
     #[cfg(target_os = "linux")]
     assert_eq!(listening(server.address().port()), ["0100007F"]);
     browser.open(&server.url());
-    browser.wait("document.body.dataset.state === 'running'");
+    wait_drawn(&browser, "document.body.dataset.state === 'running'");
     // Names are text, never markup.
     assert_eq!(browser.text("name"), "A page's <b>name</b>");
 
@@ -105,7 +114,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
     let moved = ["profile", "waterfall"].map(|id| pixels(&browser, id));
     assert!(first[0] != moved[0] && first[1] != moved[1]);
 
-    // Paused, it stays as it is, and then has all that came meanwhile.
+    // While paused, the page does not change. On resume it shows all rows that arrived in between.
     browser.press(" ");
     browser.wait("document.getElementById('pause').getAttribute('aria-pressed') === 'true'");
     running.show(5..9);
@@ -119,7 +128,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
         json!([3, 4, 5, 6, 7, 8])
     );
 
-    // What is told is what was counted, and the last sweep's own.
+    // The page shows the totals of the capture, and the flags of the last sweep.
     let (status, _) = running.board.status();
     let summary = &running.summary;
     for (i, name) in ["late", "lost", "unsteady", "clipped", "unlocked"]
@@ -136,7 +145,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
         );
     }
     for (name, count) in [
-        ("overflows", summary.events[0]),
+        ("overruns", summary.events[0]),
         ("late-commands", summary.events[2]),
         ("lost-packets", summary.events[3]),
         ("samples-lost", summary.lost_samples),
@@ -152,7 +161,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
     assert!(summary.events[0] > 0 && summary.events[2] > 0 && summary.events[3] > 0);
     for (id, level) in ["reference", "echo"].into_iter().zip(status.levels) {
         let text = browser.text(id);
-        // To a tenth.
+        // Rounded to a tenth.
         assert!(
             (number(&text) - 20.0 * level.rms.log10()).abs() < 0.051,
             "{text}"
@@ -172,7 +181,7 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
         number(&browser.text("disk")) > 0.0 && browser.text("rate").parse::<f64>().unwrap() > 1.0
     );
 
-    // The image, and other colours.
+    // The image, and the second colour map.
     let level = |i: usize| -2.0 * ((i % 64) as f32 - 20.0).hypot((i / 64) as f32 - 40.0);
     running.board.show_picture(Picture {
         columns: 64,
@@ -181,19 +190,22 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
         levels_db: (0..64 * 64).map(level).collect(),
         pulses: 9,
     });
-    browser.wait("!document.getElementById('image-figure').hidden && view.image");
+    wait_drawn(
+        &browser,
+        "!document.getElementById('image-figure').hidden && view.image",
+    );
     assert!(
         browser.text("pulses").starts_with("9 pulses, 0.0 dB"),
         "{}",
         browser.text("pulses")
     );
-    // Its brightest pixel, at x -1.1 m and y 5.8 m of 6 m each way, is yellow where it is drawn: columns to the right, rows upwards.
+    // The brightest pixel of the image, at x -1.1 m and y 5.8 m of 6 m each way, is drawn in yellow at the right place:
+    // columns to the right, rows upwards.
     let yellow = "const c = document.getElementById('image'), w = c.width, d = c.getContext('2d').getImageData(0, 0, w, c.height).data; \
          let best = [0, 0, -1]; for (let i = 0; i < d.length; i += 4) { const y = d[i] + d[i + 1] - 2 * d[i + 2]; if (y > best[2]) best = [i / 4 % w, Math.floor(i / 4 / w), y]; } \
          const r = devicePixelRatio, x = w / r - EDGE.left - EDGE.right, t = Math.min(x, c.height / r - EDGE.top - EDGE.bottom), l = EDGE.left + (x - t) / 2; \
          return [(best[0] / r - l) / t, (best[1] / r - EDGE.top) / t]";
-    browser.wait("document.body.dataset.drawn === '8'");
-    std::thread::sleep(Duration::from_millis(100));
+    shown(&browser, 8);
     let place = browser.run(yellow);
     let [across, down] = [0, 1].map(|i| place[i].as_f64().unwrap());
     assert!(
@@ -203,12 +215,11 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
     keep(&browser, "light");
     let before = pixels(&browser, "waterfall");
     browser.press("c");
-    browser.wait("view.map === 'grey'");
-    std::thread::sleep(Duration::from_millis(100));
+    wait_drawn(&browser, "view.map === 'grey'");
     assert_ne!(pixels(&browser, "waterfall"), before);
     browser.press("c");
 
-    // A dark, small screen: nothing is wider than it.
+    // On a small dark screen, nothing is wider than the screen.
     let dark = json!({ "features": [{ "name": "prefers-color-scheme", "value": "dark" }] });
     browser.command("Emulation.setEmulatedMedia", &dark);
     let small = json!({ "width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": true });
@@ -230,6 +241,6 @@ fn the_page_moves_as_the_capture_does_and_tells_its_levels_and_losses() {
     running.board.end("all sweeps are taken");
     browser.wait("document.body.dataset.state === 'ended'");
     assert!(browser.text("state").contains("all sweeps are taken"));
-    // Nothing was refused, missing or wrong in the page.
+    // The page has no failed, missing or foreign resources.
     assert_eq!(browser.run("return performance.getEntriesByType('resource').every((e) => e.name.startsWith(location.origin))"), true);
 }

@@ -1,4 +1,4 @@
-//! A browser without a screen, by the WebDriver protocol (W3C) over plain HTTP. `tests/cli` looks at its page by it too.
+//! Headless browser, driven by the WebDriver protocol (W3C) over plain HTTP. Also used by `tests/cli`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// No sandbox, for that needs rights that a container may not give; nothing of the browser's own in the network.
+/// Without a sandbox, which needs privileges that containers may lack, and without network access by the browser
+/// itself.
 const ARGUMENTS: &[&str] = &[
     "--headless=new",
     "--no-sandbox",
@@ -23,7 +24,7 @@ const ARGUMENTS: &[&str] = &[
     "--hide-scrollbars",
 ];
 
-/// Chromium with a session.
+/// Chromium session.
 pub(crate) struct Browser {
     driver: Child,
     port: u16,
@@ -31,9 +32,9 @@ pub(crate) struct Browser {
     _profile: TempDir,
 }
 
-#[allow(dead_code, reason = "each who looks takes what it needs")]
+#[allow(dead_code, reason = "each test program uses only some methods")]
 impl Browser {
-    /// `None` where ChromeDriver or Chromium is not installed.
+    /// Start a session. `None` if ChromeDriver or Chromium is not installed.
     pub(crate) fn start(width: u32, height: u32) -> Option<Self> {
         Command::new("chromium")
             .arg("--version")
@@ -122,7 +123,7 @@ impl Browser {
         self.of_session("/url", &json!({ "url": url }));
     }
 
-    /// What a function's body returns in the page.
+    /// Run a function body in the page and return its result.
     pub(crate) fn run(&self, script: &str) -> Value {
         self.of_session("/execute/sync", &json!({ "script": script, "args": [] }))
     }
@@ -134,7 +135,7 @@ impl Browser {
         text.as_str().unwrap().to_owned()
     }
 
-    /// Waits until a condition of the page holds.
+    /// Wait until a condition holds in the page.
     pub(crate) fn wait(&self, condition: &str) {
         let begun = Instant::now();
         while self.run(&format!("return Boolean({condition})")) != true {
@@ -153,7 +154,7 @@ impl Browser {
         self.of_session("/actions", &json!({ "actions": [keys] }));
     }
 
-    /// Shows the page as on a dark screen, or a small one.
+    /// Run a command of the Chrome DevTools protocol, for example to emulate a dark or small screen.
     pub(crate) fn command(&self, name: &str, parameters: &Value) {
         self.of_session(
             "/goog/cdp/execute",
@@ -161,13 +162,13 @@ impl Browser {
         );
     }
 
-    /// What the console has said since it was asked last: errors of scripts, and of what could not be loaded.
+    /// Console messages since the last call: script errors and failed loads.
     pub(crate) fn console(&self) -> Vec<Value> {
-        let said = self.of_session("/se/log", &json!({ "type": "browser" }));
-        said.as_array().unwrap().clone()
+        let messages = self.of_session("/se/log", &json!({ "type": "browser" }));
+        messages.as_array().unwrap().clone()
     }
 
-    /// A picture of the window, PNG in base64.
+    /// Screenshot of the window, PNG in base64.
     pub(crate) fn screenshot(&self) -> String {
         let path = format!("/session/{}/screenshot", self.session);
         self.ask("GET", &path, &Value::Null)
@@ -179,7 +180,7 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // After a failure too, or Chromium stays; what it answers is of no matter then.
+        // Also after a failed test, since Chromium would otherwise keep running. Errors are irrelevant here.
         let end = format!(
             "DELETE /session/{} HTTP/1.1\r\nHost: localhost:{}\r\nConnection: close\r\n\r\n",
             self.session, self.port

@@ -1,8 +1,8 @@
-//! Images by HTTP, each answer against values that are written out here.
+//! HTTP tests of the image viewer. Each response is checked against values computed here.
 
 use std::f64::consts::TAU;
 use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,18 +10,22 @@ use num_complex::Complex32;
 use serde_json::{Value, json};
 use subaperture_io::tiles::TileStore;
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
-use subaperture_model::image::{Image, Parts, Tiling};
+use subaperture_model::image::{Image, ImageSource, Tiling};
 use subaperture_viewer::Server;
 use subaperture_viewer::product::{Bounds, Gallery, Layer, Pixels, Product, TILE};
 use tempfile::TempDir;
+
+use crate::http::secret;
 
 const NONE: i16 = i16::MIN;
 const BOUNDS: Bounds = Bounds {
     overview_bytes: 64 << 20,
     computing: 2,
+    request_bytes: 256 << 20,
+    answer_bytes: 16 << 20,
 };
 
-/// A smooth ramp of 40 dB across with a phase that turns along rows, and a bright pixel.
+/// A ramp of 40 dB across the columns, with a phase that rotates along the rows, and one bright pixel.
 pub(crate) const ROWS: usize = 2100;
 pub(crate) const COLUMNS: usize = 2600;
 pub(crate) const BRIGHT: [usize; 2] = [1500, 700];
@@ -46,7 +50,7 @@ pub(crate) fn image(rows: usize, columns: usize) -> Image {
     }
 }
 
-/// One at 45 N, 10 E, x east and y north, 0.5 m a pixel.
+/// Image at 45 N, 10 E, x east and y north, 0.5 m per pixel.
 pub(crate) fn on_earth() -> Product {
     let origin = Geodetic {
         latitude_deg: 45.0,
@@ -69,11 +73,12 @@ pub(crate) fn serve(products: Vec<Product>, layers: Vec<Layer>) -> Server {
 }
 
 /// Status and body.
-fn answer(address: SocketAddr, path: &str, host: &str) -> (String, Vec<u8>) {
-    let mut stream = TcpStream::connect(address).unwrap();
+fn answer(server: &Server, path: &str, host: &str) -> (String, Vec<u8>) {
+    let mut stream = TcpStream::connect(server.address()).unwrap();
     stream
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
+    let path = secret(server, path);
     let request = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).unwrap();
     let mut all = Vec::new();
@@ -83,14 +88,14 @@ fn answer(address: SocketAddr, path: &str, host: &str) -> (String, Vec<u8>) {
     (head.to_lowercase(), all.split_off(end + 4))
 }
 
-fn told(server: &Server, path: &str) -> Value {
-    let (head, body) = answer(server.address(), path, "localhost");
+fn json_at(server: &Server, path: &str) -> Value {
+    let (head, body) = answer(server, path, "localhost");
     assert!(head.starts_with("http/1.1 200"), "{path}: {head}");
     serde_json::from_slice(&body).unwrap()
 }
 
 fn tile(server: &Server, path: &str) -> Vec<i16> {
-    let (head, body) = answer(server.address(), path, "localhost");
+    let (head, body) = answer(server, path, "localhost");
     assert!(head.starts_with("http/1.1 200"), "{path}: {head}");
     assert_eq!(body.len(), 2 * TILE * TILE);
     let pairs = body.chunks_exact(2);
@@ -100,7 +105,7 @@ fn tile(server: &Server, path: &str) -> Vec<i16> {
 fn settled(server: &Server) -> Value {
     let begun = Instant::now();
     loop {
-        let state = told(server, "/state");
+        let state = json_at(server, "/state");
         let images = state["images"].as_array().unwrap();
         if images.iter().all(|image| image["settled"] == true) {
             return state;
@@ -110,7 +115,7 @@ fn settled(server: &Server) -> Value {
     }
 }
 
-/// The level of a cell, from the formula of its pixels.
+/// Expected level of a cell, from the formula of its pixels.
 fn expected(level: u32, row: usize, column: usize) -> f64 {
     let side = 1 << level;
     let (mut sum, mut count) = (0.0, 0.0);
@@ -123,10 +128,10 @@ fn expected(level: u32, row: usize, column: usize) -> f64 {
     100.0 * (sum / count).log10()
 }
 
-/// Every level has the mean powers of its cells, whether they were kept or are computed: sent in tenths of dB, so that half a tenth is rounding, and float32 sums of the
-/// overview err by less than a hundredth of that.
+/// Every level has the mean powers of its cells, whether kept or computed. Levels are sent in tenths of dB, so rounding
+/// is half a tenth; float32 sums of the overview err by less than a hundredth of that.
 #[test]
-fn tiles_of_every_level_are_means_of_powers() {
+fn tiles_of_every_level_are_mean_powers() {
     let server = serve(vec![on_earth()], Vec::new());
     let state = settled(&server);
     let about = &state["images"][0];
@@ -155,27 +160,27 @@ fn tiles_of_every_level_are_means_of_powers() {
         }
         let beyond = format!("/tile/0/{level}/{}/0", last[0] + 1);
         assert!(
-            answer(server.address(), &beyond, "localhost")
+            answer(&server, &beyond, "localhost")
                 .0
                 .starts_with("http/1.1 404")
         );
     }
-    // A pixel, where it is, and its phase: an eighth of a turn a row.
-    let pixel = told(&server, "/value/0/1051/1302");
+    // Value, position and phase of a pixel. The phase is 1/8 turn per row.
+    let pixel = json_at(&server, "/value/0/1051/1302");
     assert_eq!(pixel["position_m"], json!([1.0, 0.5, 0.0]));
     let number = |key: &str| pixel[key].as_f64().unwrap();
     assert!((number("level_db") + 40.0 * 1302.0 / 2600.0).abs() < 1e-4);
     assert!((number("phase_deg") - 135.0).abs() < 1e-3, "{pixel}");
-    // Half a metre north and one east of 45 N, 10 E: arcs of 111.13 km and 78.85 km a degree.
+    // Half a metre north and one metre east of 45 N, 10 E: arcs of 111.13 km and 78.85 km per degree.
     assert!((number("latitude_deg") - 45.0 - 0.5 / 111_132.0).abs() < 1e-8);
     assert!((number("longitude_deg") - 10.0 - 1.0 / 78_847.0).abs() < 1e-8);
-    let (_, phases) = answer(server.address(), "/phase/0/4/5", "localhost");
+    let (_, phases) = answer(&server, "/phase/0/4/5", "localhost");
     assert_eq!(phases.len(), TILE * TILE);
     for (i, phase) in phases.iter().enumerate().step_by(31) {
         assert_eq!(usize::from(*phase), (4 * TILE + i / TILE) % 8 * 32);
     }
-    // Down a row of the ramp: a straight line.
-    let cut = told(&server, "/cut/0/10/0/10/2599");
+    // Along a row of the ramp: a straight line.
+    let cut = json_at(&server, "/cut/0/10/0/10/2599");
     let levels = cut["levels_db"].as_array().unwrap();
     for (i, level) in levels.iter().enumerate() {
         let column = (2599.0 * i as f64 / (levels.len() - 1) as f64).round();
@@ -183,9 +188,9 @@ fn tiles_of_every_level_are_means_of_powers() {
     }
 }
 
-/// Nothing but what was named is answered, to nobody by another name, and nothing of a path.
+/// Unknown paths, foreign host names and file paths are refused.
 #[test]
-fn nothing_else_is_served() {
+fn unknown_paths_and_hosts_are_refused() {
     let server = serve(vec![on_earth()], Vec::new());
     let address = server.address();
     assert!(address.ip().is_loopback());
@@ -198,7 +203,7 @@ fn nothing_else_is_served() {
         "/leaflet.css",
         "/licences",
     ] {
-        let (head, body) = answer(address, path, "localhost");
+        let (head, body) = answer(&server, path, "localhost");
         assert!(
             head.starts_with("http/1.1 200") && body.len() > 500,
             "{path}: {head}"
@@ -225,24 +230,24 @@ fn nothing_else_is_served() {
         "/cut/0/0/0/nan/0",
         "/Cargo.toml",
     ] {
-        let (head, _) = answer(address, path, "localhost");
+        let (head, _) = answer(&server, path, "localhost");
         assert!(head.starts_with("http/1.1 404"), "{path}: {head}");
     }
     for path in ["/tile/0/0/-1/0", "/tile/0/x/0/0", "/value/0/1"] {
-        let (head, _) = answer(address, path, "localhost");
+        let (head, _) = answer(&server, path, "localhost");
         assert!(head.starts_with("http/1.1 4"), "{path}: {head}");
     }
     for host in ["evil.example", "127.0.0.1.evil.example", ""] {
         for path in ["/", "/state", "/tile/0/0/0/0", "/value/0/0/0"] {
-            let (head, _) = answer(address, path, host);
+            let (head, _) = answer(&server, path, host);
             assert!(head.starts_with("http/1.1 421"), "{host} {path}: {head}");
         }
     }
 }
 
-/// An image that is still being formed: what is there is shown, and the rest when it comes.
+/// An incomplete image is shown as far as it exists, and the remaining tiles when they arrive.
 #[test]
-fn an_image_that_grows_is_shown_as_it_comes() {
+fn growing_image_is_shown_as_tiles_arrive() {
     let folder = TempDir::new().unwrap();
     let tiling = Tiling {
         image: [1000, 1500],
@@ -261,16 +266,16 @@ fn an_image_that_grows_is_shown_as_it_comes() {
         Vec::new(),
     );
     let begun = Instant::now();
-    while told(&server, "/state")["images"][0]["ready"] != true {
+    while json_at(&server, "/state")["images"][0]["ready"] != true {
         assert!(begun.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(20));
     }
-    let state = told(&server, "/state");
-    // 6 tiles of 256 rows and 2 more of 256 x 256.
+    let state = json_at(&server, "/state");
+    // 6 tiles of 256 rows, and 2 more of 256 x 256.
     let fraction = (256.0 * 1500.0 + 2.0 * 256.0 * 256.0) / 1.5e6;
     assert_eq!(state["images"][0]["settled"], false);
     assert!((state["images"][0]["fraction"].as_f64().unwrap() - fraction).abs() < 1e-9);
-    // Level 3: tiles are 32 cells a side, and the ninth is not there.
+    // At level 3, tiles are 32 cells wide. The ninth tile is missing.
     let cells = tile(&server, "/tile/0/3/0/0");
     assert!(cells[33 * TILE + 63] != NONE && cells[33 * TILE + 64] == NONE);
     assert!(
@@ -289,9 +294,9 @@ fn an_image_that_grows_is_shown_as_it_comes() {
     assert!(tile(&server, "/tile/0/3/0/0")[33 * TILE + 64] != NONE);
 }
 
-/// What cannot be read is told, and the page goes on.
+/// Unreadable data are reported, and the page remains usable.
 #[test]
-fn what_is_damaged_is_told() {
+fn damaged_files_are_reported() {
     let folder = TempDir::new().unwrap();
     let tiling = Tiling {
         image: [300, 300],
@@ -308,19 +313,19 @@ fn what_is_damaged_is_told() {
     bytes[1000] ^= 1;
     std::fs::write(&chunk, bytes).unwrap();
     let mut checked = on_earth();
-    checked.check = Some(Box::new(|| Err("its CRC-32 is another".to_owned())));
+    checked.check = Some(Box::new(|| Err("CRC-32 mismatch".to_owned())));
     let server = serve(
         vec![Product::new("a".to_owned(), Pixels::tiles(store)), checked],
         Vec::new(),
     );
     let state = settled(&server);
     let fault = |i: usize| state["images"][i]["fault"].as_str().unwrap().to_owned();
-    assert!(fault(0).contains("CRC-32") && fault(1).contains("another"));
-    let (head, body) = answer(server.address(), "/tile/0/0/0/0", "localhost");
+    assert!(fault(0).contains("CRC-32") && fault(1).contains("mismatch"));
+    let (head, body) = answer(&server, "/tile/0/0/0/0", "localhost");
     assert!(head.starts_with("http/1.1 500"), "{head}");
     assert!(String::from_utf8(body).unwrap().contains("CRC-32"));
     assert!(
-        answer(server.address(), "/tile/1/0/0/0", "localhost")
+        answer(&server, "/tile/1/0/0/0", "localhost")
             .0
             .starts_with("http/1.1 200")
     );

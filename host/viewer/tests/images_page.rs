@@ -1,6 +1,6 @@
-//! Images in a browser: how soon they are there, what they take, what is shown, compared and measured.
+//! Browser tests of the image viewer: loading time, memory, display, comparison and measurements.
 //!
-//! `SUBAPERTURE_SCREENSHOTS=FOLDER` keeps pictures of the page, base64 of PNG.
+//! `SUBAPERTURE_SCREENSHOTS=FOLDER` stores screenshots of the page, as PNG in base64.
 
 use std::io::{Seek, SeekFrom, Write};
 use std::time::Instant;
@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use crate::driver::Browser;
 use crate::images::{BRIGHT, COLUMNS, ROWS, image, on_earth, serve};
 
-/// Resident memory of this process at its most, bytes.
+/// Peak resident memory of this process, bytes.
 #[cfg(target_os = "linux")]
 fn peak_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
@@ -30,7 +30,8 @@ fn peak_bytes() -> u64 {
 /// Rows and columns of the large image.
 const SIDE: usize = 20_000;
 
-/// An image of 20000 x 20000, 3.2 GB, of which every hundredth row is written and the others are holes in the file: zeros.
+/// Write an image of 20000 x 20000 pixels, 3.2 GB. Every hundredth row is written; the others are holes in the file,
+/// which read as zeros.
 fn large(path: &std::path::Path) {
     let header = format!("{{'descr': '<c8', 'fortran_order': False, 'shape': ({SIDE}, {SIDE}), }}");
     let padded = format!("{header:<117}\n");
@@ -47,9 +48,9 @@ fn large(path: &std::path::Path) {
     file.set_len(128 + (SIDE * line.len()) as u64).unwrap();
 }
 
-/// A large image in a browser: the first picture in a second, levels, pan and zoom, all within memory that has nothing to do with the image's.
+/// A large image appears within a second and can be panned and zoomed, in memory independent of its size.
 #[test]
-fn a_large_image_is_there_at_once_and_takes_little_memory() {
+fn large_image_appears_at_once_in_little_memory() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("large.npy");
     large(&path);
@@ -70,7 +71,7 @@ fn a_large_image_is_there_at_once_and_takes_little_memory() {
     browser.open(&server.url());
     browser.wait("view.painted > 3");
     println!("first picture after {:?}", begun.elapsed());
-    // A quarter of a second on two processors, and as much as other tests beside make of it: told, not judged.
+    // A quarter of a second on two processors, more while other tests run: printed, not asserted.
     browser.wait("document.body.dataset.state === 'ready' && view.drawn === view.wanted");
     for zoom in [-4, -3, -2, -1, 0, 2] {
         browser.run(&format!(
@@ -81,7 +82,7 @@ fn a_large_image_is_there_at_once_and_takes_little_memory() {
             browser.wait("view.drawn === view.wanted");
         }
     }
-    // What is under the crosshair is the pixel there: row 3000, column 3000 at the middle of the map.
+    // The readout shows the pixel under the crosshair: row 3000, column 3000 at the centre of the map.
     browser.run("map.setView([3000.5, 3000.5], 0, { animate: false }); map.getContainer().focus(); readout(map.getCenter()); return 1");
     browser.wait("document.getElementById('level').textContent.includes('dB')");
     assert!(browser.text("where").contains("row 3000, column 3000"));
@@ -93,17 +94,18 @@ fn a_large_image_is_there_at_once_and_takes_little_memory() {
     );
     #[cfg(target_os = "linux")]
     {
-        // The overview takes 400 M / 64 cells of 4 bytes and a third more, 33 MB; the glance 500 x 500 pixels, 2 MB; two tiles at a time 2 MB each; the rest is the
-        // server's and the allocator's. Other tests of this process may run meanwhile, each with images of 44 MB. The image itself is 3.2 GB.
+        // The overview takes 400 M / 64 cells of 4 bytes plus one third, 33 MB; the preview of 500 x 500 pixels 2 MB;
+        // two tiles at a time 2 MB each. The rest belongs to the server and the allocator. Other tests of this process
+        // may run at the same time with images of 44 MB. The image itself has 3.2 GB.
         let more = peak_bytes().saturating_sub(before);
         println!("{} MiB more at the most", more >> 20);
         assert!(more < 200 << 20, "{more}");
     }
 }
 
-/// Two images with a layer: blink, swipe, levels, phase, measurements, the address, small screens.
+/// Two images with a layer: blink, swipe, levels, phase, measurements, address, and small screens.
 #[test]
-fn the_page_shows_compares_and_measures() {
+fn page_displays_compares_and_measures_images() {
     let Some(browser) = Browser::start(1280, 900) else {
         println!("skipped: chromium or chromedriver not found");
         return;
@@ -129,18 +131,18 @@ fn the_page_shows_compares_and_measures() {
     // Names are text, never markup.
     assert_eq!(browser.text("name"), "earth <b>");
     browser.wait("document.body.dataset.layers === '2'");
-    // The colour at a place of an image, as painted, by row and column.
+    // Painted colour at a row and column of an image.
     let colour = |plane: &str, row: usize, column: usize| {
         browser.run(&format!(
             "let found = null; planes.{plane}.each((c) => {{ const s = 2 ** c.level, n = 256, r = Math.floor({row} / s) - c.at[0] * n, k = Math.floor({column} / s) - c.at[1] * n; \
              if (r >= 0 && k >= 0 && r < n && k < n) found = Array.from(c.getContext('2d').getImageData(k, n - 1 - r, 1, 1).data); }}); return found"
         ))
     };
-    // White is 0 dB and black 40 dB below: a quarter of the way along is 10 dB below white, three quarters of 255.
+    // White is 0 dB and black is -40 dB. A quarter of the width is 10 dB below white: three quarters of 255.
     browser.run("choose(0, 40); return 1");
     let [first, quarter] =
         [20, COLUMNS / 4].map(|column| colour("shown", 300, column)[0].as_f64().unwrap());
-    // Cells of level 2 are 0.06 dB wide, tenths of dB half a grey.
+    // Cells of level 2 span 0.06 dB; a tenth of a dB is half a grey level.
     assert!(
         (first - 253.0).abs() <= 2.0 && (quarter - 191.0).abs() <= 2.0,
         "{first} {quarter}"
@@ -153,7 +155,7 @@ fn the_page_shows_compares_and_measures() {
     let purple = colour("shown", 300, COLUMNS - 30);
     assert!(purple[2].as_f64() > purple[1].as_f64(), "{purple}");
     browser.press("c");
-    // The other image is the first one turned by half a turn: its bright side is the right one.
+    // The second image is the first rotated by half a turn: its bright side is on the right.
     browser.press("b");
     browser.wait("view.blinked && document.getElementById('name').textContent === 'other'");
     browser.wait("view.drawn === view.wanted");
@@ -162,7 +164,7 @@ fn the_page_shows_compares_and_measures() {
     browser.press("b");
     browser.press("s");
     browser.wait("view.swiped && planes.other.getContainer().style.clip.startsWith('rect')");
-    // The point response of the bright pixel, from a place some pixels off.
+    // Point response of the bright pixel, from a position a few pixels away.
     browser.run("mode('point'); return 1");
     browser.run(&format!(
         "pick(L.latLng({}.5, {}.5)); return 1",
@@ -170,19 +172,19 @@ fn the_page_shows_compares_and_measures() {
         BRIGHT[1] - 2
     ));
     browser.wait("!document.getElementById('numbers').hidden && document.body.dataset.chart");
-    let measured = browser.text("told");
+    let measured = browser.text("message");
     assert!(
         measured.contains(&format!("row {}.00, column {}.00", BRIGHT[0], BRIGHT[1]))
             && measured.contains("40.00 dB"),
         "{measured}"
     );
-    // A distance: 300 rows and 400 columns of 0.5 m are 250 m.
+    // Distance over 300 rows and 400 columns of 0.5 m: 250 m.
     browser
         .run("mode('cut'); pick(L.latLng(100.5, 100.5)); pick(L.latLng(400.5, 500.5)); return 1");
-    browser.wait("document.getElementById('told').textContent.startsWith('250.00 m')");
+    browser.wait("document.getElementById('message').textContent.startsWith('250.00 m')");
     browser.wait("measured.curves.length === 1 && measured.curves[0].y.length === 401");
     keep(&browser, "images");
-    // Phase, at a pixel a pixel: eight rows a turn.
+    // Phase at zoom 1:1: one turn per eight rows.
     browser.press("1");
     browser.press("p");
     browser.wait("view.phase && map.getZoom() === 0 && view.drawn === view.wanted");
@@ -199,7 +201,7 @@ fn the_page_shows_compares_and_measures() {
         colour("shown", row, column),
         colour("shown", row + 4, column)
     );
-    // The address is that of the view: another page with it is the same.
+    // The address holds the view: another page opened with it shows the same.
     browser.wait("location.hash.includes('p=1') && location.hash.includes('t=1')");
     let shown = "return [view.top, view.span, view.phase, map.getZoom(), map.getCenter().lat.toFixed(1), view.swiped]";
     let before = browser.run(shown);
@@ -212,7 +214,7 @@ fn the_page_shows_compares_and_measures() {
     browser.open(&format!("{}{hash}", server.url()));
     browser.wait("view.painted > 3 && view.drawn === view.wanted");
     assert_eq!(browser.run(shown), before);
-    // Everything that can be pressed has a name, and a small dark screen is wide enough.
+    // All controls have accessible names, and the page fits a small dark screen.
     let unnamed = "return [...document.querySelectorAll('button, select, input, canvas[role], #map')].filter((e) => !(e.textContent.trim() || e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.id)";
     assert_eq!(browser.run(unnamed), json!([]));
     let dark = json!({ "features": [{ "name": "prefers-color-scheme", "value": "dark" }] });

@@ -1,4 +1,4 @@
-//! The page as its clients see it: by HTTP written out here, and by a browser without a screen.
+//! Tests of the pages as clients see them: by hand-written HTTP, and by a headless browser.
 
 mod browser;
 mod driver;

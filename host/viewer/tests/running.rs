@@ -1,4 +1,4 @@
-//! A capture to look at: a radar that moves off a corner reflector, by the simulated radio with faults on the way.
+//! Test capture: a radar that moves away from a corner reflector, by the simulated radio with injected faults.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,19 +9,19 @@ use subaperture_describe::Description;
 use subaperture_radio::Transceiver;
 use subaperture_radio::capture::{Queues, Summary, capture, setup};
 use subaperture_radio::fault::{Faults, Faulty};
-use subaperture_radio::live::{Board, Follower, LiveStep, View};
+use subaperture_radio::live::{LiveState, LiveStep, SweepAssembler, View};
 use subaperture_radio::plan::Plan;
 use subaperture_radio::profile::Options;
 use subaperture_radio::simulated::{Analogue, SimulatedRadio, Wiring};
 use subaperture_simulate::scenario::Scenario;
 use tempfile::TempDir;
 
-/// Carriers a sweep.
+/// Carriers per sweep.
 pub(crate) const STEPS: usize = 32;
 /// Speed away from the reflector.
 pub(crate) const SPEED_M_S: f64 = 1.0;
 
-/// The radar moves from the origin along -x; the reflector is at 6 m. At 6 m amplitudes are 1.
+/// The radar moves from the origin along -x; the reflector is at 6 m. Amplitudes are 1 at 6 m.
 const SCENE: &str = r#"
     seed = 3
     [radar]
@@ -45,15 +45,15 @@ const SCENE: &str = r#"
     cross_section = "1 m^2"
 "#;
 
-/// What was captured, to be shown sweep by sweep.
+/// Finished capture, shown sweep by sweep.
 pub(crate) struct Running {
-    pub(crate) board: Arc<Board>,
+    pub(crate) board: Arc<LiveState>,
     pub(crate) summary: Summary,
     pub(crate) steps: Vec<LiveStep>,
-    follower: Follower,
+    follower: SweepAssembler,
 }
 
-/// A capture of some sweeps, none of which is shown yet.
+/// Capture `sweeps` sweeps without showing any.
 pub(crate) fn captured(name: &str, sweeps: u64) -> Running {
     let folder = TempDir::new().unwrap();
     let text = format!(
@@ -63,7 +63,7 @@ pub(crate) fn captured(name: &str, sweeps: u64) -> Running {
     let experiment = Scenario::new("scene.toml", SCENE.to_owned(), ".")
         .experiment()
         .unwrap();
-    // A loop as long as the antennas' cables, so that ranges need no calibration.
+    // The loop delay equals that of the antenna cables, so that ranges need no calibration.
     let wiring = Wiring::loopback(0.0, 0.0, None);
     let radio = SimulatedRadio::new(&experiment, wiring, Analogue::b210()).unwrap();
     let faults = Faults {
@@ -87,7 +87,7 @@ pub(crate) fn captured(name: &str, sweeps: u64) -> Running {
         disk: Some(folder.path().to_owned()),
         ..View::default()
     };
-    let (follower, board) = Follower::new(&plan, &setup, 1e6, view).unwrap();
+    let (follower, board) = SweepAssembler::new(&plan, &setup, 1e6, view).unwrap();
     let (sender, steps) = sync_channel(1 << 12);
     let path = folder.path().join("capture");
     let stop = AtomicBool::new(false);
@@ -103,7 +103,7 @@ pub(crate) fn captured(name: &str, sweeps: u64) -> Running {
 }
 
 impl Running {
-    /// Shows some sweeps.
+    /// Show some sweeps.
     pub(crate) fn show(&mut self, sweeps: Range<u64>) {
         for step in self
             .steps
@@ -114,7 +114,7 @@ impl Running {
         }
     }
 
-    /// Device time at the middle of a sweep.
+    /// Device time at mid-sweep.
     pub(crate) fn middle_s(&self, sweep: u64) -> f64 {
         let times = self.steps.iter().filter(|step| step.sweep == sweep);
         times.map(|step| step.time_s).sum::<f64>() / STEPS as f64

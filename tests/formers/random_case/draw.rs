@@ -65,7 +65,7 @@ impl Random {
 
 /// Most terms of the sum over a case's pixels, pulses and samples: some 20 ms; one case in 40 takes ten times
 /// as many.
-const MOST_TERMS: f64 = 4e6;
+const MAX_TERMS: f64 = 4e6;
 
 /// The case of a seed.
 pub(crate) fn draw(seed: u64) -> Case {
@@ -82,7 +82,7 @@ pub(crate) fn draw(seed: u64) -> Case {
         true => r.count(1, 12),
         false => r.count(12, 400),
     };
-    let terms = MOST_TERMS * if r.chance(1.0 / 40.0) { 10.0 } else { 1.0 };
+    let terms = MAX_TERMS * if r.chance(1.0 / 40.0) { 10.0 } else { 1.0 };
     let most = (terms / (num_samples * num_pulses) as f64).clamp(4.0, 4e4);
     let counts = match r.chance(0.15) {
         true => {
@@ -248,7 +248,7 @@ fn plane(
     plane
 }
 
-fn window(r: &mut Random) -> Window {
+pub(super) fn window(r: &mut Random) -> Window {
     match r.even(0.0, 1.0) {
         u if u < 0.35 => Window::None,
         u if u < 0.7 => Window::default(),

@@ -5,6 +5,7 @@
 //! A [`Case`] is a description in a few numbers, so that a failing one can be made smaller step by step
 //! ([`shrink`]) and printed.
 
+mod dark;
 mod draw;
 mod oracle;
 mod shrink;
@@ -17,6 +18,7 @@ use num_complex::Complex64;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::signal::window::Window;
 
+pub(crate) use dark::draw_dark;
 pub(crate) use draw::draw;
 pub(crate) use oracle::{exact_sum, history};
 pub(crate) use shrink::shrink;
@@ -101,7 +103,7 @@ impl Plane {
 pub(crate) struct Case {
     /// Where it was drawn from.
     pub(crate) seed: u64,
-    /// The antennas.
+    /// Track of the antennas and their arrangement.
     pub(crate) track: Track,
     /// Pulses.
     pub(crate) num_pulses: usize,
@@ -119,7 +121,7 @@ pub(crate) struct Case {
     pub(crate) noise: f64,
     /// Windows over frequencies and pulses.
     pub(crate) windows: [Window; 2],
-    /// Bound asked, dB.
+    /// Requested error bound, dB, relative.
     pub(crate) bound_db: f64,
     /// Whether the track is smooth, the scene far from it and in view: what no former should refuse for want of
     /// accuracy.

@@ -34,7 +34,7 @@ pub(crate) enum Shape {
 /// Which antennas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Antennas {
-    /// One.
+    /// Monostatic antenna on one track.
     Monostatic,
     /// A receiver this far from the transmitter.
     Apart(DVec3),
@@ -49,7 +49,7 @@ pub(crate) enum Antennas {
 pub(crate) struct Track {
     /// What shape it has.
     pub(crate) shape: Shape,
-    /// Its middle, metres.
+    /// Centre of the track, metres.
     pub(crate) middle_m: DVec3,
     /// Unit vector of flight.
     pub(crate) along: DVec3,
@@ -61,7 +61,7 @@ pub(crate) struct Track {
     pub(crate) antennas: Antennas,
     /// Reference paths: of the scene's origin, off by this, or zero if it is infinite; metres.
     pub(crate) reference_m: f64,
-    /// For jitter.
+    /// Seed of the position jitter.
     pub(crate) seed: u64,
 }
 

@@ -1,7 +1,7 @@
-//! One of every message, of values that proptest picks.
+//! One of every message, with values chosen by proptest.
 
 use proptest::prelude::*;
-use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoding, Increment, LinkCounters, Motion,
     MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
@@ -11,7 +11,7 @@ use subaperture_core::stream::{
 };
 use subaperture_core::{Pulse, motion, sweep};
 
-/// What messages are made of.
+/// Values that messages are built from.
 #[derive(Clone, Debug)]
 pub(super) struct Values {
     pub(super) long: u32,
@@ -85,7 +85,7 @@ impl Values {
             rank: far,
             false_alarm_probability: length,
             least_snr_db: self.real,
-            follow: motion::Follow {
+            follow: motion::TrackerSettings {
                 gate_cells: far,
                 acceleration_cells: near,
                 apart_cells: self.real,
@@ -141,11 +141,11 @@ impl Values {
             Command::Abort,
             Command::Chip(self.grid()),
             Command::Detect(Cfar {
-                range: Reach {
+                range: TrainingWindow {
                     guard: self.byte.into(),
                     training: self.short,
                 },
-                doppler: Reach {
+                doppler: TrainingWindow {
                     guard: self.short,
                     training: self.byte.into(),
                 },
@@ -234,7 +234,7 @@ impl Values {
                 motion::SetupError::Window,
                 motion::SetupError::Ranges,
                 motion::SetupError::Detection,
-                motion::SetupError::Follow,
+                motion::SetupError::Tracker,
                 motion::SetupError::Channels { most: few },
                 motion::SetupError::Array,
             ]
@@ -408,5 +408,5 @@ impl Values {
     }
 }
 
-/// Most samples of 8 bytes that a message of `Values` may carry.
+/// Maximum number of samples of 8 bytes in a message of `Values`.
 pub(super) const SAMPLES: usize = 75;

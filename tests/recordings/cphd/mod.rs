@@ -5,4 +5,4 @@ mod damage;
 mod reading;
 mod round_trip;
 mod sarkit;
-mod scene;
+pub(crate) mod scene;

@@ -31,7 +31,7 @@ fn integer_formats_scale_factors_and_missing_signal() {
 
         // AmpSF and SIGNAL: powers of two scale exactly; vector 1 has no signal.
         by_hand.amp_sf = Some([0.5, 3.0, 0.125]);
-        by_hand.signal_pvp = Some([1, 0, 2]);
+        by_hand.signal_pvp = Some([1, 0, 1]);
         by_hand.sgn = "+1";
         by_hand.version = "1.0.1";
         let cphd = open_bytes(&by_hand.bytes()).unwrap();
@@ -39,12 +39,37 @@ fn integer_formats_scale_factors_and_missing_signal() {
         let expected: Vec<Complex32> = plain
             .iter()
             .enumerate()
+            .filter(|(i, _)| i / 4 != 1)
             .map(|(i, z)| z.conj() * scale[i / 4])
             .collect();
         assert_eq!(read_all(&cphd).unwrap(), expected);
         let mut last = vec![Complex32::ZERO; 4];
-        cphd.read(2..3, &mut last).unwrap();
-        assert_eq!(last, expected[8..]);
+        cphd.read(1..2, &mut last).unwrap();
+        assert_eq!(last, expected[4..]);
+        // Times and positions are those of vectors 0 and 2.
+        let times: Vec<f64> = cphd.collection().pulses.iter().map(|p| p.time_s).collect();
+        assert_eq!(times, [0.5, 0.7]);
+        let warnings = cphd.warnings();
+        assert!(
+            warnings[0].contains("vector 1 (1 of 3) is left out: SIGNAL"),
+            "{warnings:?}"
+        );
+        // Noise is no signal either.
+        by_hand.signal_pvp = Some([2, 0, 1]);
+        let cphd = open_bytes(&by_hand.bytes()).unwrap();
+        assert_eq!(read_all(&cphd).unwrap(), expected[4..]);
+        assert!(cphd.warnings()[0].contains("vectors 0 to 1 (2 of 3) are left out"));
+        by_hand.amp_sf = Some([0.5, 1e-300, 0.125]);
+        assert_eq!(
+            read_all(&open_bytes(&by_hand.bytes()).unwrap()).unwrap(),
+            expected[4..]
+        );
+        by_hand.amp_sf = Some([0.5, 3.0, 1e-300]);
+        assert_refused(&by_hand.bytes(), "vector 2: AmpSF is 1e-300");
+        by_hand.amp_sf = Some([0.5, 3.0, 0.125]);
+        by_hand.signal_pvp = Some([2, 0, 3]);
+        assert_refused(&by_hand.bytes(), "SIGNAL is 1 in none of its 3 vectors");
+        by_hand.signal_pvp = Some([1, 0, 1]);
         assert_eq!(cphd.info().version, "1.0.1");
         assert_eq!(cphd.info().classification.as_deref(), Some("SECRET NOT"));
     }

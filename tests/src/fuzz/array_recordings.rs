@@ -44,6 +44,7 @@ fn numbers() -> Vec<(&'static str, Vec<usize>, Vec<f64>)> {
         ("antenna_m", vec![PULSES, 3], antenna.collect()),
         ("time_s", vec![PULSES], times.collect()),
         ("sign", vec![1], vec![1.0]),
+        ("reference_m", vec![3], vec![0.0; 3]),
         ("extent_m", vec![4], vec![-20.0, 20.0, -15.0, 15.0]),
         ("origin_deg_m", vec![3], vec![47.0, 8.5, 400.0]),
     ]

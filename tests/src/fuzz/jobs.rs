@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use subaperture::describe::Description;
-use subaperture::job::{Basis, EXAMPLE, FileStamp, JobText, Made, State};
+use subaperture::job::{Basis, EXAMPLE, FileStamp, FinishedStage, JobText, State};
 
 pub(super) const WORDS: &[&str] = &[
     "[input]",
@@ -49,7 +49,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let mut state = State::default();
     state.begin("focus", &basis.fingerprint());
     let begun = state.to_text();
-    state.finish(Made {
+    state.finish(FinishedStage {
         basis,
         outputs: vec![stamp],
         seconds: 1.0,

@@ -2,12 +2,12 @@
 
 use num_complex::Complex32;
 use serde_json::json;
-use subaperture::focus::Misses;
+use subaperture::focus::BoundPolicy;
 use subaperture::geometry::SceneFrame;
+use subaperture::module::image::{MapsTask, default_grid, form};
+use subaperture::module::maps::{Arithmetic, Maps, OwnedMap, Run, RunTotals};
+use subaperture::module::maps_file::{MapFile, MapWriter};
 use subaperture::monitor::Silent;
-use subaperture::onboard::image::{MapsTask, default_grid, form};
-use subaperture::onboard::maps::{Arithmetic, Closing, Maps, OwnedMap, Run};
-use subaperture::onboard::maps_file::{MapFile, MapWriter};
 use subaperture_core::stream::{Patch, Setup};
 
 use super::MEMORY_BYTES;
@@ -15,7 +15,7 @@ use super::scratch::with_files;
 use crate::{link_scene, maps};
 
 /// Maps that are read of a file; it may hold many without being large.
-const MOST_READ: usize = 64;
+const MAX_READ: usize = 64;
 
 /// Setup and maps of two patches, three sub-CPIs, seen from 850 m.
 fn run_and_maps(arithmetic: Arithmetic) -> (Run, Vec<OwnedMap>) {
@@ -81,7 +81,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
             &path,
             &run,
             &maps,
-            &Closing {
+            &RunTotals {
                 num_pulses: 12,
                 weight_sum: 12.0,
                 counters: serde_json::Map::new(),
@@ -95,7 +95,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-fn write(path: &std::path::Path, run: &Run, maps: &[OwnedMap], closing: &Closing) {
+fn write(path: &std::path::Path, run: &Run, maps: &[OwnedMap], closing: &RunTotals) {
     let mut writer = MapWriter::create(path, run).expect("a file of maps is begun");
     for map in maps {
         writer.append(&map.view()).expect("a map is written");
@@ -115,13 +115,13 @@ pub(super) fn read(bytes: &[u8]) -> String {
         );
         let count = file.headers().len();
         let read: Result<Vec<OwnedMap>, _> =
-            (0..count.min(MOST_READ)).map(|n| file.read(n)).collect();
+            (0..count.min(MAX_READ)).map(|n| file.read(n)).collect();
         let maps = match read {
             Ok(maps) => maps,
             Err(error) => return error.to_string(),
         };
         if let Some(closing) = file.closing()
-            && count <= MOST_READ
+            && count <= MAX_READ
         {
             let path = folder.join("again.maps");
             write(&path, file.run(), &maps, closing);
@@ -166,7 +166,7 @@ fn image(file: &MapFile) -> String {
         maps: file,
         grid: &grid,
         error_db: -50.0,
-        misses: Misses::Allowed,
+        bound_policy: BoundPolicy::Allowed,
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
     };

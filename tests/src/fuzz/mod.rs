@@ -16,6 +16,8 @@ mod arrays;
 mod captures;
 mod container;
 mod crsd;
+mod endpoint;
+mod images;
 mod jobs;
 mod maps;
 mod mutate;
@@ -27,7 +29,6 @@ mod scratch;
 mod session;
 mod shapes;
 mod sicd;
-mod station;
 pub mod stuffing;
 mod terrain;
 mod texts;
@@ -75,7 +76,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 27] = [
+pub static TARGETS: [Target; 28] = [
     Target {
         name: "job",
         read: jobs::job,
@@ -247,9 +248,9 @@ pub static TARGETS: [Target; 27] = [
         most_bytes: in_proportion,
     },
     Target {
-        name: "station",
-        read: station::read,
-        seeds: station::seeds,
+        name: "endpoint",
+        read: endpoint::read,
+        seeds: endpoint::seeds,
         repair: repair::frames,
         words: &[],
         most_bytes: in_proportion,
@@ -276,6 +277,14 @@ pub static TARGETS: [Target; 27] = [
         seeds: sicd::seeds,
         repair: as_it_is,
         words: sicd::WORDS,
+        most_bytes: described,
+    },
+    Target {
+        name: "images",
+        read: images::read,
+        seeds: images::seeds,
+        repair: as_it_is,
+        words: images::WORDS,
         most_bytes: described,
     },
     Target {

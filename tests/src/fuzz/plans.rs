@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::plan::{InMemory, Request};
-use subaperture::focus::{Misses, Plan, SCRATCH_BYTES, Work};
+use subaperture::focus::{BoundPolicy, Plan, SCRATCH_BYTES, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory as Samples, PhaseHistory};
@@ -106,8 +106,8 @@ pub(super) fn plan_seeds() -> Vec<Vec<u8>> {
         fast: Window::Hamming,
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
-        misses: Misses::Allowed,
-        means: Default::default(),
+        bound_policy: BoundPolicy::Allowed,
+        numerics: Default::default(),
     };
     let thesis = serde_json::json!({ "mode": { "thesis": {} } });
     let mut formers: Vec<_> = FORMERS

@@ -8,7 +8,7 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
@@ -24,10 +24,10 @@ use super::{MEMORY_BYTES, choice};
 use crate::matlab::{self, compressed, gotcha_fields};
 
 /// Samples that are read of a recording; a file may hold many without being large.
-const MOST_SAMPLES: usize = 1 << 16;
+const MAX_SAMPLES: usize = 1 << 16;
 
 /// Samples of which an image is formed.
-const MOST_FORMED: usize = 4096;
+const MAX_FORMED: usize = 4096;
 
 pub(super) const CPHD_WORDS: &[&str] = &[
     "<Channel>",
@@ -217,7 +217,7 @@ pub(super) fn matlab_packed(bytes: &[u8]) -> String {
 fn samples(history: &dyn PhaseHistory) -> Result<Vec<Complex32>, String> {
     let collection = history.collection();
     let width = collection.num_samples;
-    let pulses = collection.pulses.len().min(MOST_SAMPLES / width.max(1));
+    let pulses = collection.pulses.len().min(MAX_SAMPLES / width.max(1));
     let mut samples = vec![Complex32::ZERO; pulses * width];
     history
         .read(0..pulses, &mut samples)
@@ -249,7 +249,7 @@ pub(super) fn examine(history: &dyn PhaseHistory, bytes: &[u8]) -> String {
     let Some(survey) = Survey::of(collection) else {
         return "no survey".to_owned();
     };
-    if collection.num_samples * collection.pulses.len() > MOST_FORMED {
+    if collection.num_samples * collection.pulses.len() > MAX_FORMED {
         return "large".to_owned();
     }
     let wide = match survey.default_grid() {
@@ -267,7 +267,7 @@ fn image(history: &dyn PhaseHistory, grid: &ImageGrid, bytes: &[u8]) -> String {
     let formers: [&dyn ImageFormer; 7] = [
         &Exact,
         &Backprojection { error_db },
-        &RangeDoppler {
+        &RangeDopplerBackprojection {
             mode: Mode::Precise,
             error_db,
             sub_cpi: None,
@@ -292,7 +292,7 @@ fn image(history: &dyn PhaseHistory, grid: &ImageGrid, bytes: &[u8]) -> String {
         weights: &Weights::new(history.collection(), window, window),
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     match former.form(&task) {
         Ok(formed) => {

@@ -1,6 +1,6 @@
 //! The host's session against a module that says anything.
 //!
-//! A true station answers, and the input says what becomes of each of its frames on the way: it is dropped,
+//! A true endpoint answers, and the input says what becomes of each of its frames on the way: it is dropped,
 //! comes twice or late, is changed and given a true checksum, or another one is made up. The line is free of
 //! damage: everything gets past the checks of frames.
 
@@ -8,17 +8,17 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use subaperture::onboard::link::{Buffers, Counts, Session, Settings, Transport, Watch};
+use subaperture::module::link::{Buffers, Counts, Session, SessionObserver, Settings, Transport};
 use subaperture_core::link::{Encoder, Encoding, Refusal, Report, State, Status, max_frame_bytes};
 use subaperture_core::stream::FloatEngine;
-use subaperture_firmware::station::Station;
+use subaperture_firmware::endpoint::Endpoint;
 
-use super::station::Bench;
+use super::endpoint::Bench;
 use super::stuffing;
 use crate::link_scene::{Keep, MAPS, job, recorded, scene};
 
 /// Frames that an input may change; each may cost a wait for an answer.
-const MOST_EDITS: usize = 120;
+const MAX_EDITS: usize = 120;
 
 /// Pieces of work between two readings of the line.
 const STEPS: usize = 256;
@@ -31,7 +31,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
 
 /// A module whose words are changed on the way.
 struct Hostile<'a> {
-    station: Station<'a, FloatEngine<'a>>,
+    endpoint: Endpoint<'a, FloatEngine<'a>>,
     edits: &'a [u8],
     count: usize,
     late: Option<Vec<u8>>,
@@ -56,7 +56,7 @@ impl Hostile<'_> {
 
     /// Puts on the line what becomes of a frame.
     fn pass(&mut self, frame: &[u8]) {
-        let kind = match self.count < MOST_EDITS && !self.edits.is_empty() {
+        let kind = match self.count < MAX_EDITS && !self.edits.is_empty() {
             true => self.next() % 16,
             false => 0,
         };
@@ -107,7 +107,7 @@ impl Hostile<'_> {
         }
     }
 
-    /// A frame that the station did not send.
+    /// A frame that the endpoint did not send.
     fn made_up(&mut self) -> Vec<u8> {
         let states = [
             State::Idle,
@@ -151,12 +151,12 @@ impl Hostile<'_> {
 impl Transport for Hostile<'_> {
     fn read(&mut self, buffer: &mut [u8], _wait: Duration) -> io::Result<usize> {
         for _ in 0..STEPS {
-            let frame = self.station.pending().to_vec();
-            self.station.sent(frame.len());
+            let frame = self.endpoint.pending().to_vec();
+            self.endpoint.sent(frame.len());
             if !frame.is_empty() {
                 self.pass(&frame);
             }
-            if !self.station.work() && frame.is_empty() {
+            if !self.endpoint.work() && frame.is_empty() {
                 break;
             }
         }
@@ -168,7 +168,7 @@ impl Transport for Hostile<'_> {
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.station.receive(bytes);
+        self.endpoint.receive(bytes);
         Ok(bytes.len())
     }
 
@@ -181,7 +181,7 @@ impl Transport for Hostile<'_> {
 /// What is shown of what the module says has no control characters: they would reach a terminal.
 struct Listener;
 
-impl Watch for Listener {
+impl SessionObserver for Listener {
     fn update(&mut self, counts: &Counts) {
         assert!(counts.maps_taken <= counts.maps_wanted);
     }
@@ -197,7 +197,7 @@ pub(super) fn read(bytes: &[u8]) -> String {
     let mut job = job(&scene, &recording, Encoding::Complex32);
     let mut bench = Bench::new();
     let mut module = Hostile {
-        station: bench.station(),
+        endpoint: bench.endpoint(),
         edits: bytes,
         count: 0,
         late: None,

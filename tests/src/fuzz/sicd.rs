@@ -3,11 +3,11 @@
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
-use subaperture::image::{Image, Parts};
+use subaperture::image::{Image, ImageSource};
 use subaperture::io::product::Antennas;
 use subaperture::monitor::Silent;
 use subaperture::resolution::support::RecordedLooks;
-use subaperture::sicd::{Formed, Placing, Sicd, SicdFile};
+use subaperture::sicd::{Formed, Georeference, Sicd, SicdFile};
 use subaperture::signal::window::Window;
 
 use super::scratch::with_files;
@@ -65,13 +65,13 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         polarizations: [Some("V".to_owned()), Some("H".to_owned())],
         grid,
     };
-    let placing = Placing {
+    let placing = Georeference {
         origin: Some(Geodetic {
             latitude_deg: 52.0,
             longitude_deg: 4.0,
             height_m: 40.0,
         }),
-        ..Placing::default()
+        ..Georeference::default()
     };
     let sicd = Sicd::new(&formed, &placing, 0).expect("what a SICD can tell");
     let image = Image {

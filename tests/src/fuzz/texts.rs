@@ -6,7 +6,7 @@ use num_complex::Complex32;
 use subaperture::describe::DescriptionError;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::recording::{self, RecordingFile};
-use subaperture::onboard::link::Place;
+use subaperture::module::link::ModuleAddress;
 use subaperture::phase_history::{PhaseHistory, ReadError};
 use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Pair};
@@ -18,9 +18,9 @@ use super::{MEMORY_BYTES, arrays};
 use crate::numpy::stored;
 
 /// Points, pulses and samples of the experiments that are recorded.
-const MOST_POINTS: usize = 300;
-const MOST_PULSES: usize = 4000;
-const MOST_SAMPLES: usize = 2048;
+const MAX_POINTS: usize = 300;
+const MAX_PULSES: usize = 4000;
+const MAX_SAMPLES: usize = 2048;
 
 pub(super) const SCENARIO_WORDS: &[&str] = &[
     "[radar]\n",
@@ -126,7 +126,7 @@ pub(super) fn scenario(bytes: &[u8]) -> String {
 fn record(experiment: &Experiment) -> String {
     let points = experiment.scene.points.len() + experiment.scene.movers.len();
     let samples = experiment.radar.waveform.num_samples();
-    if experiment.radar.num_pulses > MOST_PULSES || points > MOST_POINTS || samples > MOST_SAMPLES {
+    if experiment.radar.num_pulses > MAX_PULSES || points > MAX_POINTS || samples > MAX_SAMPLES {
         return "large".to_owned();
     }
     let recording = match experiment.record(Pair {
@@ -263,7 +263,7 @@ pub(super) fn arguments(bytes: &[u8]) -> String {
         }
         Err(error) => error.to_string(),
     };
-    let place = match text.parse::<Place>() {
+    let place = match text.parse::<ModuleAddress>() {
         Ok(place) => {
             assert_eq!(place.to_string().parse(), Ok(place));
             "a place".to_owned()

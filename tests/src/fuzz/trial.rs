@@ -20,10 +20,10 @@ const ENDLESS: Duration = Duration::from_secs(60);
 /// Inputs that are kept, at most.
 const POOL: usize = 4096;
 
-/// What was tried.
+/// Statistics of a fuzzing trial.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tried {
-    /// Inputs read.
+    /// Number of inputs read without error.
     pub executions: u64,
     /// Inputs from which others were made.
     pub pool: usize,

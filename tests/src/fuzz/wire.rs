@@ -1,7 +1,7 @@
 //! Frames of the link, in both directions, and maps, chips and profiles put together of them.
 
 use num_complex::Complex;
-use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, MapAssembly,
     Message, MotionConfiguration, ProfileAssembly, Receiver, Refusal, Report, State, Status,
@@ -66,7 +66,7 @@ pub(super) fn commands() -> Vec<u8> {
         num_columns: 6,
         num_rows: 5,
     }));
-    let reach = |guard, training| Reach { guard, training };
+    let reach = |guard, training| TrainingWindow { guard, training };
     say(&Command::Detect(Cfar {
         range: reach(1, 2),
         doppler: reach(1, 1),
@@ -107,10 +107,10 @@ pub(super) fn increments() -> Vec<u8> {
             rank: 0.6,
             false_alarm_probability: 0.01,
             least_snr_db: 5.0,
-            follow: motion::Follow {
+            follow: motion::TrackerSettings {
                 seen: 1,
                 within: 2,
-                ..motion::Follow::default()
+                ..motion::TrackerSettings::default()
             },
         },
     }));
@@ -193,7 +193,7 @@ pub(super) fn profiles() -> Vec<u8> {
 
 /// What a module says to them.
 fn reports() -> Vec<u8> {
-    super::station::Bench::new().hear(&commands())
+    super::endpoint::Bench::new().hear(&commands())
 }
 
 pub(super) fn seeds() -> Vec<Vec<u8>> {
@@ -221,8 +221,8 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     ] {
         rare.say(&report);
     }
-    let told = super::station::Bench::new().hear(&increments());
-    let shown = super::station::Bench::new().hear(&profiles());
+    let told = super::endpoint::Bench::new().hear(&increments());
+    let shown = super::endpoint::Bench::new().hear(&profiles());
     let talks = [commands(), reports(), rare.bytes, increments(), told];
     [&talks[..], &[profiles(), shown]].concat()
 }

@@ -9,7 +9,7 @@ use std::process::Output;
 use std::sync::atomic::AtomicBool;
 
 use subaperture_describe::Description;
-use subaperture_radio::capture::{Ended, Queues, Summary, capture};
+use subaperture_radio::capture::{EndReason, Queues, Summary, capture};
 use subaperture_radio::plan::Plan;
 use subaperture_radio::sigmf::{Flag, Recording, Step};
 use subaperture_radio::uhd::{Options, UhdRadio, Wire, list};
@@ -95,10 +95,10 @@ fn within_a_process_of_its_own() {
 /// All that is counted but how fast the disk was.
 fn told(summary: &Summary) -> String {
     let ended = match &summary.ended {
-        Ended::Done => "done",
-        Ended::Stopped => "stopped",
-        Ended::Radio(_) => "radio",
-        Ended::Disk(_) => "disk",
+        EndReason::Done => "done",
+        EndReason::Stopped => "stopped",
+        EndReason::Radio(_) => "radio",
+        EndReason::Disk(_) => "disk",
     };
     format!(
         "{ended} {:?}",

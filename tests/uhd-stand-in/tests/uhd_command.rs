@@ -157,7 +157,7 @@ fn an_unplugged_radio_is_an_exit_status_of_1_and_leaves_what_came() {
     let folder = experiments("sc16", "");
     let ran = ran(&folder, "unplug", "capture uhd.toml -o walk");
     assert_eq!(ran.code, Some(1));
-    assert!(ran.stderr.contains("the radio is gone") && ran.stderr.contains("walk.sigmf-meta"));
+    assert!(ran.stderr.contains("radio disconnected") && ran.stderr.contains("walk.sigmf-meta"));
     let recording = Recording::open(&folder.path().join("walk")).unwrap();
     assert!(!recording.interrupted() && !recording.steps().is_empty());
 }

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use subaperture_xtask::firmware::{self, TARGET};
 use subaperture_xtask::{root, target_folder};
 
-use crate::prerequisites::{OLDEST_RUST, cargo_deny, toolchain_installed};
+use crate::prerequisites::{Need, OLDEST_RUST, OTHER_PLATFORMS, cargo_deny, toolchain_installed};
 use crate::runner::Runner;
 
 /// The firmware's package and the target it is built for.
@@ -166,6 +166,25 @@ pub(crate) fn oldest_rust(runner: &mut Runner) {
         .env_remove("CARGO")
         .current_dir(root());
     runner.check(name, &mut command);
+}
+
+/// Check library and command for the platforms that no test runs on. The feature `uhd` is left out: it links a C library.
+pub(crate) fn platforms(runner: &mut Runner) {
+    for (name, need) in ["Windows", "macOS"].into_iter().zip(OTHER_PLATFORMS) {
+        let Need::Target(target) = need else {
+            continue;
+        };
+        if !need.is_met() {
+            runner.skip(name, &format!("run: rustup target add {target}"));
+            continue;
+        }
+        let mut command = cargo(&["check", "--locked", "--target", target]);
+        command
+            .args(["--package", "subaperture", "--package", "subap"])
+            .args(["--features", "subaperture/full", "--target-dir"])
+            .arg(target_folder().join("platforms"));
+        runner.check(name, &mut command);
+    }
 }
 
 /// Whether every package that is published can be packed. What is packed is not compiled: it is what was compiled.

@@ -44,7 +44,7 @@ const LONGEST: [&str; 18] = [
 /// A test executable.
 #[derive(Clone, Debug)]
 pub(crate) struct Executable {
-    /// Its target's name.
+    /// Name of the Cargo target.
     name: String,
     path: PathBuf,
     /// Its package's folder, where cargo would start it.

@@ -14,7 +14,7 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 pub struct Build<'a> {
     /// `--bin` or `--example`.
     pub kind: &'a str,
-    /// Its name.
+    /// Name of the binary or example.
     pub program: &'a str,
     /// Features, separated by commas. With another board the default one is left out.
     pub features: &'a str,

@@ -4,9 +4,9 @@
 /// What `cargo test` has printed so far.
 #[derive(Debug, Default)]
 pub(crate) struct TestLog {
-    /// Tests that passed.
+    /// Number of tests that passed.
     pub(crate) passed: u64,
-    /// Tests that failed.
+    /// Number of tests that failed.
     pub(crate) failed: u64,
     /// The names of those, as far as they were told.
     pub(crate) failures: Vec<String>,

@@ -2,12 +2,15 @@
 #![forbid(unsafe_code)]
 
 mod checks;
+mod dist;
 mod executables;
+mod guide;
 mod log;
 mod prerequisites;
 mod python;
 mod runner;
 mod suite;
+mod words;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -26,10 +29,15 @@ Usage: cargo xtask COMMAND
   clippy     clippy on the host, on core and library with fewer features and on the firmware's target,
              warnings are errors
   doc        rustdoc, warnings are errors
+  words [--lower | FOLDER]
+             words that hide what a sentence means, counted for each package against falling budgets;
+             list their lines in FOLDER
   deny       licences, sources, bans and (when its database can be reached) advisories
+  platforms  library and command, checked for Windows and macOS
   oldest     all that is published, compiled by the oldest Rust that it says it needs
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
+  guide      the guide as a book, its blocks run: target/guide/book
   uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
   long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
@@ -39,6 +47,7 @@ Usage: cargo xtask COMMAND
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
   bench      measure image formers: time, error, memory, beside others and against
              another revision ('cargo xtask bench --help')
+  dist       build the release archives: target/dist
   module     build the application for the emulated board: target/module/float and fixed
   module-report
              measure the module and write firmware/REPORT.md; with --check compare it
@@ -69,6 +78,10 @@ fn main() -> ExitCode {
                 error => error,
             }
         }
+        ["dist"] => match dist::build() {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(error) => Err(error),
+        },
         ["fuzz", _, _] => return with_the_library(&words),
         ["bench", ..] => return bench(&words[1..]),
         ["fmt"] => ensure(&[Need::Rustfmt], Talk::Shown).map(|()| checks::fmt(&mut runner)),
@@ -82,7 +95,24 @@ fn main() -> ExitCode {
             checks::doc_host(&mut runner);
             checks::doc_firmware(&mut runner);
         }),
+        ["words"] => {
+            runner.work("words", || words::check(false));
+            Ok(())
+        }
+        ["words", "--lower"] => {
+            runner.work("words", || words::check(true));
+            Ok(())
+        }
+        ["words", folder] => match words::list(folder) {
+            Ok(()) => return ExitCode::SUCCESS,
+            Err(error) => Err(error),
+        },
         ["deny"] => ensure(&[Need::CargoDeny], Talk::Shown).map(|()| checks::deny(&mut runner)),
+        ["platforms"] => {
+            ensure_if_possible(&prerequisites::OTHER_PLATFORMS, Talk::Shown);
+            checks::platforms(&mut runner);
+            Ok(())
+        }
         ["oldest"] => {
             ensure_if_possible(&[Need::OldestRust], Talk::Shown);
             checks::oldest_rust(&mut runner);
@@ -106,6 +136,10 @@ fn main() -> ExitCode {
             unit(&mut runner, python);
             Ok(())
         }
+        ["guide"] => ensure(&[Need::Mdbook], Talk::Shown).map(|()| {
+            suite::guide_pages(&mut runner);
+            runner.work("guide", guide::build);
+        }),
         ["uhd"] => {
             ensure_if_possible(&[Need::Uhd], Talk::Shown);
             suite::uhd(&mut runner);
@@ -142,22 +176,29 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         Talk::Shown,
     )?;
     ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
+    ensure_if_possible(&prerequisites::OTHER_PLATFORMS, Talk::Shown);
     ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
         // Debian's packages at once: each call of its tools takes as long as most packages.
         let debian = [Need::Qemu, Need::Chromium, Need::Uhd];
         let debian = [&debian, prerequisites::OTHER_EMULATORS.as_slice()].concat();
         ensure_if_possible(&debian, Talk::OfFailure);
-        ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure).map(|()| python(Talk::OfFailure))
+        ensure(
+            &[Need::Qemu, Need::CargoDeny, Need::Mdbook],
+            Talk::OfFailure,
+        )
+        .map(|()| python(Talk::OfFailure))
     });
-    // What has a target folder of its own, beside what shares one: a build alone leaves processors idle where it waits for one crate.
-    let beside = thread::spawn(|| {
-        let mut beside = Runner::new(Talk::OfFailure);
-        checks::build_firmware(&mut beside);
-        checks::oldest_rust(&mut beside);
-        beside
+    // Steps with target folders of their own run in a second thread: one build leaves processors idle where it waits for one crate.
+    let second = thread::spawn(|| {
+        let mut second = Runner::new(Talk::OfFailure);
+        checks::build_firmware(&mut second);
+        checks::oldest_rust(&mut second);
+        checks::platforms(&mut second);
+        second
     });
     checks::fmt(runner);
+    runner.work("words", || words::check(false));
     checks::clippy_host(runner);
     checks::clippy_core(runner);
     checks::clippy_library(runner);
@@ -165,13 +206,14 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     checks::doc_host(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);
-    runner.add_all(beside.join().expect("checking does not panic"));
+    runner.add_all(second.join().expect("checking does not panic"));
     let python = installation.join().expect("installing does not panic")?;
     checks::deny(runner);
     suite::kernels_elsewhere(runner);
     suite::uhd(runner);
     // The firmware's test is one of these.
     unit(runner, python);
+    runner.work("guide", guide::build);
     Ok(())
 }
 

@@ -23,6 +23,7 @@ pub(crate) enum Need {
     /// The driver of USRPs, to be linked with: without it the radio's binding to it is not checked.
     Uhd,
     CargoDeny,
+    Mdbook,
     /// The compiler and library of [`OLDEST_RUST`].
     OldestRust,
 }
@@ -35,6 +36,11 @@ pub(crate) const OTHER_TARGETS: [Need; 3] = [
     Need::Target("thumbv6m-none-eabi"),
     Need::Target("aarch64-unknown-linux-musl"),
     Need::Target("riscv32imafc-unknown-none-elf"),
+];
+/// Targets that library and command are checked for, without running anything.
+pub(crate) const OTHER_PLATFORMS: [Need; 2] = [
+    Need::Target("x86_64-pc-windows-gnu"),
+    Need::Target("aarch64-apple-darwin"),
 ];
 pub(crate) const OTHER_EMULATORS: [Need; 2] = [Need::QemuUser, Need::QemuRiscv];
 
@@ -51,8 +57,8 @@ pub(crate) enum Talk {
 enum Source {
     Debian(&'static [&'static str]),
     Rustup(Vec<&'static str>),
-    /// Built by cargo into [`tools`].
-    Tool(&'static str),
+    /// Built by cargo into [`tools`], with these further arguments.
+    Tool(&'static str, &'static [&'static str]),
 }
 
 impl Need {
@@ -73,6 +79,7 @@ impl Need {
             }
             Self::Uhd => Path::new("/usr/include/uhd.h").exists(),
             Self::CargoDeny => cargo_deny().is_some(),
+            Self::Mdbook => mdbook().is_some(),
             Self::OldestRust => toolchain_installed(OLDEST_RUST),
         }
     }
@@ -88,7 +95,11 @@ impl Need {
             Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),
             Self::Target(target) => Source::Rustup(vec!["target", "add", target]),
-            Self::CargoDeny => Source::Tool("cargo-deny"),
+            Self::CargoDeny => Source::Tool("cargo-deny", &[]),
+            // Without its web server.
+            Self::Mdbook => {
+                Source::Tool("mdbook", &["--no-default-features", "--features", "search"])
+            }
             Self::OldestRust => {
                 let profile = ["--profile", "minimal"];
                 let install = ["toolchain", "install", OLDEST_RUST];
@@ -121,13 +132,17 @@ pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
         match need.source() {
             Source::Debian(_) => {}
             Source::Rustup(arguments) => run("rustup", &arguments, talk)?,
-            Source::Tool(name) => {
+            Source::Tool(name, features) => {
                 println!("{name} is missing; building it takes some minutes, once");
                 let tools = tools();
                 let root = tools.to_string_lossy();
                 // What runs for seconds need not be optimised for minutes.
                 let arguments = ["install", "--locked", "--quiet", "--debug", "--root"];
-                run("cargo", &[&arguments[..], &[&root, name]].concat(), talk)?;
+                run(
+                    "cargo",
+                    &[&arguments[..], &[&root, name], features].concat(),
+                    talk,
+                )?;
             }
         }
     }
@@ -175,8 +190,16 @@ fn tools() -> PathBuf {
 
 /// cargo-deny, as installed or as built here.
 pub(crate) fn cargo_deny() -> Option<PathBuf> {
-    let own = tools().join("bin/cargo-deny");
-    [PathBuf::from("cargo-deny"), own]
+    tool("cargo-deny")
+}
+
+/// mdBook, as installed or as built here.
+pub(crate) fn mdbook() -> Option<PathBuf> {
+    tool("mdbook")
+}
+
+fn tool(name: &str) -> Option<PathBuf> {
+    [PathBuf::from(name), tools().join("bin").join(name)]
         .into_iter()
         .find(|path| works(&path.to_string_lossy(), &["--version"]))
 }

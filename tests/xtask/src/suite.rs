@@ -35,6 +35,13 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     );
 }
 
+/// The guide's blocks, whose pictures the book shows.
+pub(crate) fn guide_pages(runner: &mut Runner) {
+    let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
+    command.args(["--test", "cli", "--locked", "--", "guide::", SHOW_OUTPUT]);
+    runner.tests("pages of the guide", &mut command);
+}
+
 /// The radio's binding to UHD, linked with UHD as it is installed, and the command with it.
 pub(crate) fn uhd(runner: &mut Runner) {
     const NAME: &str = "radio by UHD";

@@ -1,6 +1,6 @@
-//! Numbers of a mantissa and an exponent: weights on the way in, blocks of 16 bits on the way out.
+//! Mantissa-exponent numbers: window weights on input, 16-bit blocks on output.
 //!
-//! Float32 is taken apart by its bits, so that a part without floating point is not asked for any.
+//! Float32 values are decomposed by their bits, so no floating-point operation is needed.
 
 use core::num::NonZeroU32;
 
@@ -8,7 +8,7 @@ use num_complex::Complex;
 
 use crate::Sc16;
 
-/// `mantissa 2^(exponent - 31)`, the mantissa's magnitude from `2^30` to below `2^31`, or zero.
+/// `mantissa 2^(exponent - 31)`, normalised: `2^30 <= |mantissa| < 2^31`, or zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Scaled {
     pub(super) mantissa: i32,
@@ -21,13 +21,13 @@ impl Scaled {
         exponent: 0,
     };
 
-    /// `magnitude 2^exponent`, cut to 31 bits.
+    /// Normalise `magnitude 2^exponent`, truncated to 31 bits.
     fn normal(magnitude: u64, exponent: i32, negative: bool) -> Self {
         let bits = u64::BITS - magnitude.leading_zeros();
         if bits == 0 {
             return Self::ZERO;
         }
-        // 31 bits: below 2^31, so that the sign fits.
+        // 31 bits, below 2^31, leave room for the sign.
         let mantissa = match bits.checked_sub(31) {
             Some(surplus) => magnitude >> surplus,
             None => magnitude << (31 - bits),
@@ -38,7 +38,7 @@ impl Scaled {
         }
     }
 
-    /// `value`, exact; nothing if it is not finite.
+    /// Exact conversion. `None` if `value` is not finite.
     pub(super) fn from_f32(value: f32) -> Option<Self> {
         let bits = value.to_bits();
         let (field, fraction) = ((bits >> 23) & 0xff, bits & 0x7f_ffff);
@@ -50,12 +50,12 @@ impl Scaled {
         Some(Self::normal(magnitude.into(), exponent, bits >> 31 == 1))
     }
 
-    /// `1 / value`, to `2^-30` of itself; powers of two exactly.
+    /// `1 / value`, with relative error below `2^-30`; exact for powers of two.
     pub(super) fn reciprocal(value: NonZeroU32) -> Self {
         Self::normal((1 << 62) / u64::from(value.get()), -62, false)
     }
 
-    /// The product, to `2^-30` of itself.
+    /// Product, with relative error below `2^-30`.
     pub(super) fn times(self, other: Self) -> Self {
         let product = i64::from(self.mantissa) * i64::from(other.mantissa);
         let exponent = self.exponent + other.exponent - 62;
@@ -63,26 +63,26 @@ impl Scaled {
     }
 }
 
-/// The larger of `peak` and the magnitudes of both parts.
+/// Maximum of `peak` and the magnitudes of both parts.
 #[inline]
 pub(super) fn peak(peak: u32, value: Complex<i32>) -> u32 {
     peak.max(value.re.unsigned_abs())
         .max(value.im.unsigned_abs())
 }
 
-/// How a block of 32-bit numbers becomes 16-bit mantissas of one exponent.
+/// Conversion of a block of 32-bit integers to 16-bit mantissas with one exponent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Narrowing {
-    /// Bits to drop, below 64.
+    /// Right shift in bits, below 64.
     shift: u32,
-    /// Bits by which an exponent above 127 is short; below 64, and 0 for sane weights.
+    /// Left shift for an exponent above 127, below 64. 0 for any practical window.
     excess: u32,
-    /// The block's exponent.
+    /// Exponent of the block.
     pub(super) exponent: i8,
 }
 
 impl Narrowing {
-    /// For parts up to `peak`, each worth `2^unit`; a mantissa counts `2^-15`.
+    /// Choose the shift for parts up to `peak` in units of `2^unit`; a mantissa unit is `2^-15`.
     pub(super) fn new(peak: u32, unit: i32) -> Self {
         if peak == 0 {
             return Self {
@@ -92,7 +92,7 @@ impl Narrowing {
             };
         }
         let mut shift = (u32::BITS - peak.leading_zeros()).saturating_sub(15);
-        // A peak that rounds up to 32768 needs one bit more.
+        // A peak that rounds up to 32768 needs one more bit.
         if rounded(peak.into(), shift) > i64::from(i16::MAX) {
             shift += 1;
         }
@@ -107,8 +107,8 @@ impl Narrowing {
         }
     }
 
-    /// The sample, rounded to nearest, and whether it had to be clamped: it never has, but for weights
-    /// so large that the exponent does not fit.
+    /// Round a sample to nearest. The flag is true if it was clamped, which happens only if weights are so large
+    /// that the exponent does not fit.
     #[inline]
     pub(super) fn apply(self, value: Complex<i32>) -> (Sc16, bool) {
         let (re, re_clamped) = self.part(value.re);
@@ -119,8 +119,8 @@ impl Narrowing {
     #[inline]
     fn part(self, part: i32) -> (i16, bool) {
         if self.excess == 0 {
-            // What the shift was chosen for: it fits. Halves up by a bit kept for it, in 32 bits; from
-            // 32 bits on only the sign is left, and rounds to zero.
+            // The shift was chosen so that the result fits. One extra bit is kept to round halves up within 32 bits.
+            // Shifts of 32 bits or more leave only the sign, which rounds to zero.
             let last = self.shift.min(1);
             let kept = part >> self.shift.wrapping_sub(last).min(31);
             return ((kept.wrapping_add(last as i32) >> last) as i16, false);
@@ -131,7 +131,7 @@ impl Narrowing {
     }
 }
 
-/// `value 2^-shift` to nearest, halves up; `shift` below 63.
+/// `value 2^-shift` rounded to nearest, halves up; `shift` below 63.
 #[inline]
 fn rounded(value: i64, shift: u32) -> i64 {
     (value + ((1 << shift) >> 1)) >> shift

@@ -1,51 +1,63 @@
-//! The memory that a fixed-point engine works in.
+//! Buffers of the fixed-point engine.
 //!
-//! 4 bytes a cell of the map and a byte for 32 of them, 8 bytes a range bin and a pulse for work, 40
-//! bytes a pulse for phases, a byte a frequency.
+//! Memory: 4 bytes per map cell and 1 byte per 32 cells; 8 bytes per range bin and per pulse of work memory;
+//! 40 bytes per pulse for phases; 1 byte per frequency.
 
 use num_complex::Complex;
 
 use super::PulsePhase;
-use crate::Sc16;
 use crate::stream::{BlockFloat, Capacity};
+use crate::{LengthError, Sc16};
 
-/// The memory of a [`super::FixedEngine`]; longer is no harm. Functions give the lengths for a [`Capacity`].
+/// Buffers of a [`super::FixedEngine`]. The functions state the minimum lengths for a [`Capacity`].
 #[derive(Debug)]
 pub struct FixedSlices<'a> {
-    /// Cells of the map, [`FixedSlices::cells_len`]: Doppler rows of frequencies, then of range bins.
+    /// Map cells, [`FixedSlices::cells_len`]: Doppler rows of frequencies, later of range bins.
     pub cells: &'a mut [Sc16],
-    /// Exponents of the cells of a frequency, [`FixedSlices::column_exponents_len`].
+    /// Exponent of each frequency column, [`FixedSlices::column_exponents_len`].
     pub column_exponents: &'a mut [i8],
-    /// Exponents of the finished rows' blocks, [`FixedSlices::row_exponents_len`].
+    /// Block exponents of the finished rows, [`FixedSlices::row_exponents_len`].
     pub row_exponents: &'a mut [i8],
-    /// A column or a row in 32 bits, [`FixedSlices::work_len`].
+    /// 32-bit work buffer for one column or row, [`FixedSlices::work_len`].
     pub work: &'a mut [Complex<i32>],
-    /// Phases of the pulses, [`FixedSlices::pulses_len`].
+    /// Compensation phases of the pulses, [`FixedSlices::pulses_len`].
     pub phases: &'a mut [PulsePhase],
-    /// The pulses of a frequency, folded, [`FixedSlices::pulses_len`].
+    /// Folded pulses of one frequency, [`FixedSlices::pulses_len`].
     pub folded: &'a mut [Complex<i32>],
 }
 
 impl FixedSlices<'_> {
-    /// Cells of the map.
+    /// Check that every buffer is long enough for `capacity`.
+    pub(super) fn check(&self, capacity: &Capacity) -> Result<(), LengthError> {
+        let pulses = Self::pulses_len(capacity);
+        let columns = Self::column_exponents_len(capacity);
+        let rows = Self::row_exponents_len(capacity);
+        LengthError::at_least("cells", Self::cells_len(capacity), self.cells.len())?;
+        LengthError::at_least("column exponents", columns, self.column_exponents.len())?;
+        LengthError::at_least("row exponents", rows, self.row_exponents.len())?;
+        LengthError::at_least("work", Self::work_len(capacity), self.work.len())?;
+        LengthError::at_least("pulse phases", pulses, self.phases.len())?;
+        LengthError::at_least("folded pulses", pulses, self.folded.len())
+    }
+
+    /// Minimum number of map cells.
     pub const fn cells_len(capacity: &Capacity) -> usize {
         capacity.doppler_bins as usize * capacity.frequencies as usize
     }
 
-    /// Exponents of columns.
+    /// Minimum number of column exponents.
     pub const fn column_exponents_len(capacity: &Capacity) -> usize {
         capacity.frequencies as usize
     }
 
-    /// Exponents of rows. Enough for any patch of at most `doppler_bins` rows: rows of `W` bins, of
-    /// which there are `n`, take `n ceil(W / 32) <= (n W + 31 n) / 32`, and `n W` is at most
-    /// [`FixedSlices::cells_len`].
+    /// Minimum number of row exponents. Sufficient for any patch of at most `doppler_bins` rows: `n` rows of `W`
+    /// bins need `n ceil(W / 32) <= (n W + 31 n) / 32`, and `n W` is at most [`FixedSlices::cells_len`].
     pub const fn row_exponents_len(capacity: &Capacity) -> usize {
         let rounding = capacity.doppler_bins as usize * (BlockFloat::BLOCK - 1);
         (Self::cells_len(capacity) + rounding) / BlockFloat::BLOCK
     }
 
-    /// A row of range bins, or a column of Doppler bins.
+    /// Minimum length of the work buffer: one row of range bins or one column of Doppler bins.
     pub const fn work_len(capacity: &Capacity) -> usize {
         if capacity.range_bins > capacity.doppler_bins {
             capacity.range_bins as usize
@@ -54,7 +66,7 @@ impl FixedSlices<'_> {
         }
     }
 
-    /// Pulses.
+    /// Minimum number of pulse phases and of folded pulses.
     pub const fn pulses_len(capacity: &Capacity) -> usize {
         capacity.pulses as usize
     }

@@ -1,18 +1,18 @@
-//! One frequency: compensation, and the Doppler transform on an axis scaled with frequency.
+//! Column step of the fixed-point engine: motion compensation and scaled Doppler transform (keystone) of one frequency.
 //!
-//! **Equation**, `u_m = m - (M - 1)/2`, `z_m` the sample times its weight and the patch's phasor:
+//! **Equation**, with `u_m = m - (M - 1)/2` and `z_m` the sample times its weight and the patch's phasor:
 //!
 //! ```text
 //! X(d) = sum_m z_m exp(-j 2 pi a_k u_m d / D)
 //! ```
 //!
-//! Pulses `u` and `-u` are folded to `e_u = z_u + z_-u` and `o_u = z_u - z_-u`; with
+//! Pulses `u` and `-u` are folded into `e_u = z_u + z_-u` and `o_u = z_u - z_-u`. With
 //! `A = z_0 + sum_{u>0} e_u cos(2 pi a_k u d / D)` and `B = sum_{u>0} o_u sin(2 pi a_k u d / D)` one pass
-//! gives both `X(+d) = A - j B` and `X(-d) = A + j B` for two real multiplications a pulse and bin.
+//! gives both `X(+d) = A - j B` and `X(-d) = A + j B` for two real multiplications per pulse and bin.
 //!
-//! **Scales and bounds.** A part of a sample is at most 1 in magnitude, so one of `z_m` at most
-//! `sqrt 2`. With `g` guard bits, `M 2^-g < 4` ([`guard_bits`]), and a phasor that exceeds 1 by at most
-//! `2^-20`:
+//! **Fixed-point scaling and headroom.** A part of a sample is at most 1 in magnitude, so a part of `z_m` is at
+//! most `sqrt 2`. With `g` guard bits, `M 2^-g < 4` ([`guard_bits`]), and a phasor magnitude of at most
+//! `1 + 2^-20`:
 //!
 //! | number | type | unit | at most |
 //! |---|---|---|---|
@@ -22,29 +22,29 @@
 //! | `A`, `B` | i64 | `2^(g - 59)` | `M sqrt 2` is below `2^61.5` |
 //! | `X` | i64, then its upper half | `2^(g - 59)`, `2^(g - 27)` | below `2^62.5`, `2^30.5` |
 //!
-//! so nothing can overflow. With 30 pulses `g = 3`: a unit of `z` is `2^-11` of a sample's.
+//! No sum can overflow. With 30 pulses `g = 3`, so one unit of `z` is `2^-11` of a sample unit.
 
 use num_complex::Complex;
 
 use super::sine;
 use crate::{Sc16, Turns};
 
-/// Phase and weight of a pulse for the patch in work.
+/// Compensation phase and weight of one pulse for the current patch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PulsePhase {
     /// Phase at frequency 0.
     pub(super) start: Turns,
-    /// From frequency to frequency.
+    /// Phase increment per frequency.
     pub(super) step: Turns,
-    /// Weight in slow time, units of `2^-31` of the largest weight's power of two.
+    /// Slow-time weight in units of `2^-31`, relative to the power of two of the largest weight.
     pub(super) weight: i32,
-    /// Phasor times weight at the frequency in work, units of `2^-30`; and what turns it to the next.
+    /// Weighted phasor at the current frequency in units of `2^-30`, and the rotation to the next frequency.
     pub(super) value: Complex<i32>,
     pub(super) rotation: Complex<i32>,
 }
 
 impl PulsePhase {
-    /// What fills empty storage.
+    /// Zero phase and weight; initial value of a buffer.
     pub const EMPTY: Self = Self {
         start: Turns(0),
         step: Turns(0),
@@ -53,7 +53,7 @@ impl PulsePhase {
         rotation: Complex { re: 0, im: 0 },
     };
 
-    /// What compensates frequency `k`; frequencies in ascending order, from 0.
+    /// Weighted phasor of frequency `k`. Frequencies must be visited in ascending order from 0.
     #[inline]
     fn at(&mut self, k: usize) -> Complex<i32> {
         self.value = if k.is_multiple_of(ANCHOR) {
@@ -61,35 +61,35 @@ impl PulsePhase {
             let weighted = |part: i32| ((i64::from(part) * i64::from(self.weight)) >> 31) as i32;
             Complex::new(weighted(phasor.re), weighted(phasor.im))
         } else {
-            sine::turned(self.value, self.rotation)
+            sine::rotated(self.value, self.rotation)
         };
         self.value
     }
 }
 
-/// Frequencies from one fresh phasor to the next. Between, every rotation errs by at most 4 units of
-/// `2^-30` a part: 2 of either part of what turns it, and half of its own rounding; after 15 of them, with
-/// the first's, by less than 64, which is `2^-24`.
+/// Number of frequencies from one directly computed phasor to the next. In between, each rotation adds an error of at
+/// most 4 units of `2^-30` per part: 2 from each part of the rotation, plus its own rounding. After 15
+/// rotations the total error, that of the first phasor included, is below 64 units, which is `2^-24`.
 const ANCHOR: usize = 16;
 
-/// `g`, the least with `num_pulses 2^-g < 4`.
+/// Guard bits `g`: the smallest with `num_pulses 2^-g < 4`.
 pub(super) fn guard_bits(num_pulses: usize) -> u32 {
     num_pulses
         .checked_ilog2()
         .map_or(0, |bits| bits.saturating_sub(1))
 }
 
-/// The pulses of one frequency, folded.
+/// Folded pulses of one frequency.
 pub(super) struct Folded<'a> {
-    /// `o_u`, `u` descending.
+    /// `o_u` in descending `u`.
     odd: &'a [Complex<i32>],
-    /// `z_0`, if the number of pulses is odd.
+    /// `z_0` if the number of pulses is odd.
     centre: Option<Complex<i32>>,
-    /// `e_u`, `u` ascending.
+    /// `e_u` in ascending `u`.
     even: &'a [Complex<i32>],
 }
 
-/// Compensates `samples`, one a pulse, at frequency `k`, and folds them in `buffer`, one place a pulse.
+/// Compensate `samples` (one per pulse) at frequency `k` and fold them in `buffer` (one element per pulse).
 pub(super) fn fold<'a>(
     phases: &mut [PulsePhase],
     samples: impl Iterator<Item = Sc16>,
@@ -97,8 +97,8 @@ pub(super) fn fold<'a>(
     guard_bits: u32,
     buffer: &'a mut [Complex<i32>],
 ) -> Folded<'a> {
-    // Sample in 2^-15 times phasor in 2^-30 to 2^-29, which 32 bits hold, and that to 2^(g - 29). The half
-    // of what is dropped goes in where its bit is.
+    // Sample (2^-15) times phasor (2^-30) is narrowed to units of 2^-29, which fit 32 bits, and then to 2^(g - 29).
+    // Half of the last dropped unit is added for rounding at the shift that drops it.
     let (half, narrow_half) = match guard_bits.checked_sub(1) {
         Some(last) => (0, 1i32.wrapping_shl(last)),
         None => (1 << 15, 0),
@@ -130,7 +130,7 @@ pub(super) fn fold<'a>(
 }
 
 impl Folded<'_> {
-    /// `X(0)` in units of `2^(g - 27)`: what [`Folded::bins`] gives twice at phase 0.
+    /// `X(0)` in units of `2^(g - 27)`, which both results of [`Folded::bins`] equal at phase 0.
     pub(super) fn zero_bin(&self) -> Complex<i32> {
         let centre = self.centre.unwrap_or_default();
         let (mut re, mut im) = (i64::from(centre.re), i64::from(centre.im));
@@ -142,7 +142,7 @@ impl Folded<'_> {
         Complex::new(upper(re), upper(im))
     }
 
-    /// `X(+d)` and `X(-d)` in units of `2^(g - 27)`; `half_turn` is the phase of `d` at half a pulse,
+    /// `X(+d)` and `X(-d)` in units of `2^(g - 27)`. `half_turn` is the phase of bin `d` per half pulse,
     /// `a_k d / (2 D)` turns.
     pub(super) fn bins(&self, half_turn: Turns) -> [Complex<i32>; 2] {
         let widened = |part: i32| i64::from(part) << sine::FRACTION_BITS;
@@ -153,7 +153,7 @@ impl Folded<'_> {
         // Half pulses from the middle to the first pair: u = 1/2 or u = 1.
         let first = if self.centre.is_some() { 2 } else { 1 };
         let step = sine::phasor(half_turn.times(2));
-        // A fresh phasor every RUN pairs: rounding adds up to 2^-24 of a run, whatever M.
+        // A directly computed phasor every RUN pairs bounds the rounding error to 2^-24 of a segment for any M.
         let runs = self.even.chunks(RUN).zip(self.odd.rchunks(RUN));
         for (run, (even, odd)) in (0..).zip(runs) {
             let mut turn = sine::phasor(half_turn.times(first + 2 * RUN as i64 * run));
@@ -163,7 +163,7 @@ impl Folded<'_> {
                 a.im += i64::from(e.im) * cos;
                 b.re += i64::from(o.re) * sin;
                 b.im += i64::from(o.im) * sin;
-                turn = sine::turned(turn, step);
+                turn = sine::rotated(turn, step);
             }
         }
         let upper = |x: i64| ((x + (1 << 31)) >> 32) as i32;
@@ -174,5 +174,5 @@ impl Folded<'_> {
     }
 }
 
-/// Pairs between fresh phasors.
+/// Number of pulse pairs between directly computed phasors.
 const RUN: usize = 64;

@@ -1,30 +1,30 @@
-//! Maps in fixed point: 16-bit samples in, 16-bit mantissas and exponents out, integers between.
+//! Fixed-point engine: 16-bit samples in, block floating-point map out, integer arithmetic in between.
 //!
-//! **What it does.** [`FixedEngine`] computes the map defined at the head of [`crate::stream`], with its
-//! phases, weights and normalisation: `mantissa 2^exponent` is the map's value. For parts without a
-//! floating-point unit: per sample and per bin there is integer arithmetic only; float64, in software on
-//! such parts, only in [`Engine::begin`], two square roots and a few products for each pulse.
+//! [`FixedEngine`] computes the map defined in [`crate::stream`] with its phases, weights and normalisation:
+//! `mantissa 2^exponent` is the value of the map. It is intended for processors without a floating-point unit:
+//! samples and bins are processed in integer arithmetic only. Float64 (in software on such processors) is used
+//! only in [`Engine::begin`]: two square roots and a few products per pulse.
 //!
-//! **Way and precision.**
+//! **Data flow and precision.**
 //!
 //! ```text
 //! 16-bit samples -> x weight x phasor -> 32 bit -> Doppler, 64-bit sums -> 16 bit, an exponent a column
 //!                -> 32 bit -> range, block floating point -> 16 bit, an exponent for 32 range bins
 //! ```
 //!
-//! The narrow store in the middle is what makes a map as small as the samples (4 bytes a cell), and its
-//! rounding is the largest error: a part is off by at most half a unit of `2^-15` of its column's power
-//! of two. **Accuracy** of all arithmetic, against a float64 sum over the same samples, relative RMS
-//! over the map (`tests/stream/fixed.rs`): -84.6 dB or better for 30 pulses, 424 frequencies and 41 by 201
-//! bins, on points, on a single point and on noise, samples at full scale, 30 dB and 60 dB below; -74.3 dB
-//! the worst of all shapes tested, 200 pulses and 201 Doppler bins.
+//! The 16-bit store between the transforms keeps a map cell as small as a sample (4 bytes). Its rounding is the
+//! largest error: half a unit of `2^-15` relative to the power of two of its column. **Accuracy** of all
+//! arithmetic against a float64 sum over the same samples, relative RMS over the map (`tests/stream/fixed.rs`):
+//! -84.6 dB or better for 30 pulses, 424 frequencies and 41 x 201 bins, on several points, a single point and
+//! noise, with samples at full scale and 30 dB and 60 dB below; -74.3 dB for the worst of all shapes tested, 200
+//! pulses and 201 Doppler bins.
 //!
-//! **No overflow**: the bounds stand at the heads of `column`, [`fft`] and `row`; they hold for any
-//! samples. What remains is an exponent that leaves `-128 ..= 127`, by weights that no
-//! window has: then mantissas are clamped and counted, [`Engine::saturated`].
+//! **Headroom**: no sum overflows, whatever the samples; the bounds are derived in `column`, [`fft`] and `row`.
+//! Only an exponent outside `-128 ..= 127`, which no practical window causes, leads to saturation. Mantissas are
+//! then clamped and counted by [`Engine::saturated`].
 //!
-//! **Memory**: [`FixedSlices`]. **Cost**: a column takes a rotation a pulse (every 16th a fresh phasor),
-//! then `M/2` times `Q` steps of eight multiplications; a row one transform of `R` points.
+//! **Memory**: see [`FixedSlices`]. **Cost**: a column takes one rotation per pulse (a directly computed phasor every
+//! 16th frequency), then `M/2` times `Q` steps of eight multiplications. A row takes one transform of `R` points.
 //!
 //! ```
 //! use subaperture_core::fixed_point::{FixedSlices, FixedEngine};
@@ -46,7 +46,7 @@
 //!     },
 //!     &capacity,
 //! )?;
-//! // Samples of 1/2 from the patch's own centre, at path 0: the map is 1/2 there.
+//! // Samples of 1/2 from the patch centre at path 0: the map is 1/2 there.
 //! let setup = Setup {
 //!     num_pulses: 2, num_frequencies: 4, range_length: 4, doppler_length: 2,
 //!     start_hz: 1.0e9, step_hz: 1.0e6,
@@ -89,46 +89,36 @@ use crate::stream::{
 };
 use crate::{LengthError, Pulse, Sc16, Turns};
 
-/// The map of a patch in integers; see the head of the module.
+/// Fixed-point engine on borrowed buffers. See the module documentation.
 #[derive(Debug)]
 pub struct FixedEngine<'a> {
     buffers: FixedSlices<'a>,
-    /// What is known since the beginning of the patch; nothing if there is no room for it.
+    /// Values computed by `begin`. `None` if the patch does not fit the buffers.
     prepared: Option<Prepared>,
     rows_done: usize,
     saturated: u32,
 }
 
-/// What all columns of a patch share.
+/// Values shared by all columns of a patch.
 #[derive(Clone, Copy, Debug)]
 struct Prepared {
     num_pulses: usize,
-    /// The power of two that weights are counted in, over `M`.
+    /// Power of two that the pulse weights are relative to, divided by `M`.
     scale: Scaled,
-    /// Phase of Doppler bin 1 at half a pulse from the middle, `a_k / (2 D)` turns, at frequency `F/2`,
-    /// and what it gains a frequency. They are cut to `2^-64` turns, which the largest phase takes
-    /// `M D F / 4` times: `2^-40` turns at 64 pulses, 64 Doppler bins and 4096 frequencies.
+    /// Phase of Doppler bin 1 at half a pulse from the middle, `a_k / (2 D)` turns, at frequency `F/2`, and its
+    /// increment per frequency. Both are truncated to `2^-64` turns. The largest phase multiplies the truncation by
+    /// `M D F / 4`: `2^-40` turns at 64 pulses, 64 Doppler bins and 4096 frequencies.
     half_turn: Turns,
     half_turn_step: Turns,
 }
 
 impl<'a> FixedEngine<'a> {
-    /// An engine in `buffers`.
+    /// Create an engine on `buffers`.
     ///
     /// # Errors
-    /// [`LengthError`] if one of them is shorter than `capacity` asks for.
+    /// [`LengthError`] naming the first buffer that is shorter than `capacity` requires.
     pub fn new(buffers: FixedSlices<'a>, capacity: &Capacity) -> Result<Self, LengthError> {
-        let pulses = FixedSlices::pulses_len(capacity);
-        let cells = FixedSlices::cells_len(capacity);
-        let columns = FixedSlices::column_exponents_len(capacity);
-        let rows = FixedSlices::row_exponents_len(capacity);
-        let work = FixedSlices::work_len(capacity);
-        at_least("cells", cells, buffers.cells.len())?;
-        at_least("column exponents", columns, buffers.column_exponents.len())?;
-        at_least("row exponents", rows, buffers.row_exponents.len())?;
-        at_least("work", work, buffers.work.len())?;
-        at_least("pulse phases", pulses, buffers.phases.len())?;
-        at_least("folded pulses", pulses, buffers.folded.len())?;
+        buffers.check(capacity)?;
         Ok(Self {
             buffers,
             prepared: None,
@@ -137,12 +127,12 @@ impl<'a> FixedEngine<'a> {
         })
     }
 
-    /// Whether the buffers hold what `patch` takes.
+    /// Check that the buffers are large enough for `patch`.
     ///
-    /// Where it does not, [`Engine::begin`] counts one clamped result and the map has no rows.
+    /// If they are not, [`Engine::begin`] counts one saturated result and the map has no rows.
     ///
     /// # Errors
-    /// [`SetupError::Size`].
+    /// [`SetupError::Size`] naming the first size that exceeds the buffers.
     pub fn check(&self, setup: &Setup, patch: &Patch) -> Result<(), SetupError> {
         let within = |what, wanted: usize, most: usize| {
             let (wanted_32, most) = (wanted as u32, most as u32);
@@ -173,25 +163,18 @@ impl<'a> FixedEngine<'a> {
         let rows = patch.num_doppler_bins();
         let blocks = buffers.row_exponents.len() / BlockFloat::blocks(gate).max(1);
         within(Quantity::DopplerBand, rows, work.min(blocks))?;
-        // Below 2^17 each: together they may pass 32 bits.
+        // Each factor is below 2^17; the product can exceed 32 bits.
         let wanted = rows.saturating_mul(setup.row_stride(patch));
         within(Quantity::Map, wanted, buffers.cells.len())
     }
 }
 
-fn at_least(what: &'static str, expected: usize, got: usize) -> Result<(), LengthError> {
-    if got >= expected {
-        return Ok(());
-    }
-    Err(LengthError {
-        what,
-        expected,
-        got,
-    })
-}
-
 impl Engine for FixedEngine<'_> {
     type Sample = Sc16;
+
+    fn holds(&self, capacity: &Capacity) -> Result<(), LengthError> {
+        self.buffers.check(capacity)
+    }
 
     fn begin(&mut self, work: &Work<'_, Sc16>) {
         self.rows_done = 0;
@@ -212,7 +195,7 @@ impl Engine for FixedEngine<'_> {
         for (state, pulse) in self.buffers.phases.iter_mut().zip(work.pulses) {
             let (start, step) = compensation(work.setup, pulse, work.patch.centre_m);
             let weight = Scaled::from_f32(pulse.weight).unwrap_or(Scaled::ZERO);
-            // A zero has exponent 0, which may be above the largest.
+            // A zero weight has exponent 0, which may be above the largest.
             let drop = (largest - weight.exponent).clamp(0, 31) as u32;
             *state = PulsePhase {
                 start,
@@ -285,7 +268,7 @@ impl Engine for FixedEngine<'_> {
         let scale = prepared.scale.times(weight);
         let mut peak = 0;
         for value in values.iter_mut() {
-            // Both below 2^31: so is the product's upper part, rounded.
+            // Both factors are below 2^31, and so is the rounded upper part of the product.
             let product = |x: i32| i64::from(x) * i64::from(scale.mantissa);
             let scaled = |x: i32| ((product(x) + (1 << 30)) >> 31) as i32;
             *value = Complex::new(scaled(value.re), scaled(value.im));
@@ -324,7 +307,7 @@ impl Engine for FixedEngine<'_> {
             return;
         };
         let unit = row::compress(input, exponents, values);
-        // A finished row lies at or before the frequencies of its own: width <= stride.
+        // A finished row ends at or before its own input: width <= stride.
         if let (Some(out), Some(exponents)) = (
             cells.get_mut(row * width..(row + 1) * width),
             row_exponents.get_mut(row * blocks..(row + 1) * blocks),
@@ -353,8 +336,8 @@ impl Engine for FixedEngine<'_> {
 }
 
 impl FixedEngine<'_> {
-    /// The largest of the pulses' weights' exponents, 0 where all are zero. A weight that is no finite
-    /// number counts as clamped, and as zero.
+    /// Largest exponent of the pulse weights, 0 if all are zero. A weight that is not finite counts as saturated and is
+    /// treated as zero.
     fn largest_exponent(&mut self, pulses: &[Pulse]) -> i32 {
         let mut largest: Option<i32> = None;
         for pulse in pulses {

@@ -1,10 +1,10 @@
-//! One Doppler bin: frequencies to range, and the gate.
+//! Row step of the fixed-point engine: range transform and range gate of one Doppler bin.
 //!
 //! **Equation**: `out[r] = sum_k X_k exp(+j 2 pi (k - F/2) r / R)`, `|r| <= G`.
 //!
-//! **Scales.** A mantissa of the column with the largest exponent starts at `2^13` a unit, so parts are
-//! at most `2^28`, what the transform wants; a column whose exponent is up to 13 lower keeps every bit,
-//! below that it is rounded. Bins come out 16-bit with an exponent for every 32 of them.
+//! **Fixed-point scaling.** A mantissa of the column with the largest exponent is scaled by `2^13`, so parts are at
+//! most `2^28`, the optimum for the FFT. Columns with an exponent up to 13 lower keep every bit; below that they are
+//! rounded. Output is 16-bit mantissas with one exponent per 32 bins.
 
 use num_complex::Complex;
 
@@ -13,11 +13,11 @@ use super::fft;
 use crate::Sc16;
 use crate::stream::BlockFloat;
 
-/// Bits between a mantissa and the transform's input.
+/// Left shift from a mantissa to the FFT input, in bits.
 const LIFT_BITS: u32 = 13;
 
-/// Fills `work`, `R` points, from a row's mantissas and their columns' exponents, frequency `k` at
-/// `(k - F/2) mod R`, and transforms it; the power of two that a unit of the result is worth.
+/// Fill `work` (`R` points) from the mantissas and column exponents of a row, frequency `k` at index
+/// `(k - F/2) mod R`, and transform it. Returns the exponent of a unit of the result.
 pub(super) fn compress(row: &[Sc16], exponents: &[i8], work: &mut [Complex<i32>]) -> i32 {
     let length = work.len();
     let highest = exponents.iter().copied().max().unwrap_or(0);
@@ -37,7 +37,7 @@ pub(super) fn compress(row: &[Sc16], exponents: &[i8], work: &mut [Complex<i32>]
     i32::from(highest) - 15 - LIFT_BITS as i32 + shifts as i32
 }
 
-/// `mantissa 2^(13 - drop)` to nearest.
+/// `mantissa 2^(13 - drop)` rounded to nearest.
 #[inline]
 fn lifted(mantissa: i16, drop: u32) -> i32 {
     let value = i32::from(mantissa) << LIFT_BITS;
@@ -50,9 +50,9 @@ fn lifted(mantissa: i16, drop: u32) -> i32 {
     }
 }
 
-/// Writes the bins `-G ..= G` of the transform in `work`, in blocks; how many had to be clamped.
+/// Write the bins `-G ..= G` of the transform in `work` as blocks. Returns the number of clamped samples.
 ///
-/// `out` has `2 G + 1` places, `exponents` one for each of its blocks.
+/// `out` has `2 G + 1` elements, `exponents` one per block.
 pub(super) fn gate(
     work: &[Complex<i32>],
     unit: i32,
@@ -61,13 +61,13 @@ pub(super) fn gate(
 ) -> u32 {
     let reach = out.len() / 2;
     let mut clamped = 0;
-    // Bin -G is at R - G; the others follow it round.
+    // Bin -G is at index R - G; the others follow cyclically.
     let mut first = work.len().wrapping_sub(reach);
     for (block, exponent) in out.chunks_mut(BlockFloat::BLOCK).zip(exponents) {
         let end = first.wrapping_add(block.len());
         let block_clamped = match work.get(first..end) {
             Some(bins) => narrow(bins.iter().copied(), unit, block, exponent),
-            // The one that goes round.
+            // The block that wraps around.
             None => {
                 let mask = work.len().wrapping_sub(1);
                 let bin = |place: usize| work.get(place & mask).copied().unwrap_or_default();
@@ -80,7 +80,7 @@ pub(super) fn gate(
     clamped
 }
 
-/// Writes a block; how many samples had to be clamped.
+/// Write one block. Returns the number of clamped samples.
 #[inline]
 fn narrow(
     bins: impl Iterator<Item = Complex<i32>> + Clone,

@@ -1,18 +1,18 @@
-//! Sine and cosine in integers, from one quarter wave.
+//! Integer sine and cosine from a quarter-wave table.
 //!
 //! **Equation.** The table holds `sin(2 pi i / 4096)`, `i = 0..=1024`, in units of `2^-30` ([`ONE`] is 1).
-//! A phase is the nearest of its 4096 points, turned by what is left, `|delta| <= 2 pi / 8192`:
+//! A phase is rounded to the nearest of 4096 points and corrected for the remainder `|delta| <= 2 pi / 8192`:
 //!
 //! ```text
 //! cos(x + delta) = cos x - (delta sin x + delta^2/2 cos x)
 //! sin(x + delta) = sin x + (delta cos x - delta^2/2 sin x)
 //! ```
 //!
-//! **Neglected**: the cube, `delta^3 / 6 < 7.6e-11 = 0.08` units. **Accuracy**: a part errs by less than
-//! 2 units of `2^-30`: phase rounded to `2^-32` turns (0.79 at most), table (0.5), the last rounding
-//! (0.5), the cube (0.08). `tests/stream/fixed_stages.rs` shows it. At multiples of `1/4096` turn it is the table.
+//! **Neglected**: the cubic term, `delta^3 / 6 < 7.6e-11 = 0.08` units. **Accuracy**: the error of a part is below
+//! 2 units of `2^-30`: phase rounded to `2^-32` turns (at most 0.79), table (0.5), final rounding (0.5), cubic
+//! term (0.08). `tests/stream/fixed_stages.rs` verifies it. Multiples of `1/4096` turn return table values.
 //!
-//! **Cost**: 4100 bytes of constants, six 32-bit multiplications to 64 bits.
+//! **Cost**: 4100 bytes of constants and six multiplications of 32 x 32 to 64 bits.
 //!
 //! ```
 //! use subaperture_core::{Turns, fixed_point::sine};
@@ -24,27 +24,27 @@ use num_complex::Complex;
 
 use crate::Turns;
 
-/// The number 1 in the units of this module, `2^30`.
+/// The number 1 in units of this module, `2^30`.
 pub const ONE: i32 = 1 << FRACTION_BITS;
 
-/// Bits after the point.
+/// Number of fraction bits.
 pub const FRACTION_BITS: u32 = 30;
 
-/// Points of [`unit()`] in a turn.
+/// Number of points of [`unit()`] per turn.
 pub const POINTS: usize = 4096;
 
 const QUARTER: usize = POINTS / 4;
 
-/// A static and no constant: one copy.
+/// A static, not a constant, so that one copy exists.
 static SINE: [i32; QUARTER + 1] = quarter_wave();
 
-/// `sin(2 pi i / 4096)` rounded to nearest. Float64 of the compiler, the same on every machine.
+/// `sin(2 pi i / 4096)` rounded to nearest. Evaluated in float64 at compile time, bit-identical on every machine.
 const fn quarter_wave() -> [i32; QUARTER + 1] {
     let mut table = [0; QUARTER + 1];
     let mut i = 0;
     while i <= QUARTER {
         let x = core::f64::consts::TAU * i as f64 / POINTS as f64;
-        // Taylor's series; (pi/2)^25 / 25! is 5e-21.
+        // Taylor series; (pi/2)^25 / 25! is 5e-21.
         let (mut term, mut sum, mut n) = (x, x, 1.0);
         while n < 24.0 {
             term *= -x * x / ((n + 1.0) * (n + 2.0));
@@ -57,10 +57,10 @@ const fn quarter_wave() -> [i32; QUARTER + 1] {
     table
 }
 
-/// `exp(+j 2 pi index / 4096)`.
+/// Phasor of a table point, `exp(+j 2 pi index / 4096)`.
 #[inline]
 pub fn unit(index: usize) -> Complex<i32> {
-    // An index below 1024 and its complement are always in the table of 1025.
+    // An index below 1024 and its complement are always within the table of 1025 entries.
     let up = index % QUARTER;
     let at = |place: usize| SINE.get(place).copied().unwrap_or(0);
     let (sin, cos) = (at(up), at(QUARTER - up));
@@ -72,22 +72,22 @@ pub fn unit(index: usize) -> Complex<i32> {
     }
 }
 
-/// `exp(+j 2 pi t)`.
+/// Phasor of a phase, `exp(+j 2 pi t)`.
 pub fn phasor(turns: Turns) -> Complex<i32> {
-    // Units of 2^-32 turns, to nearest; a turn is 2^32 of them and wraps.
+    // Round to units of 2^-32 turns; one turn wraps.
     let phase = (turns.0.wrapping_add(1 << 31) >> 32) as u32;
     let index = phase.wrapping_add(1 << (STEP_BITS - 1)) >> STEP_BITS;
-    // Within -2^19 ..= 2^19 - 1.
+    // In the range -2^19 ..= 2^19 - 1.
     let rest = phase.wrapping_sub(index << STEP_BITS) as i32;
 
-    // delta and delta^2 / 2 in units of 2^-40: below 2^30 and 2^19, so 32 bits hold them and every product
-    // is one of 32 bits by 32.
+    // delta and delta^2 / 2 in units of 2^-40 are below 2^30 and 2^19, so both fit 32 bits and every product is
+    // 32 x 32 bits.
     let delta = ((i64::from(rest) * TAU_2_28) >> 20) as i32;
     let half_square = ((i64::from(delta) * i64::from(delta)) >> 41) as i32;
     let (delta, half_square) = (i64::from(delta), i64::from(half_square));
     let Complex { re: cos, im: sin } = unit(index as usize);
     let (wide_cos, wide_sin) = (i64::from(cos), i64::from(sin));
-    // Below 2^61 each.
+    // Each below 2^61.
     let less = wide_sin * delta + wide_cos * half_square;
     let more = wide_cos * delta - wide_sin * half_square;
     Complex::new(
@@ -96,10 +96,10 @@ pub fn phasor(turns: Turns) -> Complex<i32> {
     )
 }
 
-/// `value` turned by a phasor, to nearest; parts of `value` of at most `2^30.4`, lest the result be beyond
-/// `2^31`.
+/// Rotate `value` by a phasor, rounded to nearest. Parts of `value` must be at most `2^30.4`, so that the result
+/// stays below `2^31`.
 #[inline]
-pub(super) fn turned(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
+pub(super) fn rotated(value: Complex<i32>, phasor: Complex<i32>) -> Complex<i32> {
     let wide = |x: i32, y: i32| i64::from(x) * i64::from(y);
     let narrow = |x: i64| ((x + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS) as i32;
     Complex::new(

@@ -1,7 +1,8 @@
-//! What stages of the core cost, and a sub-CPI through the station, as the meter counts it:
-//! instructions on the emulated board under `-icount shift=5`, cycles on a real one.
+//! Cost of the core's processing stages, and of a sub-CPI through the endpoint: instructions on the emulated board under
+//! `-icount shift=5`, cycles on a real one.
 //!
-//! Prints lines `name value` of the run, then `name length value` of stages alone. Lines `loop ...`, of known
+//! Prints lines `name value` for the run, then `name length value` for single stages. Lines `loop ...` measure known
+//! instruction counts, to verify the meter.
 //! counts, show whether the meter can be trusted.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -36,9 +37,9 @@ mod target {
         };
         let samples = SAMPLES.take();
         let meter = Meter::new(&board);
-        // First, so that the stack that it used is its own.
+        // First, so that the stack high-water mark is that of the run.
         if super::run::run(&mut board, &meter).is_none() {
-            board.log(format_args!("the run went wrong"));
+            board.log(format_args!("measurement failed: the run did not complete"));
             end(false);
         }
         board.log(format_args!("name length {UNIT}"));
@@ -94,5 +95,5 @@ mod target {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("this program is for a board");
+    println!("this program runs on a board only");
 }

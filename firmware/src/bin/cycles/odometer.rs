@@ -1,17 +1,17 @@
-//! Pulses of the largest odometer through the station, call by call.
+//! Cost of a pulse through the endpoint's odometer at maximum size, call by call.
 //!
-//! One transmitter, as many receivers as there is room for, half a wavelength apart, four reflectors. Targets are confirmed in the second pulse; the last is measured, whose increment is of all four.
+//! One transmitter, the maximum number of receivers at half-wavelength spacing, four reflectors. Targets are confirmed in the second pulse. The last pulse is measured; its increment is of all four targets.
 
 use subaperture_core::link::{
     Command, Encoder, Encoding, MotionConfiguration, State, write_complex32s, write_places,
 };
-use subaperture_core::motion::{Follow, Setup};
+use subaperture_core::motion::{Setup, TrackerSettings};
 use subaperture_core::{Complex32, Pulse, SPEED_OF_LIGHT_M_S, Turns};
 use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::endpoint::Endpoint;
 use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{CHANNELS, ODOMETER_BINS, ODOMETER_FREQUENCIES};
-use subaperture_firmware::station::Station;
 
 use crate::run::{Cost, drain};
 
@@ -29,7 +29,7 @@ const SETUP: Setup = Setup {
     rank: 0.6,
     false_alarm_probability: 1e-5,
     least_snr_db: 10.0,
-    follow: Follow {
+    follow: TrackerSettings {
         gate_cells: 0.5,
         acceleration_cells: 0.01,
         apart_cells: 1.5,
@@ -43,18 +43,18 @@ const PULSES: u32 = 4;
 
 const PLACES_M: [[f64; 2]; 4] = [[-0.9, 2.25], [0.6, 3.5], [2.1, 4.7], [-2.6, 6.4]];
 
-/// Runs it and prints what it costs; nothing if something went wrong.
+/// Run the measurement and print the costs. `None` on failure.
 #[inline(never)]
 pub(crate) fn run(
     board: &mut Current,
     meter: &Meter,
-    station: &mut Station<'_, Engine<'_>>,
+    endpoint: &mut Endpoint<'_, Engine<'_>>,
     encoder: &mut Encoder,
     (samples, frame): (&mut [u8], &mut [u8]),
 ) -> Option<()> {
-    // The run of maps ends once its chip has gone.
-    while station.work() {}
-    drain(station);
+    // The map run ends once its chip was sent.
+    while endpoint.work() {}
+    drain(endpoint);
     let mut antennas = [[-0.01, 0.0]; CHANNELS + 1];
     for (i, place) in antennas.iter_mut().skip(1).enumerate() {
         *place = [0.0019 * i as f64, 0.0];
@@ -63,19 +63,19 @@ pub(crate) fn run(
         id: 2,
         setup: SETUP,
     });
-    station.receive(encoder.encode(&configuration, frame).ok()?);
-    drain(station);
+    endpoint.receive(encoder.encode(&configuration, frame).ok()?);
+    drain(endpoint);
     let places = Command::Antennas {
         transmitters: 1,
         places: write_places(&antennas, samples)?,
     };
     let bytes = encoder.encode(&places, frame).ok()?;
-    let configure = meter.measure(board, || station.receive(bytes)).0;
-    drain(station);
+    let configure = meter.measure(board, || endpoint.receive(bytes)).0;
+    drain(endpoint);
     let start = Command::Start { run: 2, first: 0 };
-    station.receive(encoder.encode(&start, frame).ok()?);
-    drain(station);
-    (station.state() == State::Running).then_some(())?;
+    endpoint.receive(encoder.encode(&start, frame).ok()?);
+    drain(endpoint);
+    (endpoint.state() == State::Running).then_some(())?;
     let (mut receive, mut work) = (Cost::default(), Cost::default());
     let (mut up_bytes, mut down_bytes) = (0, 0);
     for pulse in 0..PULSES {
@@ -91,21 +91,21 @@ pub(crate) fn run(
             };
             let bytes = encoder.encode(&command, frame).ok()?;
             up_bytes += bytes.len();
-            receive.add(meter.measure(board, || station.receive(bytes)).0);
+            receive.add(meter.measure(board, || endpoint.receive(bytes)).0);
         }
         loop {
-            let (count, more) = meter.measure(board, || station.work());
+            let (count, more) = meter.measure(board, || endpoint.work());
             work.add(count);
             if !more {
                 break;
             }
         }
-        down_bytes = drain(station);
+        down_bytes = drain(endpoint);
     }
-    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(station);
-    while station.work() {}
-    drain(station);
+    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(endpoint);
+    while endpoint.work() {}
+    drain(endpoint);
     let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
     show("odometer_channels", CHANNELS as u64);
     show("odometer_frequencies", ODOMETER_FREQUENCIES as u64);
@@ -116,11 +116,11 @@ pub(crate) fn run(
     show("odometer_worst", work.most);
     show("odometer_up_bytes", up_bytes as u64);
     show("increment_bytes", down_bytes as u64);
-    // An increment with a motion has 40 bytes and more.
-    (station.state() == State::Done && down_bytes > 40).then_some(())
+    // An increment with a motion has more than 40 bytes.
+    (endpoint.state() == State::Done && down_bytes > 40).then_some(())
 }
 
-/// What a receiver samples of a pulse, half a millimetre farther along each time, compensated to 5 m.
+/// Samples of one receiver in a pulse: moved half a millimetre per pulse, phases referenced to 5 m.
 fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let x_m = f64::from(pulse) * 0.000_5;
     let [x, y] = *receiver;
@@ -138,7 +138,7 @@ fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> O
     for (k, place) in places.enumerate() {
         let each = phases.map(|[start, step]| start.plus(step.times(k as i64)).phasor());
         let sum: Complex32 = each.iter().sum();
-        // Beneath, noise of a kind: what is left must not be nothing.
+        // Add pseudo-noise, so that the residual is not zero.
         let noise = Turns(0x9e37_79b9_7f4a_7c15)
             .times((k as i64 + 7919 * i64::from(pulse)) * (k as i64 + 3))
             .phasor();

@@ -1,6 +1,6 @@
-//! A sweep of the largest profiler through the station, call by call.
+//! Cost of a sweep through the endpoint's range profiler at maximum size, call by call.
 //!
-//! All carriers that there is room for, each a burst of sixteen blocks of four periods of eight samples, in parts of as many samples as the link's buffers here hold; one echo.
+//! The maximum number of carriers, each with a burst of sixteen blocks of four periods of eight samples, sent in parts that fit the link buffers here; one echo.
 
 use num_complex::Complex;
 use subaperture_core::link::{
@@ -9,15 +9,15 @@ use subaperture_core::link::{
 use subaperture_core::sweep::Setup;
 use subaperture_core::{Complex32, Turns};
 use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::endpoint::Endpoint;
 use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::Engine;
 use subaperture_firmware::sizes::{CARRIERS, PROFILER_BINS};
-use subaperture_firmware::station::Station;
 
 use crate::run::{Cost, drain};
 
 const SAMPLES: u32 = 512;
-/// Samples a message.
+/// Samples per message.
 const PART: u32 = 64;
 
 const SETUP: Setup = Setup {
@@ -29,12 +29,12 @@ const SETUP: Setup = Setup {
     step_hz: 1e6,
 };
 
-/// Runs it and prints what it costs; nothing if something went wrong.
+/// Run the measurement and print the costs. `None` on failure.
 #[inline(never)]
 pub(crate) fn run(
     board: &mut Current,
     meter: &Meter,
-    station: &mut Station<'_, Engine<'_>>,
+    endpoint: &mut Endpoint<'_, Engine<'_>>,
     encoder: &mut Encoder,
     (samples, frame): (&mut [u8], &mut [u8]),
 ) -> Option<()> {
@@ -42,18 +42,18 @@ pub(crate) fn run(
         id: 3,
         setup: SETUP,
     });
-    station.receive(encoder.encode(&configuration, frame).ok()?);
-    drain(station);
+    endpoint.receive(encoder.encode(&configuration, frame).ok()?);
+    drain(endpoint);
     for first in (0..SETUP.carriers).step_by(32) {
         let weights = write_f32s(&[1.0 / CARRIERS as f32; 32], samples)?;
         let command = Command::Weights { first, weights };
-        station.receive(encoder.encode(&command, frame).ok()?);
-        drain(station);
+        endpoint.receive(encoder.encode(&command, frame).ok()?);
+        drain(endpoint);
     }
     let start = Command::Start { run: 3, first: 0 };
-    station.receive(encoder.encode(&start, frame).ok()?);
-    drain(station);
-    (station.state() == State::Running).then_some(())?;
+    endpoint.receive(encoder.encode(&start, frame).ok()?);
+    drain(endpoint);
+    (endpoint.state() == State::Running).then_some(())?;
     let (mut receive, mut work, mut send) = (Cost::default(), Cost::default(), Cost::default());
     let mut up_bytes = 0;
     for carrier in 0..SETUP.carriers {
@@ -66,13 +66,13 @@ pub(crate) fn run(
             };
             let bytes = encoder.encode(&command, frame).ok()?;
             up_bytes += bytes.len();
-            receive.add(meter.measure(board, || station.receive(bytes)).0);
+            receive.add(meter.measure(board, || endpoint.receive(bytes)).0);
         }
     }
     let ask = Command::Sweep { sweep: 0 };
-    station.receive(encoder.encode(&ask, frame).ok()?);
+    endpoint.receive(encoder.encode(&ask, frame).ok()?);
     loop {
-        let (count, more) = meter.measure(board, || station.work());
+        let (count, more) = meter.measure(board, || endpoint.work());
         if !more {
             break;
         }
@@ -80,34 +80,34 @@ pub(crate) fn run(
     }
     let mut down_bytes = 0;
     loop {
-        let (count, bytes) = meter.measure(board, || station.pending().len());
+        let (count, bytes) = meter.measure(board, || endpoint.pending().len());
         if bytes == 0 {
             break;
         }
-        station.sent(bytes);
+        endpoint.sent(bytes);
         send.add(count);
         down_bytes += bytes;
     }
-    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(station);
-    while station.work() {}
-    drain(station);
+    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(endpoint);
+    while endpoint.work() {}
+    drain(endpoint);
     let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
     show("profiler_carriers", CARRIERS as u64);
     show("profiler_samples", SAMPLES.into());
     show("profiler_bins", PROFILER_BINS as u64);
-    // The steps of a sweep are alike.
+    // All steps of a sweep cost the same.
     show("profiler_step", receive.sum / CARRIERS as u64);
     show("profiler_receive_worst", receive.most);
     show("profiler_work", work.sum);
     show("profiler_send", send.sum);
     show("profiler_up_bytes", up_bytes as u64);
     show("profile_bytes", down_bytes as u64);
-    // Eight bytes a bin, and more.
-    (station.state() == State::Done && down_bytes > 8 * PROFILER_BINS).then_some(())
+    // More than eight bytes per bin.
+    (endpoint.state() == State::Done && down_bytes > 8 * PROFILER_BINS).then_some(())
 }
 
-/// Reference and echo, which turn by an eighth of a turn a sample and by the synthesisers' phase.
+/// Reference and echo, whose phase advances by an eighth of a turn per sample plus the synthesisers' phase.
 fn write_samples(carrier: u16, first: u32, buffer: &mut [u8]) -> Option<&[u8]> {
     let n = i64::from(carrier);
     let synthesisers = Turns(0x9e37_79b9_7f4a_7c15).times(n * n);

@@ -1,10 +1,10 @@
-//! A sub-CPI through the station, call by call; then pulses for increments, and a sweep for its profile.
+//! Cost of a sub-CPI through the endpoint, call by call; then of motion increments and of a range profile.
 //!
-//! Commands are encoded as the host does and received by the station; every call of it is timed. Two
-//! patches: one fills the map buffer, and a chip is made of it; the other, of one Doppler bin, has
-//! columns that are all compensation. Both are searched for detections.
+//! Commands are encoded as by the host and received by the endpoint, and every call of it is timed. There are two patches:
+//! one fills the map buffer and has an image chip; the other has one Doppler bin, so its columns are compensation only. Both
+//! are searched for detections.
 
-use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, State, max_frame_bytes,
     write_complex32s,
@@ -12,6 +12,7 @@ use subaperture_core::link::{
 use subaperture_core::stream::{Patch, Setup, nodes};
 use subaperture_core::{Complex32, Pulse, Turns};
 use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::endpoint::Endpoint;
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::memory::{self, Placed};
 use subaperture_firmware::meter::Meter;
@@ -21,7 +22,6 @@ use subaperture_firmware::products::ChipKernel;
 use subaperture_firmware::sizes::{
     CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS,
 };
-use subaperture_firmware::station::Station;
 
 const SETUP: Setup = Setup {
     num_pulses: PULSES as u16,
@@ -32,7 +32,7 @@ const SETUP: Setup = Setup {
     step_hz: 1.4e6,
 };
 
-/// The reaches that fill the map buffer, whose rows are of frequencies.
+/// Half-widths that fill the map buffer, whose rows have one element per frequency.
 const FULL: Patch = Patch {
     centre_m: [3.0, -2.0, 0.0],
     range_reach: (FREQUENCIES as u16 - 1) / 2,
@@ -54,7 +54,7 @@ static SAMPLES: Placed<[u8; 8 * FREQUENCIES]> = Placed::new([0; 8 * FREQUENCIES]
 static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
     Placed::new([0; max_frame_bytes(FREQUENCIES)]);
 
-/// Costs of calls of one kind.
+/// Total and maximum cost of calls of one kind.
 #[derive(Default)]
 pub(crate) struct Cost {
     pub(crate) sum: u64,
@@ -68,23 +68,23 @@ impl Cost {
     }
 }
 
-/// Costs of a map.
+/// Costs of one map.
 #[derive(Default)]
 struct MapCost {
     begin: Cost,
     columns: Cost,
     rows: Cost,
-    /// Rows of the chip, the search for detections.
+    /// Rows of the chip, and the search for detections.
     products: Cost,
     frames: Cost,
     bytes: usize,
 }
 
-/// Runs it and prints what it costs; nothing if something went wrong.
+/// Run the measurement and print the costs. `None` on failure.
 #[inline(never)]
 pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     let kernel = ChipKernel::new();
-    let mut station = module::station(&kernel)?;
+    let mut endpoint = module::endpoint(&kernel)?;
     let (pulses, samples, frame) = (
         PULSES_SENT.try_take()?,
         SAMPLES.try_take()?,
@@ -117,11 +117,11 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         num_rows: (CHIP_PIXELS / 32) as u16,
     });
     let detect = Command::Detect(Cfar {
-        range: Reach {
+        range: TrainingWindow {
             guard: 2,
             training: 6,
         },
-        doppler: Reach {
+        doppler: TrainingWindow {
             guard: 1,
             training: 3,
         },
@@ -139,10 +139,10 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         start,
     ];
     for command in &preparation {
-        station.receive(encoder.encode(command, frame).ok()?);
-        drain(&mut station);
+        endpoint.receive(encoder.encode(command, frame).ok()?);
+        drain(&mut endpoint);
     }
-    (station.state() == State::Running).then_some(())?;
+    (endpoint.state() == State::Running).then_some(())?;
 
     let (mut receive, mut up_bytes) = (Cost::default(), 0);
     for (m, place) in pulses.iter_mut().enumerate() {
@@ -160,15 +160,15 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
             )
             .ok()?;
         up_bytes += bytes.len();
-        receive.add(meter.measure(board, || station.receive(bytes)).0);
-        drain(&mut station);
+        receive.add(meter.measure(board, || endpoint.receive(bytes)).0);
+        drain(&mut endpoint);
     }
-    let full = map(board, meter, &mut station, &FULL);
-    let one = map(board, meter, &mut station, &ONE_BIN);
-    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
-    drain(&mut station);
-    while station.work() {}
-    let chip_bytes = drain(&mut station);
+    let full = map(board, meter, &mut endpoint, &FULL);
+    let one = map(board, meter, &mut endpoint, &ONE_BIN);
+    endpoint.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(&mut endpoint);
+    while endpoint.work() {}
+    let chip_bytes = drain(&mut endpoint);
     let nodes = meter
         .measure(board, || core::hint::black_box(nodes(pulses)))
         .0;
@@ -201,36 +201,36 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         Engine::ARITHMETIC
     ));
     let talk = (samples.as_mut_slice(), frame.as_mut_slice());
-    crate::odometer::run(board, meter, &mut station, &mut encoder, talk)?;
+    crate::odometer::run(board, meter, &mut endpoint, &mut encoder, talk)?;
     let talk = (samples.as_mut_slice(), frame.as_mut_slice());
-    crate::profiles::run(board, meter, &mut station, &mut encoder, talk)?;
+    crate::profiles::run(board, meter, &mut endpoint, &mut encoder, talk)?;
     let stack_bytes = memory::stack_high_water_bytes();
     board.log(format_args!("stack {stack_bytes}"));
     (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
 }
 
-/// Takes everything that the station wants to send; how much it was.
-pub(crate) fn drain(station: &mut Station<'_, Engine<'_>>) -> usize {
+/// Remove everything that the endpoint has to send. Returns its size in bytes.
+pub(crate) fn drain(endpoint: &mut Endpoint<'_, Engine<'_>>) -> usize {
     let mut bytes = 0;
     loop {
-        let count = station.pending().len();
+        let count = endpoint.pending().len();
         if count == 0 {
             return bytes;
         }
-        station.sent(count);
+        endpoint.sent(count);
         bytes += count;
     }
 }
 
-/// The next map.
+/// Measure the next map.
 fn map(
     board: &Current,
     meter: &Meter,
-    station: &mut Station<'_, Engine<'_>>,
+    endpoint: &mut Endpoint<'_, Engine<'_>>,
     patch: &Patch,
 ) -> MapCost {
     let mut cost = MapCost::default();
-    let mut work = |cost: &mut Cost| cost.add(meter.measure(board, || station.work()).0);
+    let mut work = |cost: &mut Cost| cost.add(meter.measure(board, || endpoint.work()).0);
     work(&mut cost.begin);
     for _ in 0..FREQUENCIES {
         work(&mut cost.columns);
@@ -239,23 +239,23 @@ fn map(
         work(&mut cost.rows);
     }
     loop {
-        let (count, more) = meter.measure(board, || station.work());
+        let (count, more) = meter.measure(board, || endpoint.work());
         if !more {
             break;
         }
         cost.products.add(count);
     }
     loop {
-        let (count, bytes) = meter.measure(board, || station.pending().len());
+        let (count, bytes) = meter.measure(board, || endpoint.pending().len());
         if bytes == 0 {
             break;
         }
-        station.sent(bytes);
+        endpoint.sent(bytes);
         cost.frames.add(count);
         cost.bytes += bytes;
     }
-    // The turn to the next patch.
-    station.work();
+    // Advance to the next patch.
+    endpoint.work();
     cost
 }
 
@@ -271,7 +271,7 @@ fn pulse(m: usize) -> Pulse {
     }
 }
 
-/// Two scatterers' samples, in the encoding of the engine.
+/// Write the samples of two scatterers in the encoding of the engine.
 fn write_samples(m: usize, buffer: &mut [u8]) -> Option<&[u8]> {
     let near = Turns(0x0123_4567_89ab_cdef).times(m as i64);
     let far = Turns(0x7654_3210_fedc_ba98).times(m as i64);

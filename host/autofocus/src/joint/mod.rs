@@ -1,26 +1,25 @@
-//! Displacements of all pulses, places of points and their phases, together, by least squares with exact geometry.
+//! Joint least-squares estimation of antenna displacements, point positions and point phases in exact geometry.
 //!
-//! What is measured is the phase of a history, taken at a place `q_i` and the recorded antennas; what it should be, if the point lies at
+//! The measurement is the phase of a history, compensated to a place `q_i` by the recorded antennas. Its model, if the point lies at
 //! `q_i + p_i` and the antennas were displaced by `x(n)`,
 //!
 //! ```text
 //! arg h_i(n) = c_i - k (path(q_i + p_i, antennas + x(n)) - path(q_i, antennas))
 //! ```
 //!
-//! whose slopes are `k s` by `x` and `-k s` by `p`, `s = u_t + u_r`, anew in every step of Gauss and Newton. There is a prior of zero and some spread on
-//! `x(n)` and `p_i`. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
+//! whose slopes are `k s` by `x` and `-k s` by `p`, `s = u_t + u_r`, anew in every step of Gauss and Newton. There is a Gaussian prior on
+//! `x(n)` and `p_i`, of zero mean unless another mean of `x(n)` is given. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
 //!
 //! ```text
 //! | X_n  Y_n | | x(n) |   | g_n |         sum_n (Z_n - Y_n^T X_n^-1 Y_n) y = sum_n (h_n - Y_n^T X_n^-1 g_n)
 //! | Y_n' Z_n | |  y   | = | h_n |
 //! ```
 //!
-//! so that what is solved has as many unknowns as there are histories and places (`y`), however many pulses there are.
+//! so that the remaining system has as many unknowns as there are histories and places (`y`), for any number of pulses.
 //!
 //! Residual phases are followed from pulse to pulse at first, over whole turns: a place that is some resolution cells off turns them by that
-//! many. Then they are taken modulo a turn, so that a turn lost in noise does not stay. Those far out of what noise
-//! allows count less (Cauchy's weight), so that a bin with two scatterers, or a point that moves, does not pull; the noise is
-//! at least what is left of the history's residuals in the middle (their median).
+//! many. Then they are taken modulo a turn, so that a turn lost in noise does not stay. Outliers count less (Cauchy's weight), so that a bin with two scatterers, or a point that moves, does not pull; the noise is
+//! at least the median of the history's residuals.
 
 mod turn;
 
@@ -35,6 +34,7 @@ use subaperture_signal::phase::cis;
 use turn::{Residuals, Turn};
 
 /// A history with the geometry that it was taken by.
+#[derive(Clone)]
 pub(crate) struct Sighted<'a> {
     /// Which point it is of.
     pub(crate) point: usize,
@@ -50,20 +50,26 @@ pub(crate) struct Sighted<'a> {
     pub(crate) rest: f64,
 }
 
-/// What is found.
+/// Estimate of the displacements.
+#[derive(Clone)]
 pub(crate) struct Solved {
-    /// In the plane, metres, a turn each.
+    /// Components in the plane, metres, one entry per turn.
     pub(crate) displacements: Vec<[f64; 2]>,
+    /// Mean of the prior on the displacements, metres, one entry per turn; zero if empty.
+    pub(crate) expected: Vec<[f64; 2]>,
 }
 
 /// Gauss-Newton steps, those first in which phases are followed over whole turns; and the smallest variance of a phase, radians
 /// squared: geometry and range cells leave as much.
 const ROUNDS: usize = 10;
 const FOLLOWED: usize = 4;
-const LEAST_VARIANCE: f64 = 1e-4;
+const MIN_VARIANCE: f64 = 1e-4;
 
 /// Residuals, in standard deviations, at which a weight is halved (Cauchy's, 95 % efficient).
 const HALVED_AT: f64 = 2.385;
+
+/// Prior spread of the points' places, in range cells.
+pub(crate) const PLACE_CELLS: f64 = 0.5;
 
 /// Robust passes over the steps of a pulse.
 const PASSES: usize = 3;
@@ -72,13 +78,13 @@ impl Sighted<'_> {
     /// Variance of the phase in turn `n`.
     fn variance(&self, n: usize) -> f64 {
         let power = self.values[n].norm_sqr();
-        LEAST_VARIANCE + 0.5 * self.rest / power.max(1e-3 * self.rest)
+        MIN_VARIANCE + 0.5 * self.rest / power.max(1e-3 * self.rest)
     }
 
-    /// The phase of turn `n`, radians, of a point `off_m` beside its place and antennas `moved_m` beside theirs.
+    /// Model phase of turn `n`, radians, for a point displaced by `off_m` and antennas displaced by `moved_m`.
     fn model(&self, n: usize, moved_m: DVec3, off_m: DVec3) -> f64 {
         let pulse = &self.pulses[n];
-        // The path by the displaced antennas is that to the point displaced the other way.
+        // The path from displaced antennas is that to the point displaced in the opposite direction.
         let there_m = self.place_m + off_m - moved_m;
         -self.wavenumbers[n] * (pulse.path_m(there_m) - pulse.path_m(self.place_m))
     }
@@ -153,14 +159,16 @@ pub(crate) fn steps(
     all
 }
 
-/// Makes displacements better; `points` are how many, priors those of displacements and of places, metres.
+/// Refines displacements by Gauss-Newton steps. `points` is the number of points; the priors are the spreads of displacements and of places, metres.
+/// Returns the mean loss of the points' peak power, a part of it where it is small: `2 - 2 cos` of the phases that are left, and
+/// `(pi r / cell)^2 / 3` of a sinc in range by the range shifts `r` of the places.
 pub(crate) fn refine(
     rows: &[Sighted],
     axes: [DVec3; 2],
     points: usize,
     [displacement_m, place_m]: [f64; 2],
     solved: &mut Solved,
-) {
+) -> f64 {
     let turns = solved.displacements.len();
     let size = rows.len() + 2 * points;
     let mut places = vec![[0.0; 2]; points];
@@ -177,6 +185,14 @@ pub(crate) fn refine(
         .map(|row| constant(row, &solved.displacements))
         .collect();
     let prior = 1.0 / (displacement_m * displacement_m);
+    let residuals = |constants: &[f64], places: &[[f64; 2]], moved: &[[f64; 2]], followed| {
+        let of = |(row, &constant): (&Sighted, &f64)| {
+            let off_m = flat(axes, places[row.point]);
+            let moved_m = moved.iter().map(|&x| flat(axes, x));
+            Residuals::of(row, axes, constant, off_m, moved_m, followed)
+        };
+        rows.iter().zip(constants).map(of).collect::<Vec<_>>()
+    };
     for round in 0..ROUNDS {
         let mut matrix = vec![0.0; size * size];
         let mut right = vec![0.0; size];
@@ -187,29 +203,24 @@ pub(crate) fn refine(
                 right[i] -= value / (place_m * place_m);
             }
         }
-        // A history's constant has no prior; a little keeps one that says nothing from making the system singular.
+        // A history's constant has no prior; a small weight keeps the system regular.
         for i in 0..rows.len() {
             matrix[i * size + i] += 1e-6;
         }
-        let residuals: Vec<Residuals> = rows
-            .iter()
-            .zip(&constants)
-            .map(|(row, &constant)| {
-                let off_m = flat(axes, places[row.point]);
-                let moved_m = solved.displacements.iter().map(|&x| flat(axes, x));
-                Residuals::of(row, axes, constant, off_m, moved_m, round < FOLLOWED)
-            })
-            .collect();
+        let residuals = residuals(&constants, &places, &solved.displacements, round < FOLLOWED);
         let mut kept: Vec<Turn> = Vec::with_capacity(turns);
         for n in 0..turns {
-            let turn = Turn::of(rows, n, &residuals, solved.displacements[n], prior, size);
+            let [x, y] = solved.displacements[n];
+            let [mean_x, mean_y] = solved.expected.get(n).copied().unwrap_or_default();
+            let from_mean = [x - mean_x, y - mean_y];
+            let turn = Turn::of(rows, n, &residuals, from_mean, prior, size);
             turn.eliminate(rows, &mut matrix, &mut right, size);
             kept.push(turn);
         }
         // Priors hold every unknown.
         let factor = Factor::new(size, &matrix, 0.0);
         let Some(y) = factor.and_then(|factor| factor.solved(&right)) else {
-            return;
+            break;
         };
         let mut most = 0.0f64;
         for (turn, x) in kept.iter().zip(&mut solved.displacements) {
@@ -224,15 +235,25 @@ pub(crate) fn refine(
             *place = [place[0] + step[0], place[1] + step[1]];
         }
         if most < 1e-5 * displacement_m && round > FOLLOWED {
-            return;
+            break;
         }
     }
+    let left = residuals(&constants, &places, &solved.displacements, false);
+    let cell_m = place_m / PLACE_CELLS;
+    let loss = |(row, left): (&Sighted, &Residuals)| {
+        let pulse = &row.pulses[turns / 2];
+        let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, row.place_m);
+        let shift_m = 0.5 * gradient.dot(flat(axes, places[row.point]));
+        left.spread() + (std::f64::consts::PI * shift_m / cell_m).powi(2) / 3.0
+    };
+    rows.iter().zip(&left).map(loss).sum::<f64>() / rows.len().max(1) as f64
 }
 
 #[cfg(test)]
 mod tests {
     use subaperture_model::phase_history::Sweep;
 
+    use super::super::chance::gauss;
     use super::super::rigid::without_rigid_motion;
     use super::*;
 
@@ -247,17 +268,6 @@ mod tests {
         [-2.1, 3.7],
     ];
 
-    /// Knuth's generator; sums of twelve are as good as Gaussian here.
-    fn gauss(state: &mut u64) -> f64 {
-        let mut uniform = || {
-            *state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (*state >> 11) as f64 / (1u64 << 53) as f64
-        };
-        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
-    }
-
     /// Where the antenna is thought to be, and how far it is from there: 3 mm of sway, two waves.
     fn track(n: usize) -> ([f64; 2], [f64; 2]) {
         let u = n as f64 / TURNS as f64;
@@ -265,7 +275,7 @@ mod tests {
         ([u, 0.0], [sway(2.0), sway(1.3)])
     }
 
-    /// The recorded pulses.
+    /// Pulses of the recorded track.
     fn pulses() -> Vec<Pulse> {
         let pulse = |n: usize| {
             let [x, y] = track(n).0;
@@ -317,6 +327,7 @@ mod tests {
     fn found(rows: &[Sighted]) -> Vec<[f64; 2]> {
         let mut solved = Solved {
             displacements: steps(rows, AXES, TURNS, WAVELENGTH_M / 4.0),
+            expected: Vec::new(),
         };
         let priors = [8.0 * WAVELENGTH_M, 0.02];
         refine(rows, AXES, PLACES_M.len(), priors, &mut solved);
@@ -339,8 +350,8 @@ mod tests {
             .map(|(a, b)| a.distance_squared(*b));
         let rms_m = (squares.sum::<f64>() / TURNS as f64).sqrt();
         println!("{:.1} um rms off", 1e6 * rms_m);
-        // A twentieth of a wavelength, of 3 mm of sway. What is left turns phases by less than their noise, with the places where they
-        // then are: noise of 0.01 rad and the prior on places decide about it.
+        // A twentieth of a wavelength, of 3 mm of sway. The remaining error changes phases by less than their noise at the estimated
+        // places: noise of 0.01 rad and the prior on places decide about it.
         assert!(rms_m < WAVELENGTH_M / 20.0, "{rms_m}");
     }
 
@@ -353,7 +364,7 @@ mod tests {
             let (_, moved) = track(n);
             [0, 1].map(|i| displacements[n][i] - moved[i])
         };
-        // Neighbours' errors share what places and constants err by; what is left has twice the variance of one, which is
+        // Neighbours share the errors of places and constants; their difference has twice the variance of one, which is
         // no less than the inverse of the information of its phases.
         let (mut sum, mut bound) = (0.0, 0.0);
         for n in 1..TURNS {
@@ -372,7 +383,7 @@ mod tests {
             bound += 2.0 * (p + r) / (p * r - q * q);
         }
         println!("variance over the bound: {:.3}", sum / bound);
-        // 800 values tell a variance to 5 %; Cauchy's weights cost 5 %.
+        // 800 values determine a variance to 5 %; Cauchy's weights cost 5 %.
         assert!((0.9..1.2).contains(&(sum / bound)), "{}", sum / bound);
     }
 }

@@ -1,4 +1,4 @@
-//! One turn's part of the normal equations: its displacement is eliminated, and follows what all turns have in common.
+//! Normal equations of one turn: elimination of its displacement, and back-substitution.
 
 use glam::DVec3;
 use subaperture_signal::phase::cis;
@@ -6,11 +6,11 @@ use subaperture_signal::phase::cis;
 use super::{Sighted, cauchy};
 use crate::correction::unwrapped;
 
-/// What a history's phases are from the best so far, radians, and how they grow with a displacement.
+/// Residual phases of a history, radians, and their slopes by displacement.
 pub(super) struct Residuals {
     left_rad: Vec<f64>,
     slopes: Vec<[f64; 2]>,
-    /// Variance of what is left, by its median.
+    /// Variance of the residuals, from their median.
     variance: f64,
 }
 
@@ -50,15 +50,24 @@ impl Residuals {
             variance: deviation * deviation,
         }
     }
+
+    /// Mean of `2 - 2 cos` of the residual phases.
+    pub(super) fn spread(&self) -> f64 {
+        let each = self
+            .left_rad
+            .iter()
+            .map(|&left| 2.0 - 2.0 * libm::cos(left));
+        each.sum::<f64>() / self.left_rad.len().max(1) as f64
+    }
 }
 
 /// The normal equations of a turn.
 pub(super) struct Turn {
-    /// `X^-1`, symmetric.
+    /// `X^-1`, symmetric: xx, xy, yy.
     inverse: [f64; 3],
-    /// `Y`, two rows.
+    /// Rows of `Y`, one per axis.
     mixed: [Vec<f64>; 2],
-    /// `g`.
+    /// Right side `g`, one per axis.
     right: [f64; 2],
     /// Weight, residual and slopes of each history.
     terms: Vec<([f64; 2], [f64; 2])>,
@@ -69,12 +78,12 @@ impl Turn {
         rows: &[Sighted],
         n: usize,
         residuals: &[Residuals],
-        x: [f64; 2],
+        from_mean: [f64; 2],
         prior: f64,
         size: usize,
     ) -> Self {
         let (mut a, mut b, mut d) = (prior, 0.0, prior);
-        let mut right = [-prior * x[0], -prior * x[1]];
+        let mut right = [-prior * from_mean[0], -prior * from_mean[1]];
         let mut mixed = [vec![0.0; size], vec![0.0; size]];
         let mut terms = Vec::with_capacity(rows.len());
         for (i, (row, residuals)) in rows.iter().zip(residuals).enumerate() {
@@ -109,7 +118,7 @@ impl Turn {
         [p * u + q * v, q * u + r * v]
     }
 
-    /// Adds what is left of the turn once its displacement is eliminated; the matrix's lower triangle.
+    /// Add the turn's Schur complement (displacement eliminated) to the lower triangle of the matrix.
     pub(super) fn eliminate(
         &self,
         rows: &[Sighted],

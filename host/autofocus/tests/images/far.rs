@@ -15,7 +15,7 @@ use subaperture_signal::window::Window;
 
 use super::{Radar, Random, corrected, form, peak_db, sharpened};
 
-/// 10 GHz, 300 MHz, 512 pulses over 300 m at 10 km: cells of 0.5 m either way.
+/// 10 GHz, 300 MHz, 512 pulses over 300 m at 10 km: cells of 0.5 m in range and cross-range.
 fn radar() -> Radar {
     let track: Vec<DVec3> = (0..512)
         .map(|n| DVec3::new(-150.0 + 300.0 * f64::from(n) / 511.0, -9_000.0, 4_000.0))
@@ -51,7 +51,7 @@ fn level_db(image: &Image) -> f64 {
 const GRID: &str = "x=-35:35:0.25,y=-35:35:0.25,z=0";
 
 #[test]
-fn white_errors_of_two_radians_are_taken_away() {
+fn white_errors_of_two_radians_are_removed() {
     let mut random = Random(7);
     let points = scene(&mut random);
     let grid: ImageGrid = GRID.parse().unwrap();
@@ -62,7 +62,7 @@ fn white_errors_of_two_radians_are_taken_away() {
         .iter_mut()
         .for_each(|phase| *phase = 2.0 * random.gauss());
     let history = disturbed.echoes(&points, &mut Random(1));
-    // The brightest of the points, wherever the image is shifted to by what looks like a shift.
+    // The brightest of the points, followed where a slope of the phases shifts the image.
     let brightest = points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap().0;
     let at = |history: &dyn PhaseHistory| peak_db(history, brightest, 1.5, [0.05, 0.05]);
     let best_db = at(&perfect);
@@ -76,7 +76,7 @@ fn white_errors_of_two_radians_are_taken_away() {
         println!(
             "{estimator}: perfect {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}"
         );
-        // exp(-2^2) of the power is left by such errors, and what they scatter: -17 dB and -27 dB.
+        // Such errors leave exp(-2^2) of the power, -17 dB, and scattered power, -27 dB.
         assert!(before_db < best_db - 8.0);
         assert!(
             after_db > best_db - 0.1,
@@ -98,7 +98,7 @@ fn a_quadratic_error_drifts_looks_apart() {
     let history = disturbed.echoes(&points, &mut Random(1));
     let found = sharpened(&history, &grid, &MapDrift::default(), 6);
     let Some(Correction::Phase { error_rad }) = &found.correction else {
-        panic!("nothing was found");
+        panic!("no phase correction");
     };
     // The quadratic term, by its own sums over the phases: orthogonal to constant and slope.
     let (mut sum, mut norm) = (0.0, 0.0);
@@ -123,7 +123,7 @@ fn a_quadratic_error_drifts_looks_apart() {
 }
 
 #[test]
-fn what_is_sharp_is_left_as_it_is() {
+fn focused_image_is_not_changed() {
     let points = scene(&mut Random(7));
     let grid: ImageGrid = GRID.parse().unwrap();
     let history = radar().echoes(&points, &mut Random(1));
@@ -133,10 +133,10 @@ fn what_is_sharp_is_left_as_it_is() {
     ] {
         let found = sharpened(&history, &grid, method, 3);
         let gained = found.before.entropy - found.after.entropy;
-        // Never worse; and what little phases of noise can be made to look better by is below a hundredth of a nat.
+        // Never worse; phases fitted to noise gain less than a hundredth of a nat.
         assert!((0.0..0.01).contains(&gained), "{}: {gained}", method.name());
     }
-    // Too short, dark and misfitting recordings say so.
+    // Too short recordings, too little memory and invalid corrections are errors.
     let short = Stretch::new(&history, 0..5);
     let subject = Subject {
         history: &short,

@@ -22,7 +22,7 @@ fn gotcha() -> Option<Joined> {
 
 const GRID: &str = "x=-40:20:0.25,y=0:50:0.25,z=0";
 
-/// The brightest reflector.
+/// Position of the brightest reflector, metres.
 const REFLECTOR_M: DVec3 = DVec3::new(-15.6, 21.6, 0.0);
 
 fn reflector_db(history: &dyn PhaseHistory) -> f64 {

@@ -1,9 +1,14 @@
 //! Autofocus on echoes simulated here, by formulas of their own, and on real recordings where they are at hand.
 
 mod far;
+mod far_tracks;
 mod gotcha;
 mod near;
 mod real;
+mod scenes;
+mod table;
+mod textbook;
+mod tracks;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -20,7 +25,7 @@ use subaperture_signal::window::Window;
 
 const C_M_S: f64 = 299_792_458.0;
 
-/// Knuth's generator.
+/// Knuth's linear congruential generator.
 struct Random(u64);
 
 impl Random {
@@ -46,9 +51,9 @@ struct Radar {
     samples: usize,
     /// Where it is thought to be.
     recorded_m: Vec<DVec3>,
-    /// Where it was.
+    /// True positions of the antennas, metres.
     true_m: Vec<DVec3>,
-    /// Phase errors, radians.
+    /// Phase error of every pulse, radians.
     phases_rad: Vec<f64>,
     /// Noise of a sample, rms.
     noise: f64,
@@ -107,7 +112,7 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
         weights: &Weights::new(history.collection(), Window::default(), Window::default()),
         memory_bytes: 1 << 30,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     Backprojection { error_db: -50.0 }
         .form_planned(&task)
@@ -115,7 +120,7 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
         .image
 }
 
-/// What a method makes of a recording in so many rounds; never a worse image.
+/// Result of a method after at most `rounds` rounds; asserts that the image is not worse.
 fn sharpened(
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
@@ -141,16 +146,21 @@ fn sharpened(
         println!("{}: round {i}: {round:.4?}", method.name());
     }
     println!(
-        "{}: {:.4?} -> {:.4?}",
+        "{}: {:.4?} -> {:.4?}; {:?}: {:.4?}",
         method.name(),
         found.before,
-        found.after
+        found.after,
+        found.outcome,
+        found.held_out
     );
     // By a sum of the test's own.
-    let told = [&found.image_before, &found.image_after].map(entropy);
-    assert!(told[1] <= told[0], "{told:?}");
-    assert_eq!(found.correction.is_some(), told[1] < told[0]);
-    assert!((told[1] - found.after.entropy).abs() < 1e-6, "{told:?}");
+    let entropies = [&found.image_before, &found.image_after].map(entropy);
+    assert!(entropies[1] <= entropies[0], "{entropies:?}");
+    assert_eq!(found.correction.is_some(), entropies[1] < entropies[0]);
+    assert!(
+        (entropies[1] - found.after.entropy).abs() < 1e-6,
+        "{entropies:?}"
+    );
     found
 }
 
@@ -163,7 +173,7 @@ fn entropy(image: &Image) -> f64 {
         .sum::<f64>()
 }
 
-/// The recording as corrected, or as it is.
+/// Recording with the correction, or unchanged.
 fn corrected<'a>(history: &'a dyn PhaseHistory, found: &Sharpened) -> Corrected<'a> {
     let none = Correction::Phase {
         error_rad: vec![0.0; history.collection().pulses.len()],

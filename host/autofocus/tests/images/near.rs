@@ -1,10 +1,9 @@
 //! The room of C 6.6: a radar of 77 GHz on a rail of 1 m, reflectors at 2 to 6 m under wide angles, a track that is not known.
-//! The thesis gives two of the four reflectors' places in its text, (0.6, 3) and (0.1, 4), and no figure of what was gained
-//! but pictures: "little sign of improvement ... even worse in some areas" of stock PGA, sharp reflectors of the modified one after
+//! The thesis gives two of the four reflectors' places in its text, (0.6, 3) and (0.1, 4), and its results as pictures only: "little sign of improvement ... even worse in some areas" of stock PGA, sharp reflectors of the modified one after
 //! some three rounds. Here all is measured against the image on the true track.
 
 use glam::DVec3;
-use subaperture_autofocus::{ModifiedPhaseGradient, PhaseGradient};
+use subaperture_autofocus::{Correction, ModifiedPhaseGradient, Outcome, PhaseGradient, Sharpened};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::PhaseHistory;
 
@@ -57,7 +56,7 @@ fn radar(rms_m: f64, random: &mut Random) -> Radar {
 }
 
 #[test]
-fn the_modified_one_sharpens_what_one_phase_for_all_does_not() {
+fn modified_pga_focuses_reflectors_that_pga_leaves_blurred() {
     let points: Vec<(DVec3, f64)> = REFLECTORS_M.iter().map(|&p| (p, 1.0)).collect();
     let grid: ImageGrid = "x=-1.2:1.9:0.006,y=1.9:5.9:0.03".parse().unwrap();
     let radar = radar(1.5e-3, &mut Random(5));
@@ -94,4 +93,85 @@ fn the_modified_one_sharpens_what_one_phase_for_all_does_not() {
         modified.after.entropy < perfect_entropy + 0.1,
         "{perfect_entropy}"
     );
+}
+
+/// Rms error of the estimated track, metres, without its rigid motion.
+pub(crate) fn left_m(recorded_m: &[DVec3], true_m: &[DVec3], found: &[DVec3]) -> f64 {
+    let count = recorded_m.len() as f64;
+    let mean = |all: &[DVec3]| all.iter().sum::<DVec3>() / count;
+    let at: Vec<DVec3> = recorded_m.iter().zip(found).map(|(a, b)| *a + *b).collect();
+    let (middle, true_middle) = (mean(&at), mean(true_m));
+    let (mut dot, mut cross) = (0.0, 0.0);
+    for (a, b) in at.iter().zip(true_m) {
+        let (a, b) = (*a - middle, *b - true_middle);
+        dot += a.x * b.x + a.y * b.y;
+        cross += a.x * b.y - a.y * b.x;
+    }
+    let (sin, cos) = cross.atan2(dot).sin_cos();
+    let squares = at.iter().zip(true_m).map(|(a, b)| {
+        let (a, b) = (*a - middle, *b - true_middle);
+        DVec3::new(cos * a.x - sin * a.y, sin * a.x + cos * a.y, 0.0).distance_squared(b)
+    });
+    (squares.sum::<f64>() / count).sqrt()
+}
+
+/// Rms errors of the track before and after, metres, by points and clutter at 24 GHz whose track errs by 4.4 mm rms; and the result.
+fn by_modified(points: usize, clutter: usize, seed: u64) -> ([f64; 2], Sharpened) {
+    let mut random = Random(seed);
+    for _ in 0..9 {
+        random.uniform();
+    }
+    let place = |random: &mut Random| {
+        DVec3::new(
+            3.0 * random.uniform() - 1.2,
+            2.0 + 3.5 * random.uniform(),
+            0.0,
+        )
+    };
+    let mut scene: Vec<(DVec3, f64)> = (0..points).map(|_| (place(&mut random), 1.0)).collect();
+    scene.extend((0..clutter).map(|_| (place(&mut random), 0.1 * random.gauss())));
+    let mut radar = radar(4.4e-3 / 2f64.sqrt(), &mut random);
+    radar.recorded_m = radar.recorded_m.into_iter().step_by(4).collect();
+    radar.true_m = radar.true_m.into_iter().step_by(4).collect();
+    radar.phases_rad.truncate(radar.true_m.len());
+    radar.start_hz = 24e9;
+    radar.noise = match points {
+        0 => 0.1,
+        _ => 1.0,
+    };
+    let history = radar.echoes(&scene, &mut random);
+    let grid: ImageGrid = "x=-1.2:1.9:0.02,y=1.9:5.6:0.03".parse().unwrap();
+    let found = sharpened(&history, &grid, &ModifiedPhaseGradient::default(), 4);
+    let none = vec![DVec3::ZERO; radar.true_m.len()];
+    let displaced = match &found.correction {
+        Some(Correction::Track { displacement_m }) => displacement_m,
+        _ => &none,
+    };
+    let left = [&none, displaced].map(|moved| left_m(&radar.recorded_m, &radar.true_m, moved));
+    println!(
+        "{points} points, {clutter} of clutter: {:.2} mm -> {:.2} mm, {:?}",
+        1e3 * left[0],
+        1e3 * left[1],
+        found.held_out
+    );
+    (left, found)
+}
+
+#[test]
+fn modified_pga_recovers_a_track_by_points() {
+    let ([before_m, after_m], found) = by_modified(4, 0, 19);
+    assert!(before_m > 4e-3);
+    // A tenth of a wavelength of 12.5 mm; the points' places are found with it.
+    assert!(after_m < 1.25e-3, "{after_m}");
+    assert!(found.held_out.is_some_and(|held_out| held_out.sharper));
+}
+
+#[test]
+fn modified_pga_leaves_a_track_over_clutter_unchanged() {
+    let ([before_m, after_m], found) = by_modified(0, 1500, 21);
+    // A round that is kept may move the track by 11 mm; tracks.rs asserts the refusal of such tracks.
+    assert!(found.held_out.is_none_or(|held_out| !held_out.sharper));
+    assert_ne!(found.outcome, Outcome::Sharper);
+    assert!(found.correction.is_none());
+    assert_eq!(before_m, after_m);
 }

@@ -1,4 +1,4 @@
-//! Recordings by radars on an arm, on a rail and on a scanner, as they are: autofocus sharpens them or leaves them. Two rounds,
+//! Real recordings by radars on an arm, on a rail and on a scanner: autofocus improves the image or leaves it unchanged. Two rounds,
 //! on every second pulse of the longer ones, so that it takes seconds.
 
 use std::path::{Path, PathBuf};

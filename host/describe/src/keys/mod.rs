@@ -1,6 +1,6 @@
-//! Keys that scenarios and recordings share: the radar, how it moves, where the scene is.
+//! Keys shared by scenarios and recordings: radar, motion, position of the scene.
 
-#![expect(missing_docs, reason = "the explanation of a key is its documentation")]
+#![expect(missing_docs, reason = "the description of a key is its documentation")]
 
 pub mod motion;
 pub mod place;

@@ -3,8 +3,8 @@
 use crate::schema::{Bounds, Key, Kind, Need, Presence, Section};
 use subaperture_model::units::Dimension;
 
-const POSITION_DOC: &str = "Where it is at the moment that 'at' says.";
-const AT_DOC: &str = "When it is there: at time 0, or in the middle of the collection.";
+const POSITION_DOC: &str = "Position at the time given by 'at'.";
+const AT_DOC: &str = "Time of the position: time 0, or the middle of the collection.";
 pub const POSITION: Key = Key::new(
     "position",
     Kind::Vector(Dimension::Length),
@@ -15,7 +15,7 @@ pub const VELOCITY: Key = Key::new(
     "velocity",
     Kind::Vector(Dimension::Speed),
     Need::Required("\"100, 0, 0 m/s\""),
-    "Its velocity there; of a profile, before its pieces.",
+    "Velocity at the position; for a profile, before its first segment.",
 );
 pub const AT: Key = Key::new(
     "at",
@@ -27,23 +27,23 @@ pub const CENTRE: Key = Key::new(
     "centre",
     Kind::Vector(Dimension::Length),
     Need::Required("\"0, 0, 3 km\""),
-    "Centre of the circle, at the track's height.",
+    "Centre of the circle, at the height of the track.",
 )
 .when(&["circular"]);
-const RADIUS_DOC: &str = "Radius of the circle, length of the arm.";
-const SPEED_DOC: &str = "Speed along the way.";
+const RADIUS_DOC: &str = "Radius of the circle, or length of the arm.";
+const SPEED_DOC: &str = "Speed along the track.";
 pub const BEARING: Key = Key::new(
     "bearing",
     Kind::Quantity(Dimension::Angle, Bounds::Any),
     Need::Default("\"-90 deg\""),
-    "Where on the circle it is at the moment that 'at' says: angle from x towards y.",
+    "Angle on the circle at the time given by 'at', from x towards y.",
 )
 .when(&["circular"]);
 pub const TURN: Key = Key::new(
     "turn",
     Kind::Choice(&["left", "right"]),
     Need::Default("\"left\""),
-    "Which way it turns: left is counterclockwise seen from above.",
+    "Direction of rotation: left is counterclockwise seen from above.",
 )
 .when(&["circular"]);
 pub const POINTS: Key = Key::new(
@@ -58,35 +58,35 @@ pub const POINTS: Key = Key::new(
         2,
     ),
     Need::Required("[\"0 s, -3, -5000, 3000 m\", \"60 ms, 3, -5000, 3000 m\"]"),
-    "Times and the points that are passed then: straight pieces, or of a spline a smooth curve.",
+    "Times and positions, connected by straight segments, or by a smooth curve for a spline.",
 );
 pub const START: Key = Key::new(
     "start",
     Kind::Quantity(Dimension::Time, Bounds::Any),
     Need::Default("\"0 s\""),
-    "When it starts.",
+    "Start time.",
 );
 
 pub const TRACK_FILE: Key = Key::new(
     "file",
     Kind::Path,
     Need::Required("\"track.csv\""),
-    "The recorded track: a CSV with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, if known, \
-     roll_deg, pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.",
+    "Recorded track: a CSV file with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, optionally, \
+        roll_deg, pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.",
 );
 
 pub const TRACK_RECORD: Key = Key::new(
     "record",
     Kind::Choice(&["inspvax", "inspva", "bestpos"]),
     Need::Default("\"inspvax\""),
-    "Which records of the log are the track; bestpos has no attitude.",
+    "Records of the log used for the track; bestpos has no attitude.",
 );
 
 pub const TRACK_SKIP_DAMAGED: Key = Key::new(
     "skip_damaged",
     Kind::Flag,
     Need::Default("false"),
-    "Whether lines of the log that are damaged are passed over.",
+    "Skip damaged lines of the log.",
 );
 
 pub static PLATFORM: Section = Section {
@@ -94,8 +94,8 @@ pub static PLATFORM: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "kind",
-    doc: "How the radar moves. Where nothing else is said it heads where it goes; a fixed one has the \
-          scene's axes, an arm's x axis is along the arm.",
+    doc: "Motion of the radar. The heading follows the velocity unless stated otherwise; a fixed platform has the \
+             scene's axes, and the x axis of an arm is along the arm.",
     keys: &[
         Key::new(
             "kind",
@@ -111,8 +111,8 @@ pub static PLATFORM: Section = Section {
                 "fixed",
             ]),
             Need::Required("\"linear\""),
-            "A straight line, a level circle, a carriage on a rail, a swinging arm, points passed at \
-             given times (straight or smooth), a recorded track, or a place.",
+            "Straight line, horizontal circle, carriage on a rail, swinging arm, timed waypoints (straight \
+                        segments or smooth curve), recorded track, or fixed position.",
         ),
         POSITION.when(&["linear", "fixed"]),
         VELOCITY.when(&["linear"]),
@@ -122,7 +122,7 @@ pub static PLATFORM: Section = Section {
             "pivot",
             Kind::Vector(Dimension::Length),
             Need::Required("\"0, -20, 2 m\""),
-            "The arm's pivot, at the antenna's height.",
+            "Pivot of the arm, at the height of the antenna.",
         )
         .when(&["arc"]),
         Key::new(
@@ -145,35 +145,35 @@ pub static PLATFORM: Section = Section {
             "from",
             Kind::Vector(Dimension::Length),
             Need::Required("\"-3, -5000, 3000 m\""),
-            "Where the rail starts.",
+            "Start of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "to",
             Kind::Vector(Dimension::Length),
             Need::Required("\"3, -5000, 3000 m\""),
-            "Where the rail ends.",
+            "End of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "from_angle",
             Kind::Quantity(Dimension::Angle, Bounds::Any),
             Need::Required("\"60 deg\""),
-            "One end of the swing: angle from x towards y.",
+            "First end of the swing, as angle from x towards y.",
         )
         .when(&["arc"]),
         Key::new(
             "to_angle",
             Kind::Quantity(Dimension::Angle, Bounds::Any),
             Need::Required("\"120 deg\""),
-            "The other end of the swing.",
+            "Second end of the swing.",
         )
         .when(&["arc"]),
         Key::new(
             "rate",
             Kind::Quantity(Dimension::AngularRate, Bounds::Positive),
             Need::Required("\"10 deg/s\""),
-            "Rate of the swing.",
+            "Angular rate of the swing.",
         )
         .when(&["arc"]),
         START.when(&["rail", "arc"]),
@@ -189,55 +189,55 @@ pub static PERTURBATION: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "kind",
-    doc: "What disturbs the platform's way.",
+    doc: "Perturbation of the platform's motion.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["sway", "vibration", "acceleration", "wobble"]),
             Need::Required("\"sway\""),
-            "Smooth random displacement, a sinusoidal one, a constant acceleration that sets in, or a \
-             sinusoidal turn of the body.",
+            "Smooth random displacement, sinusoidal displacement, constant acceleration from a given time, or \
+                        sinusoidal rotation of the body.",
         ),
         Key::new(
             "rms",
             Kind::Vector(Dimension::Length),
             Need::Required("\"2, 2, 1 cm\""),
-            "RMS displacement, scene axes.",
+            "RMS displacement in scene axes.",
         )
         .when(&["sway"]),
         Key::new(
             "correlation",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Required("\"500 ms\""),
-            "Time after which the displacement has little to do with what it was.",
+            "Correlation time of the displacement.",
         )
         .when(&["sway"]),
         Key::new(
             "amplitude",
             Kind::Vector(Dimension::Length),
             Need::Required("\"0, 0, 1 mm\""),
-            "Amplitude, scene axes.",
+            "Amplitude in scene axes.",
         )
         .when(&["vibration"]),
         Key::new(
             "frequency",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"20 Hz\""),
-            "Frequency.",
+            "Frequency of the vibration.",
         )
         .when(&["vibration"]),
         Key::new(
             "acceleration",
             Kind::Vector(Dimension::Acceleration),
             Need::Required("\"0, 0.1, 0 m/s^2\""),
-            "The acceleration, scene axes.",
+            "Acceleration in scene axes.",
         )
         .when(&["acceleration"]),
         Key::new(
             "from",
             Kind::Quantity(Dimension::Time, Bounds::Any),
             Need::Default("\"0 s\""),
-            "When it sets in.",
+            "Start time of the acceleration.",
         )
         .when(&["acceleration"]),
         Key::new(
@@ -251,7 +251,7 @@ pub static PERTURBATION: Section = Section {
             "period",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Required("\"5 s\""),
-            "Period.",
+            "Period of the rotation.",
         )
         .when(&["wobble"]),
         Key::new(
@@ -272,44 +272,43 @@ pub static NAVIGATION: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "Errors of the track that the recording tells; if there is no such section, it tells the true \
-          one.",
+    doc: "Navigation errors of the recorded track. Without this section the true track is recorded.",
     keys: &[
         Key::new(
             "bias",
             Kind::Vector(Dimension::Length),
             NO_LENGTH,
-            "Constant error of position, scene axes.",
+            "Constant position error in scene axes.",
         ),
         Key::new(
             "drift",
             Kind::Vector(Dimension::Length),
             NO_LENGTH,
-            "RMS of the slow drift of position, scene axes.",
+            "RMS of the slow position drift in scene axes.",
         ),
         Key::new(
             "noise",
             Kind::Vector(Dimension::Length),
             NO_LENGTH,
-            "RMS of a fix's noise, scene axes.",
+            "RMS of a fix's position noise in scene axes.",
         ),
         Key::new(
             "fix_rate",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Default("\"10 Hz\""),
-            "Fixes a second.",
+            "Fixes per second.",
         ),
         Key::new(
             "attitude_bias",
             Kind::Vector(Dimension::Angle),
             NO_ANGLE,
-            "Constant error of roll, pitch and yaw.",
+            "Constant errors of roll, pitch and yaw.",
         ),
         Key::new(
             "attitude_drift",
             Kind::Vector(Dimension::Angle),
             NO_ANGLE,
-            "RMS of the slow drift of roll, pitch and yaw.",
+            "RMS of the slow drifts of roll, pitch and yaw.",
         ),
         Key::new(
             "drift_time",
@@ -325,14 +324,14 @@ pub static MOVER: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "kind",
-    doc: "A point in motion.",
+    doc: "Moving point target.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["linear", "circular", "waypoints", "profile"]),
             Need::Required("\"linear\""),
-            "A straight line, a level circle, straight pieces between points passed at given times, or \
-             pieces of constant acceleration.",
+            "Straight line, horizontal circle, straight segments between timed waypoints, or \
+                        segments of constant acceleration.",
         ),
         Key::new(
             "position",
@@ -345,7 +344,7 @@ pub static MOVER: Section = Section {
             "velocity",
             Kind::Vector(Dimension::Speed),
             Need::Required("\"0, 8, 0 m/s\""),
-            "Its velocity there; of a profile, before its pieces.",
+            "Velocity at the position; for a profile, before its first segment.",
         )
         .when(&["linear", "profile"]),
         AT.when(&["linear", "circular"]),
@@ -380,8 +379,8 @@ pub static MOVER: Section = Section {
                 1,
             ),
             Need::Required("[\"20 ms, 0, 2, 0 m/s^2\", \"20 ms, 0, -2, 0 m/s^2\"]"),
-            "Durations and accelerations, one after another from 'start' on, at 'position' with \
-             'velocity'.",
+            "Durations and accelerations of consecutive segments from 'start' on, beginning at 'position' with \
+                        'velocity'.",
         )
         .when(&["profile"]),
         Key::new(
@@ -394,7 +393,7 @@ pub static MOVER: Section = Section {
             "phase",
             Kind::Quantity(Dimension::Angle, Bounds::Any),
             Need::Default("\"0 deg\""),
-            "Phase of its reflection.",
+            "Phase of the reflection.",
         ),
     ],
 };

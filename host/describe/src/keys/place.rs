@@ -1,4 +1,4 @@
-//! Keys of where a scene is.
+//! Keys of the position of a scene on the Earth.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -10,7 +10,7 @@ pub static ORIGIN: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "Where on Earth (WGS 84) the scene's origin is; x points east, y north, z up.",
+    doc: "Origin of the scene on the Earth (WGS 84); x points east, y north, z up.",
     keys: &[
         Key::new(
             "latitude",

@@ -1,4 +1,4 @@
-//! Keys of `[radar]` and the sections within.
+//! Keys of `[radar]` and its subsections.
 
 use std::f64::consts::PI;
 
@@ -10,32 +10,32 @@ pub static RADAR: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "kind",
-    doc: "What transmits and receives.",
+    doc: "Waveform, timing and antennas of the radar.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["ideal", "pulsed", "fmcw", "stepped"]),
             Need::Required("\"ideal\""),
-            "The waveform: flat phase history as the definition has it; pulses with a matched filter; \
-             linear sweeps mixed with their echo; or carriers one after another.",
+            "Waveform: ideal phase history by definition; pulses with a matched filter; \
+                        dechirped linear sweeps (FMCW); or a stepped-frequency waveform.",
         ),
         Key::new(
             "pulses",
             Kind::Count(1, 10_000_000),
             Need::Required("64"),
-            "Number of pulses, sweeps or cycles of carriers.",
+            "Number of pulses, FMCW sweeps or sweeps over all carriers.",
         ),
         Key::new(
             "pri",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Optional("\"1 ms\""),
-            "Time from pulse to pulse. Either this or prf.",
+            "Pulse repetition interval. Give either this or prf.",
         ),
         Key::new(
             "prf",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Optional("\"1 kHz\""),
-            "Pulses a second. Either this or pri.",
+            "Pulse repetition frequency. Give either this or pri.",
         ),
         Key::new(
             "first_pulse",
@@ -53,43 +53,43 @@ pub static RADAR: Section = Section {
             "bandwidth",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"200 MHz\""),
-            "Bandwidth over all samples: range resolution is c / (2 bandwidth). Of a sweep, the part \
-             swept while it is sampled.",
+            "Bandwidth over all samples. Range resolution is c / (2 bandwidth). For FMCW, the bandwidth \
+                        swept during sampling.",
         )
         .when(&["ideal", "fmcw", "stepped"]),
         Key::new(
             "samples",
             Kind::Count(2, 1 << 24),
             Need::Required("256"),
-            "Samples a pulse: frequencies, carriers, or samples of the echo.",
+            "Samples per pulse: frequencies, carriers, or samples of the echo.",
         ),
         Key::new(
             "sample_rate",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"250 MHz\""),
-            "Complex samples a second.",
+            "Complex sample rate.",
         )
         .when(&["pulsed", "fmcw"]),
         Key::new(
             "window_start",
             Kind::Quantity(Dimension::Time, Bounds::NotNegative),
             Need::Optional("\"38.7 us\""),
-            "Delay of sample 0 after the pulse's start. If left out, the echo of the reference lies in \
-             the middle of the window, in the middle of the collection.",
+            "Delay of sample 0 after the start of the pulse. Default: the echo of the reference at the middle of \
+                        the collection lies in the middle of the receive window.",
         )
         .when(&["pulsed"]),
         Key::new(
             "sweep",
             Kind::Choice(&["up", "down"]),
             Need::Default("\"up\""),
-            "Whether frequency rises or falls.",
+            "Direction of the frequency sweep.",
         )
         .when(&["fmcw"]),
         Key::new(
             "mixer_delay",
             Kind::Quantity(Dimension::Time, Bounds::NotNegative),
             Need::Default("\"0 s\""),
-            "Delay of the copy that the echo is mixed with; 0 for a plain homodyne radar.",
+            "Delay of the transmitted copy with which the echo is mixed; 0 for a homodyne radar.",
         )
         .when(&["fmcw"]),
         Key::new(
@@ -103,22 +103,22 @@ pub static RADAR: Section = Section {
             "dwell",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Optional("\"1 us\""),
-            "Time over which a carrier's samples are averaged; noise bandwidth is its inverse. If left \
-             out, step_time.",
+            "Dwell time over which the samples of a carrier are averaged; the noise bandwidth is its inverse. \
+                        Default: step_time.",
         )
         .when(&["stepped"]),
         Key::new(
             "motion",
             Kind::Choice(&["stop-and-go", "true"]),
             Need::Default("\"stop-and-go\""),
-            "Whether radar and scatterers stand still while a pulse lasts, or move as they do.",
+            "Stop-and-go approximation within a pulse, or true intra-pulse motion of radar and scatterers.",
         ),
         Key::new(
             "spreading",
             Kind::Flag,
             Need::Default("false"),
-            "Whether echoes weaken with range, (R0 / R)^2 in amplitude, R0 the reference's range in the \
-             middle pulse, number P/2 of P from 0.",
+            "Apply spreading loss, (R0 / R)^2 in amplitude, with R0 the range of the reference at the \
+                        middle pulse, number P/2 of P from 0.",
         ),
     ],
 };
@@ -128,33 +128,33 @@ pub static PULSE: Section = Section {
     presence: Presence::Always,
     when: &["pulsed"],
     selector: "kind",
-    doc: "The shape of a pulse.",
+    doc: "Shape of the pulse.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["lfm", "code"]),
             Need::Required("\"lfm\""),
-            "A linear frequency sweep, or chips of equal length and given phases.",
+            "Linear frequency modulation (chirp), or a phase code with chips of equal duration.",
         ),
         Key::new(
             "bandwidth",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"200 MHz\""),
-            "Swept bandwidth: range resolution is c / (2 bandwidth).",
+            "Swept bandwidth. Range resolution is c / (2 bandwidth).",
         )
         .when(&["lfm"]),
         Key::new(
             "duration",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Required("\"500 ns\""),
-            "Length of the pulse.",
+            "Duration of the pulse.",
         )
         .when(&["lfm"]),
         Key::new(
             "sweep",
             Kind::Choice(&["up", "down"]),
             Need::Default("\"up\""),
-            "Whether frequency rises or falls.",
+            "Direction of the frequency sweep.",
         )
         .when(&["lfm"]),
         Key::new(
@@ -169,21 +169,21 @@ pub static PULSE: Section = Section {
                 "barker-13",
             ]),
             Need::Optional("\"barker-13\""),
-            "Phases of the chips by name. Either this or phases.",
+            "Name of the phase code. Give either this or phases.",
         )
         .when(&["code"]),
         Key::new(
             "phases",
             Kind::Rows(&[Dimension::Angle], 1),
             Need::Optional("[\"0 deg\", \"0 deg\", \"180 deg\"]"),
-            "Phase of each chip. Either this or code.",
+            "Phase of each chip. Give either this or code.",
         )
         .when(&["code"]),
         Key::new(
             "chip",
             Kind::Quantity(Dimension::Time, Bounds::Positive),
             Need::Required("\"10 ns\""),
-            "Length of a chip.",
+            "Duration of a chip.",
         )
         .when(&["code"]),
     ],
@@ -193,47 +193,47 @@ pub const NAME: Key = Key::new(
     "name",
     Kind::Text,
     Need::Optional("\"left\""),
-    "A name for channels and errors. If left out, T or R and its number from 1.",
+    "Name, for channels and errors. Default: T or R, and a number from 1.",
 );
 pub const OFFSET: Key = Key::new(
     "offset",
     Kind::Vector(Dimension::Length),
     Need::Default("\"0, 0, 0 m\""),
-    "Its phase centre on the body, body axes.",
+    "Phase centre in body axes.",
 );
 pub const BORESIGHT: Key = Key::new(
     "boresight",
     Kind::Vector(Dimension::Ratio),
     Need::Default("\"0, 1, 0\""),
-    "Where it looks, body axes: to the left by default.",
+    "Boresight direction in body axes; the default is to the left.",
 );
 pub const UP: Key = Key::new(
     "up",
     Kind::Vector(Dimension::Ratio),
     Need::Default("\"0, 0, 1\""),
-    "The beam's elevation axis, body axes: azimuth is turned about it. Only its part orthogonal to the \
-     boresight counts.",
+    "Elevation axis of the beam in body axes, about which azimuth is measured. Only its component orthogonal \
+        to the boresight is used.",
 );
 pub const PATTERN: Key = Key::new(
     "pattern",
     Kind::Choice(&["isotropic", "gaussian", "aperture"]),
     Need::Default("\"isotropic\""),
-    "Alike everywhere, a Gaussian beam, or that of a uniformly lit rectangle with its side lobes.",
+    "Antenna pattern: isotropic, Gaussian beam, or uniformly illuminated rectangular aperture with sidelobes.",
 );
-/// Half-power widths end where the beam would no longer be one.
+/// Half-power beamwidths.
 const WIDTH: Bounds = Bounds::Within(1e-5, PI, "0.001 to 180 deg");
 pub const AZIMUTH: Key = Key::new(
     "azimuth",
     Kind::Quantity(Dimension::Angle, WIDTH),
     Need::Required("\"20 deg\""),
-    "Full half-power width in azimuth.",
+    "Full half-power beamwidth in azimuth.",
 )
 .when(&["gaussian", "aperture"]);
 pub const ELEVATION: Key = Key::new(
     "elevation",
     Kind::Quantity(Dimension::Angle, WIDTH),
     Need::Required("\"40 deg\""),
-    "Full half-power width in elevation.",
+    "Full half-power beamwidth in elevation.",
 )
 .when(&["gaussian", "aperture"]);
 
@@ -242,8 +242,8 @@ pub static TRANSMITTER: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "pattern",
-    doc: "An antenna that transmits; several take turns, pulse by pulse. One isotropic antenna at the \
-          body's origin if there is none.",
+    doc: "Transmit antenna; several transmit alternately, pulse by pulse. Default: one isotropic antenna at the \
+             body's origin.",
     keys: &[NAME, OFFSET, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION],
 };
 
@@ -252,8 +252,8 @@ pub static RECEIVER: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "pattern",
-    doc: "An antenna that receives; all of them receive every pulse. One isotropic antenna at the body's \
-          origin if there is none.",
+    doc: "Receive antenna; all of them receive every pulse. Default: one isotropic antenna at the body's \
+             origin.",
     keys: &[NAME, OFFSET, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION],
 };
 
@@ -270,41 +270,41 @@ pub static NOISE: Section = Section {
             "kind",
             Kind::Choice(&["relative", "equation"]),
             Need::Default("\"relative\""),
-            "Relative to an echo, or from the radar equation.",
+            "Noise power relative to an echo, or by the radar equation.",
         ),
         Key::new(
             "power",
             Kind::Quantity(Dimension::Level, DECIBELS),
             Need::Required("\"-20 dB\""),
-            "Power of a raw sample's noise relative to the echo of 1 m^2 at the reference.",
+            "Noise power of a raw sample relative to the echo of 1 m^2 at the reference.",
         )
         .when(&["relative"]),
         Key::new(
             "transmitted",
             Kind::Quantity(Dimension::Power, Bounds::Positive),
             Need::Required("\"30 dBm\""),
-            "Peak transmitted power.",
+            "Peak transmit power.",
         )
         .when(&["equation"]),
         Key::new(
             "transmit_gain",
             Kind::Quantity(Dimension::Gain, DECIBELS),
             Need::Default("\"0 dBi\""),
-            "Gain of the transmitting antenna on boresight.",
+            "Gain of the transmit antenna on boresight.",
         )
         .when(&["equation"]),
         Key::new(
             "receive_gain",
             Kind::Quantity(Dimension::Gain, DECIBELS),
             Need::Default("\"0 dBi\""),
-            "Gain of the receiving antenna on boresight.",
+            "Gain of the receive antenna on boresight.",
         )
         .when(&["equation"]),
         Key::new(
             "losses",
             Kind::Quantity(Dimension::Level, Bounds::Within(0.0, 300.0, "0 to 300 dB")),
             Need::Default("\"0 dB\""),
-            "Losses.",
+            "System losses.",
         )
         .when(&["equation"]),
         Key::new(
@@ -329,13 +329,13 @@ pub static PHASE_NOISE: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "Noise of the oscillator that transmission and reception share.",
+    doc: "Phase noise of the oscillator shared by transmitter and receiver.",
     keys: &[Key::new(
         "levels",
         Kind::Rows(&[Dimension::Frequency, Dimension::PhaseNoise], 2),
         Need::Required("[\"10 Hz, -60 dBc/Hz\", \"1 kHz, -90 dBc/Hz\", \"1 MHz, -120 dBc/Hz\"]"),
-        "Offsets from the carrier, rising, and single-sideband levels; straight between them on \
-         logarithmic axes, nothing outside.",
+        "Ascending offset frequencies from the carrier, and single-sideband levels; interpolated linearly on \
+                logarithmic axes, zero outside.",
     )],
 };
 
@@ -344,19 +344,19 @@ pub static CLOCK: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "Errors of the radar's clock.",
+    doc: "Errors of the sample clock.",
     keys: &[
         Key::new(
             "offset",
             Kind::Quantity(Dimension::Ratio, Bounds::Within(-0.1, 0.1, "-10 to 10 %")),
             Need::Default("\"0 ppm\""),
-            "Relative error of all frequencies.",
+            "Fractional error of all frequencies.",
         ),
         Key::new(
             "jitter",
             Kind::Quantity(Dimension::Time, Bounds::NotNegative),
             Need::Default("\"0 s\""),
-            "RMS jitter of a pulse's start of sampling.",
+            "RMS jitter of the start of sampling of each pulse.",
         ),
     ],
 };
@@ -366,31 +366,31 @@ pub static INTERFERENCE: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "",
-    doc: "A foreign transmitter.",
+    doc: "Interfering transmitter.",
     keys: &[
         Key::new(
             "frequency",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"10.02 GHz\""),
-            "Its carrier.",
+            "Carrier frequency.",
         ),
         Key::new(
             "bandwidth",
             Kind::Quantity(Dimension::Frequency, Bounds::NotNegative),
             Need::Default("\"0 Hz\""),
-            "Bandwidth of its noise-like signal; 0 for a tone.",
+            "Bandwidth of a noise-like signal; 0 for a tone.",
         ),
         Key::new(
             "power",
             Kind::Quantity(Dimension::Level, DECIBELS),
             Need::Required("\"10 dB\""),
-            "Power of a raw sample relative to the echo of 1 m^2 at the reference.",
+            "Power of the interference in a raw sample relative to the echo of 1 m^2 at the reference.",
         ),
         Key::new(
             "duty",
             Kind::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1")),
             Need::Default("1"),
-            "Part of the pulses that it disturbs.",
+            "Duty cycle: fraction of the pulses with interference.",
         ),
     ],
 };
@@ -400,20 +400,20 @@ pub static CONVERTER: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "The converter to numbers, one for I and one for Q.",
+    doc: "Analogue-to-digital converters of I and Q.",
     keys: &[
         Key::new(
             "bits",
             Kind::Count(1, 24),
             Need::Required("12"),
-            "Bits, sign included.",
+            "Number of bits, sign included.",
         ),
         Key::new(
             "full_scale",
             Kind::Quantity(Dimension::Level, DECIBELS),
             Need::Required("\"40 dB\""),
-            "Largest magnitude of I or Q relative to the echo of 1 m^2 at the reference; what is larger \
-             saturates.",
+            "Largest magnitude of I or Q relative to the echo of 1 m^2 at the reference; larger values \
+                        saturate.",
         ),
     ],
 };

@@ -1,4 +1,4 @@
-//! The image formers, a folder each, and the one list by which everything else finds them.
+//! Image formers, one folder each, and the registry that lists them.
 
 pub mod auto;
 pub mod bp;
@@ -11,23 +11,24 @@ pub mod rda;
 pub mod rdbp;
 
 use super::ImageFormer;
-pub use options::{Given, Opt, OptionError, Takes, Word};
+use super::beam::InBeam;
+pub use options::{FormerOption, OptionError, OptionType, OptionValues, OptionWord};
 
-/// A former as the list has it.
+/// Registry entry of a former.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Its name in records and on the command line.
+    /// Name used in records and on the command line.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// One-line description.
     pub summary: &'static str,
-    /// What it can be told.
-    pub options: &'static [Opt],
-    /// It, by its settings: a JSON object, in which what is left out is as by default.
+    /// Options of the former.
+    pub options: &'static [FormerOption],
+    /// Constructor from settings, a JSON object; missing settings take their defaults.
     pub of: fn(&serde_json::Value) -> Result<Box<dyn ImageFormer>, serde_json::Error>,
 }
 
 impl Entry {
-    /// The former within a bound on its error, dB, all else by default; without one if it has none.
+    /// Make the former with an error bound, dB, and default settings; a former without a bound ignores it.
     pub fn within(&self, error_db: f64) -> Box<dyn ImageFormer> {
         let settings = match self.option(options::ERROR_DB.name) {
             Some(_) => serde_json::json!({ "error_db": error_db }),
@@ -37,7 +38,7 @@ impl Entry {
     }
 }
 
-/// All of them, the oracle first.
+/// All formers; the reference former comes first.
 pub static FORMERS: [Entry; 8] = [
     exact::ENTRY,
     auto::ENTRY,
@@ -49,29 +50,32 @@ pub static FORMERS: [Entry; 8] = [
     rda::ENTRY,
 ];
 
-/// The one that is taken unless another is asked for.
+/// Former used by default.
 pub const DEFAULT: Entry = auto::ENTRY;
 
-/// A former that there is not.
+/// Invalid former name, beam or settings.
 #[derive(Debug, thiserror::Error)]
 pub enum UnknownFormer {
-    /// Not by this name.
+    /// No former has this name.
     #[error("there is no former '{name}': choose one of {}", FORMERS.map(|entry| entry.name).join(", "))]
     Name {
-        /// The name asked for.
+        /// Requested name.
         name: String,
     },
-    /// Not with such settings.
+    /// The beam is invalid.
+    #[error("{0}")]
+    Beam(String),
+    /// The settings are invalid.
     #[error("the settings of {name}: {source}")]
     Settings {
-        /// Its name.
+        /// Name of the former.
         name: &'static str,
-        /// What is wrong with them.
+        /// Parse error of the settings.
         source: serde_json::Error,
     },
 }
 
-/// The former of this name with these settings.
+/// Make the former of a name with given settings, wrapped in a beam ([`InBeam`]) if the settings contain one.
 ///
 /// # Errors
 /// [`UnknownFormer`].
@@ -79,6 +83,16 @@ pub fn former(
     name: &str,
     settings: &serde_json::Value,
 ) -> Result<Box<dyn ImageFormer>, UnknownFormer> {
+    if let Some((own, beam)) = InBeam::split(settings) {
+        let inner = former(name, &own)?;
+        let beam = beam.map_err(|source| UnknownFormer::Settings {
+            name: inner.name(),
+            source,
+        })?;
+        return InBeam::new(inner, beam)
+            .map(|former| Box::new(former) as Box<dyn ImageFormer>)
+            .map_err(|error| UnknownFormer::Beam(error.to_string()));
+    }
     let entry = FORMERS.iter().find(|entry| entry.name == name);
     let entry = entry.ok_or_else(|| UnknownFormer::Name {
         name: name.to_owned(),
@@ -89,7 +103,7 @@ pub fn former(
     })
 }
 
-/// `T` by its settings.
+/// Make a former of type `T` from settings.
 fn of<T: ImageFormer + serde::de::DeserializeOwned + 'static>(
     settings: &serde_json::Value,
 ) -> Result<Box<dyn ImageFormer>, serde_json::Error> {

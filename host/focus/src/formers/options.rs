@@ -1,88 +1,88 @@
-//! What a former can be told, described so that a command line can be made of it, and how that becomes its settings.
+//! Descriptions of a former's options, from which a command line is generated, and their conversion to settings.
 //!
-//! An option's value stands in the settings at its key, or at the places that it names: ways through objects, parted by `/`. A place
-//! whose object is not there, for it is another mode's, is passed over.
+//! The value of an option is stored in the settings under its key, or at the listed positions: paths through objects, separated by `/`. A position
+//! whose object is absent, because it belongs to another mode, is skipped.
 
 use serde_json::{Map, Value};
 
 use super::Entry;
 
-/// An option of a former.
+/// Option of a former.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Opt {
-    /// Its name: words joined by `_`.
+pub struct FormerOption {
+    /// Name: words joined by `_`.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// One-line description.
     pub summary: &'static str,
-    /// What is given with it.
-    pub takes: Takes,
-    /// What holds where it is not given, in words; empty if that goes without saying.
+    /// Type of the value.
+    pub takes: OptionType,
+    /// Description of the default; empty if it is evident.
     pub default: &'static str,
-    /// Its places in the settings; its key if there are none.
+    /// Positions in the settings; the key if the list is empty.
     pub at: &'static [&'static str],
-    /// Another option and the word of it with which alone this one says something.
+    /// Other option, and the word it must have for this option to apply.
     pub with: Option<(&'static str, &'static str)>,
 }
 
-/// What is given with an option.
+/// Type of an option's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum Takes {
-    /// A whole number from 1.
+pub enum OptionType {
+    /// Integer of at least 1.
     Count,
-    /// A length above 0, metres.
+    /// Positive length, metres.
     Length,
-    /// A bound on an error, dB, from -120 to -20.
+    /// Error bound, dB, from -120 to -20.
     Bound,
-    /// Nothing: that it is given makes this of the setting.
+    /// No value; the presence of the option sets the setting to this.
     Switch(bool),
-    /// One of some words; the first if it is not given.
-    Word(&'static [Word]),
+    /// One of several words; the first is the default.
+    Word(&'static [OptionWord]),
 }
 
-/// A word that an option takes.
+/// Word that an option accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Word {
-    /// The word.
+pub struct OptionWord {
+    /// Word given by the user.
     pub name: &'static str,
-    /// What it means, in a line.
+    /// One-line description of the effect.
     pub summary: &'static str,
-    /// The setting that it makes, JSON.
+    /// Setting that the word selects, JSON.
     pub setting: &'static str,
 }
 
-/// Options given, by name: numbers, words, and `true` for what takes nothing.
-pub type Given = Map<String, Value>;
+/// Options given, by name: numbers, words, and `true` for options without a value.
+pub type OptionValues = Map<String, Value>;
 
-/// The bound that formers which plan by it are told.
-pub(super) const ERROR_DB: Opt = Opt {
+/// Error bound option of formers that plan by an error bound.
+pub(super) const ERROR_DB: FormerOption = FormerOption {
     name: "error_db",
     summary: "Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their sizes from it, and \
               refuse what they predict to miss it",
-    takes: Takes::Bound,
+    takes: OptionType::Bound,
     default: "-60",
     at: &[],
     with: None,
 };
 
-impl Opt {
-    /// Its name with its unit, as records have it.
+impl FormerOption {
+    /// Settings key: the name with its unit.
     pub fn key(&self) -> String {
         match self.takes {
-            Takes::Length => format!("{}_m", self.name),
+            OptionType::Length => format!("{}_m", self.name),
             _ => self.name.to_owned(),
         }
     }
 
-    /// The setting that `value` makes.
+    /// Convert a value to a setting; `None` if it is invalid.
     fn setting(&self, value: &Value) -> Option<Value> {
         let is_number = |holds: fn(f64) -> bool| value.as_f64().is_some_and(holds);
         let fits = match self.takes {
-            Takes::Count => value.as_u64().is_some_and(|count| count > 0),
-            Takes::Length => is_number(|length_m| length_m > 0.0),
-            Takes::Bound => is_number(|bound_db| (-120.0..=-20.0).contains(&bound_db)),
-            Takes::Switch(made) => return (*value == true).then_some(made.into()),
-            Takes::Word(words) => {
+            OptionType::Count => value.as_u64().is_some_and(|count| count > 0),
+            OptionType::Length => is_number(|length_m| length_m > 0.0),
+            OptionType::Bound => is_number(|bound_db| (-120.0..=-20.0).contains(&bound_db)),
+            OptionType::Switch(made) => return (*value == true).then_some(made.into()),
+            OptionType::Word(words) => {
                 let word = words.iter().find(|word| *value == word.name)?;
                 return Some(serde_json::from_str(word.setting).expect("a setting is JSON"));
             }
@@ -91,59 +91,59 @@ impl Opt {
     }
 }
 
-/// Why options are none of a former.
+/// Reason that options do not suit a former.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OptionError {
-    /// The former has no such option.
+    /// The former does not have this option.
     #[error("{former} takes no {option}")]
     NotOf {
-        /// The former's name.
+        /// Name of the former.
         former: &'static str,
-        /// The option's.
+        /// Name of the option.
         option: String,
     },
-    /// Another option's word, which was given, leaves it nothing to say.
+    /// The option has no effect with the word given for another option.
     #[error("{option} says nothing with {other} {word}")]
     SaysNothing {
-        /// The option's name.
+        /// Name of the option.
         option: &'static str,
-        /// The other's.
+        /// Name of the other option.
         other: &'static str,
-        /// The word given with that.
+        /// Word given for the other option.
         word: String,
     },
-    /// It needs a word of another option.
+    /// The option requires a word of another option.
     #[error("{option} is for {other} {word} only")]
     Needs {
-        /// The option's name.
+        /// Name of the option.
         option: &'static str,
-        /// The other's.
+        /// Name of the other option.
         other: &'static str,
-        /// The word that has to be given with that.
+        /// Word required for the other option.
         word: &'static str,
     },
-    /// A value that it does not take.
+    /// The value is not valid for the option.
     #[error("{option} cannot be {value}")]
     Value {
-        /// The option's name.
+        /// Name of the option.
         option: &'static str,
-        /// What was given.
+        /// Value given for the option.
         value: Value,
     },
 }
 
 impl Entry {
-    /// The option of this name.
-    pub fn option(&self, name: &str) -> Option<&'static Opt> {
+    /// Find an option by name.
+    pub fn option(&self, name: &str) -> Option<&'static FormerOption> {
         self.options.iter().find(|option| option.name == name)
     }
 
-    /// The settings that `given` makes, all else by default.
+    /// Convert `given` options to settings; other settings keep their defaults.
     ///
     /// # Errors
     /// [`OptionError`].
-    pub fn settings(&self, given: &Given) -> Result<Value, OptionError> {
+    pub fn settings(&self, given: &OptionValues) -> Result<Value, OptionError> {
         let mut settings = Value::Object(Map::new());
         let mut given_options = Vec::with_capacity(given.len());
         for (name, value) in given {
@@ -153,8 +153,8 @@ impl Entry {
             })?;
             given_options.push((option, value));
         }
-        // Words first: the objects that others are placed in are theirs.
-        given_options.sort_by_key(|(option, _)| !matches!(option.takes, Takes::Word(_)));
+        // Process words first: they create the objects that contain other settings.
+        given_options.sort_by_key(|(option, _)| !matches!(option.takes, OptionType::Word(_)));
         for (option, value) in given_options {
             self.check_word(option, given)?;
             let setting = option.setting(value).ok_or_else(|| OptionError::Value {
@@ -175,13 +175,13 @@ impl Entry {
         Ok(settings)
     }
 
-    /// Whether the word that `option` needs of another is in force.
-    fn check_word(&self, option: &Opt, given: &Given) -> Result<(), OptionError> {
+    /// Check that the word required of another option is in force.
+    fn check_word(&self, option: &FormerOption, given: &OptionValues) -> Result<(), OptionError> {
         let Some((other, needed)) = option.with else {
             return Ok(());
         };
         let usual = match self.option(other).map(|other| other.takes) {
-            Some(Takes::Word([first, ..])) => first.name,
+            Some(OptionType::Word([first, ..])) => first.name,
             _ => "",
         };
         let word = given.get(other).and_then(Value::as_str).unwrap_or(usual);
@@ -203,7 +203,7 @@ impl Entry {
     }
 }
 
-/// Sets what a way through objects leads to, if they are there.
+/// Set the value at a path through objects if all of them exist.
 fn put(settings: &mut Value, way: &str, setting: &Value) {
     let (first, rest) = way
         .split_once('/')

@@ -1,39 +1,39 @@
-//! A live image: pulses come one at a time, and the image of those so far is there at any moment.
+//! Live image: pulses are added one at a time, and the image of those so far is available at any time.
 //!
-//! Every pulse is backprojected as it comes ([`bp`](super::bp), of a collection of this one pulse) and added to
+//! Every pulse is backprojected on arrival ([`bp`](super::bp), for a collection of this one pulse) and added to
 //! sums in float64,
 //!
 //! ```text
 //! S(p) <- S(p) + sum_k w_fast[k] z[k] exp(+j 2 pi f_k (path(p) - reference_path) / c) / sum_k w_fast[k],   I(p) = S(p) / N
 //! ```
 //!
-//! so that a unit scatterer reads 1 after every pulse. Slow time has no window: its weights would have to know where the
-//! aperture ends. A tapered image is formed of recorded pulses, by a former.
+//! so that a unit scatterer reads 1 after every pulse. There is no slow-time window, since its weights would require knowledge of the
+//! end of the aperture. Use a former on recorded pulses for a windowed image.
 //!
-//! **The last `M` pulses** ([`Settings::last_pulses`]). What the pulse that falls out had added is computed again, to the
-//! same bits, and taken off. What adding and taking off round in float64 would stay for ever; so a second set of sums
-//! begins at zero, takes every new pulse too, and once it has `M` of them takes the first one's place. The sums shown have
-//! then been through at most `3 M` roundings of 2^-53 each, of at most `M + 1` pulses' values at a time: with `a` the
-//! largest value that any of the last `2 M` pulses added to a pixel, that pixel is off by at most
+//! **The last `M` pulses** ([`Settings::last_pulses`]). The contribution of the pulse that leaves the aperture is computed again, bit-identical,
+//! and subtracted. Float64 rounding of additions and subtractions would accumulate; a second set of sums therefore
+//! starts at zero, receives every new pulse as well, and replaces the first set once it has `M` pulses. The sums shown have
+//! then undergone at most `3 M` roundings of 2^-53 each, of at most `M + 1` pulses' values at a time. With `a` the
+//! largest value added to a pixel by any of the last `2 M` pulses, the error of that pixel is at most
 //!
 //! ```text
 //! 3 M (M + 1) 2^-53 a / M = 3 (M + 1) 2^-53 a
 //! ```
 //!
-//! -190 dB of the strongest pulse for a million pulses; what is older than `2 M` pulses leaves no trace, however strong it was.
+//! which is -190 dB of the strongest pulse for a million pulses. Pulses older than `2 M` leave no trace, however strong they were.
 //!
-//! **Cost** of a push, however many came before: a plan of `bp`'s for the one pulse, what that takes for each pixel and for the pulse's
-//! profile, and 64 pixels of the exact sum (8 operations a
-//! sample each); twice that with `last_pulses`. Of a pulse whose samples are taken one after another in motion, what `bp` says
-//! of such. An image is a division a pixel.
+//! **Cost** of a push, independent of the number of earlier pulses: a `bp` plan for one pulse, backprojection of each pixel, the profile of the
+//! pulse, and the exact sum at 64 pixels (8 operations per
+//! sample each); twice that with `last_pulses`. Intra-pulse motion costs as much as in `bp`.
+//! Reading the image takes one division per pixel.
 //!
-//! **Memory**, all of it taken at the beginning: 24 bytes a pixel, 48 with `last_pulses` and then 8 a sample of `M`
-//! pulses and 240 a pulse; and while a pulse is added that of its profiles.
+//! **Memory**, allocated at the start: 24 bytes per pixel, or 48 with `last_pulses` plus 8 per sample of `M`
+//! pulses and 240 per pulse; during a push, also the profiles of one pulse.
 //!
-//! **Accuracy** is that of `bp`, whose upsampling keeps the bound that is asked: each pulse's error is planned as it comes, and
-//! the image's is at most the root of their mean square. At any time [`Live::accuracy`] compares the image with the exact sum at 64 of its
-//! pixels, as the contract has it ([`super::accuracy`]). Rounding is float32's of one pulse, whatever their number.
-//! `tests/formers/live.rs` holds the image after every push against `bp` and against a sum of its own.
+//! **Accuracy** is that of `bp`, whose upsampling keeps the requested bound: the error of each pulse is planned on arrival, and
+//! that of the image is at most the root of their mean square. [`Live::accuracy`] compares the image with the exact sum at 64 of its
+//! pixels at any time ([`super::accuracy`]). Float32 rounding is that of one pulse, for any number of pulses.
+//! `tests/formers/live.rs` compares the image after every push with `bp` and with an independent sum.
 
 mod settings;
 mod sums;
@@ -44,11 +44,12 @@ use rayon::prelude::*;
 
 use super::accuracy::judge;
 use super::bp::Backprojection;
+use super::compared::Planned;
 use super::exact::{LANES, add_pulse};
-use super::sampled::{Seen, sampled_pixels};
+use super::sampled::{ComparedPixel, sampled_pixels};
 use super::{
-    Aim, Asked, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, TileRecord, Work,
-    rounding,
+    BoundPolicy, ErrorGoal, FormError, ImageFormer, ImageSpec, Judgement, SCRATCH_BYTES,
+    TileRecord, Work, rounding,
 };
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
@@ -59,10 +60,10 @@ use subaperture_signal::phase::narrow;
 pub use settings::{LiveError, Settings};
 use sums::{Aperture, Part, Ring, Sums};
 
-/// Bytes a pixel: of the sums, and of what one pulse adds.
+/// Memory per pixel, bytes: sums, and the contribution of one pulse.
 const PIXEL_BYTES: u64 = 16 + 8;
 
-/// An image that pulses are added to one at a time: the example `live` of `subaperture` shows it at work.
+/// Image to which pulses are added one at a time; see the example `live` of `subaperture`.
 pub struct Live {
     grid: ImageGrid,
     settings: Settings,
@@ -71,18 +72,18 @@ pub struct Live {
     shown: Sums,
     part: Part,
     aperture: Option<Aperture>,
-    /// Indices of the pixels that are compared with the exact sum, and where they lie.
+    /// Indices and positions of the pixels compared with the exact sum.
     sampled: Vec<usize>,
     points: Vec<DVec3>,
-    /// Of all pulses so far the one whose paths are rounded most, with that, radians.
+    /// Pulse with the largest path rounding so far, and its phase error, radians.
     farthest: Option<(Pulse, f64)>,
 }
 
 impl Live {
-    /// An image of no pulses on `grid`, of pulses of `num_samples` each.
+    /// Make an image without pulses on `grid`, for pulses of `num_samples` each.
     ///
     /// # Errors
-    /// [`LiveError::Empty`]; [`LiveError::Memory`] before anything is taken.
+    /// [`LiveError::Empty`]; [`LiveError::Memory`] before any allocation.
     pub fn new(
         grid: &ImageGrid,
         num_samples: usize,
@@ -111,6 +112,7 @@ impl Live {
             weights: Weights {
                 fast: settings.window.weights(num_samples),
                 slow: vec![1.0],
+                lit: None,
             },
             shown: Sums::new(num_pixels, sampled.len()),
             part: Part::new(grid, sampled.len()),
@@ -125,18 +127,18 @@ impl Live {
         })
     }
 
-    /// Adds a pulse; of more than [`Settings::last_pulses`] the oldest falls out.
+    /// Add a pulse; the oldest pulse beyond [`Settings::last_pulses`] is removed.
     ///
     /// # Errors
-    /// [`LiveError`], of which the image does not know afterwards.
+    /// [`LiveError`]; the image is then unchanged.
     pub fn push(&mut self, pulse: &Pulse, samples: &[Complex32]) -> Result<(), LiveError> {
         self.push_watched(pulse, samples, &Silent)
     }
 
-    /// [`Self::push`] with someone who may stop it.
+    /// Add a pulse with a monitor that may cancel it.
     ///
     /// # Errors
-    /// As [`Self::push`]; [`FormError::Cancelled`] in [`LiveError::Form`].
+    /// Errors of [`Self::push`]; [`FormError::Cancelled`] in [`LiveError::Form`].
     pub fn push_watched(
         &mut self,
         pulse: &Pulse,
@@ -151,7 +153,7 @@ impl Live {
             points: &self.points,
             monitor,
         };
-        // All that can fail comes before anything is changed.
+        // All fallible steps precede any change.
         bench.backproject(pulse, samples, &mut self.part)?;
         let falls_out = self
             .aperture
@@ -205,17 +207,17 @@ impl Live {
         }
     }
 
-    /// The pixels.
+    /// Pixel grid of the image.
     pub fn grid(&self) -> &ImageGrid {
         &self.grid
     }
 
-    /// Pulses that the image is of.
+    /// Number of pulses in the image.
     pub fn num_pulses(&self) -> usize {
         self.shown.count
     }
 
-    /// The image of these: rows and columns as the grid's; a unit scatterer on a pixel reads 1. Zeros before the first.
+    /// Image of the current pulses, rows and columns as the grid's; a unit scatterer on a pixel reads 1. Zeros before the first pulse.
     pub fn image(&self) -> Image {
         let norm = self.norm();
         let pixels = self.shown.pixels.par_iter().with_min_len(1 << 12);
@@ -226,50 +228,56 @@ impl Live {
         }
     }
 
-    /// How far it errs, as it was planned and as it shows at the pixels where the exact sum is known. Nothing is known before
-    /// the first pulse: -200 dB. One that is above the bound asked, though no pulse was planned so, says that the grid is
-    /// dark beside something bright that it leaves out.
+    /// Planned error, and error measured at the pixels where the exact sum is known; -200 dB before
+    /// the first pulse. A measured error above the bound, although every pulse was planned within it, indicates a
+    /// dark grid next to a bright scatterer outside it.
     pub fn accuracy(&self) -> Judgement {
         let Some((farthest, _)) = self.farthest else {
             return Judgement {
                 planned_db: -200.0,
                 measured_db: -200.0,
+                outside_db: f64::NEG_INFINITY,
                 num_sampled: 0,
+                spacing_cells: 0.0,
             };
         };
         let collection = lone(farthest, self.num_samples);
-        let aim = aim(&collection, &self.grid, &self.weights);
+        let spec = spec(&collection, &self.grid, &self.weights);
         let norm = self.norm();
         let fast: f64 = self.weights.fast.iter().sum();
         let pixel = |pixel: usize| narrow(self.shown.pixels[pixel] * norm);
         let seen = self.sampled.iter().zip(&self.shown.exact);
         let seen = seen.map(|(&i, &sum)| {
             let (formed, exact) = (pixel(i), sum * (norm / fast));
-            Seen {
+            ComparedPixel {
                 pixel: i,
                 formed: [formed.re, formed.im],
                 exact: [exact.re, exact.im],
+                about: 0.0,
             }
         });
         let record = TileRecord {
             power: (0..self.shown.pixels.len()).map(|i| power(pixel(i))).sum(),
             seen: seen.collect(),
             terms: self.shown.terms * (norm / fast).powi(2),
+            recorded: Default::default(),
             narrow: false,
+            // Pulses are not stored, so a second comparison is impossible.
+            drawn: Default::default(),
         };
-        // Squares may have been taken off to a rounding; pixels are rounded once more.
+        // Differences of squares may be negative by rounding; pixels are rounded once more.
         let planned = (self.shown.planned * norm).max(0.0).sqrt();
         let planned_db = rounding::total_db(&[planned, rounding::LARGEST_FLOAT32]);
-        judge(&aim, &[record], planned_db)
+        judge(&spec, &[record], Planned::of(planned_db), None)
     }
 
-    /// Bytes held, however many pulses there were.
+    /// Memory held, bytes, for any number of pulses.
     pub fn held_bytes(&self) -> u128 {
         needed_bytes(&self.grid, self.num_samples, &self.settings)
     }
 
-    /// Pixels that a push computes a value for, however many pulses there were: those of the image, and once more where a pulse
-    /// falls out.
+    /// Pixel values computed per push, for any number of pulses: the image once, and once more where a pulse
+    /// is removed.
     pub fn pixels_a_push(&self) -> u64 {
         let times = 1 + u64::from(self.aperture.is_some());
         times * self.grid.num_pixels()
@@ -280,7 +288,7 @@ impl Live {
     }
 }
 
-/// Bytes that a live image holds.
+/// Memory needed by a live image, bytes.
 fn needed_bytes(grid: &ImageGrid, num_samples: usize, settings: &Settings) -> u128 {
     let pixels = u128::from(grid.num_pixels()) * u128::from(PIXEL_BYTES);
     let window = 8 * num_samples as u128;
@@ -293,7 +301,7 @@ fn needed_bytes(grid: &ImageGrid, num_samples: usize, settings: &Settings) -> u1
     }
 }
 
-/// A collection of one pulse.
+/// Collection of one pulse.
 fn lone(pulse: Pulse, num_samples: usize) -> Collection {
     Collection {
         name: "live".to_owned(),
@@ -305,17 +313,21 @@ fn lone(pulse: Pulse, num_samples: usize) -> Collection {
     }
 }
 
-fn aim<'a>(collection: &'a Collection, grid: &'a ImageGrid, weights: &'a Weights) -> Aim<'a> {
-    Aim {
+fn spec<'a>(
+    collection: &'a Collection,
+    grid: &'a ImageGrid,
+    weights: &'a Weights,
+) -> ImageSpec<'a> {
+    ImageSpec {
         collection,
         grid,
         weights,
         scratch_bytes: SCRATCH_BYTES,
-        means: Default::default(),
+        numerics: Default::default(),
     }
 }
 
-/// What a pulse is backprojected with.
+/// Parameters for backprojecting a pulse.
 struct Bench<'a> {
     grid: &'a ImageGrid,
     settings: &'a Settings,
@@ -325,7 +337,7 @@ struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// What a pulse adds, into `part`.
+    /// Compute the contribution of a pulse into `part`.
     fn backproject(
         &self,
         pulse: &Pulse,
@@ -333,13 +345,13 @@ impl Bench<'_> {
         part: &mut Part,
     ) -> Result<(), FormError> {
         let collection = lone(*pulse, samples.len());
-        let aim = aim(&collection, self.grid, self.weights);
+        let spec = spec(&collection, self.grid, self.weights);
         let former = Backprojection::default().error_db(self.settings.error_db);
-        let asked = Asked {
+        let goal = ErrorGoal {
             bound_db: former.bound_db(),
-            misses: Misses::Refused,
+            bound_policy: BoundPolicy::Refused,
         };
-        let decision = former.decide(&aim, &asked, self.monitor)?;
+        let decision = former.decide(&spec, &goal, self.monitor)?;
         let history = InMemory::new(collection.clone(), samples.to_vec())?;
         let work = Work {
             history: &history,
@@ -348,7 +360,7 @@ impl Bench<'_> {
         };
         part.tile.pixels.fill(Complex32::ZERO);
         let tiles = std::slice::from_mut(&mut part.tile);
-        former.open(aim, &decision.choices)?.form(&work, tiles)?;
+        former.open(spec, &decision.choices)?.form(&work, tiles)?;
         part.tile.check_finite(self.grid)?;
         part.planned = 10f64.powf(decision.planned_db / 10.0);
         let weighted = samples.iter().zip(&self.weights.fast);
@@ -361,7 +373,7 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// How much the rounding of a pulse's paths turns its phases, radians.
+    /// Phase error from rounding of a pulse's paths, radians.
     fn path_phase_rad(&self, pulse: &Pulse) -> f64 {
         let collection = lone(*pulse, self.weights.fast.len());
         rounding::path_phase_rad(&collection, self.grid)

@@ -1,10 +1,10 @@
-//! How a live image is made, and why there is none.
+//! Settings and errors of a live image.
 
 use crate::{DEFAULT_ERROR_DB, FormError, machine};
 use subaperture_model::quantity::bytes;
 use subaperture_signal::window::Window;
 
-/// How a live image is made.
+/// Settings of a live image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
@@ -12,14 +12,14 @@ pub struct Settings {
     pub error_db: f64,
     /// Window over fast time.
     pub window: Window,
-    /// Pulses that the image is of: the last so many. All so far, if `None`.
+    /// Number of last pulses in the image; `None` for all pulses.
     pub last_pulses: Option<usize>,
-    /// Bytes that it may hold; a pulse that is added takes up to 48 MiB besides.
+    /// Memory limit, bytes; adding a pulse takes up to 48 MiB more.
     pub memory_bytes: u64,
 }
 
 impl Default for Settings {
-    /// -60 dB, Taylor's window of 35 dB, all pulses, half of the machine's memory.
+    /// Defaults: -60 dB, Taylor window of 35 dB, all pulses, half of the machine's memory.
     fn default() -> Self {
         Self {
             error_db: DEFAULT_ERROR_DB,
@@ -31,19 +31,19 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// With this bound on the relative RMS error, dB (negative).
+    /// Set the bound on the relative RMS error, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db, ..self }
     }
 
-    /// With this window over fast time.
+    /// Set the window over fast time.
     #[must_use]
     pub fn window(self, window: Window) -> Self {
         Self { window, ..self }
     }
 
-    /// Of the last so many pulses.
+    /// Limit the image to the given number of last pulses.
     #[must_use]
     pub fn last_pulses(self, count: usize) -> Self {
         let last_pulses = Some(count);
@@ -53,7 +53,7 @@ impl Settings {
         }
     }
 
-    /// Within so many bytes.
+    /// Set the memory limit, bytes.
     #[must_use]
     pub fn memory_bytes(self, memory_bytes: u64) -> Self {
         Self {
@@ -63,43 +63,43 @@ impl Settings {
     }
 }
 
-/// Why there is no live image, or why a pulse was not added. The image is as it was before.
+/// Reason that a live image cannot be made, or that a pulse was not added. The image is then unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LiveError {
-    /// No pixels, no samples, or an aperture of no pulses.
+    /// The grid has no pixels, pulses have no samples, or the aperture has no pulses.
     #[error("a live image needs pixels, samples and an aperture of at least one pulse")]
     Empty,
-    /// It does not fit the memory allowed.
+    /// The memory limit is too small.
     #[error("a live image needs {} of the {} allowed", bytes(*needed_bytes), bytes((*allowed_bytes).into()))]
     Memory {
-        /// Bytes needed.
+        /// Memory needed by the image, bytes.
         needed_bytes: u128,
-        /// Bytes allowed.
+        /// Memory limit of the settings, bytes.
         allowed_bytes: u64,
     },
-    /// A pulse of another number of samples.
+    /// The pulse has a different number of samples.
     #[error("the pulse has {given} samples, and pulses of this image have {expected}")]
     Samples {
-        /// Its samples.
+        /// Samples of the given pulse.
         given: usize,
-        /// Those of every pulse.
+        /// Samples of every pulse of the image.
         expected: usize,
     },
-    /// A number that no radar has measured.
+    /// The pulse has an invalid parameter.
     #[error("the pulse is none: {what}")]
     Pulse {
-        /// What is wrong with it.
+        /// Description of the invalid parameter.
         what: String,
     },
     /// A sample is NaN or infinite.
     #[error("sample {sample} of the pulse is not a finite number")]
     NotFinite {
-        /// Its index, from 0.
+        /// Index of the sample, from 0.
         sample: usize,
     },
-    /// The pulse was not backprojected: its error would be above the bound, it needs more memory, or the monitor
-    /// asked to stop.
+    /// Backprojection of the pulse failed: its error would exceed the bound, it needs more memory, or the monitor
+    /// cancelled it.
     #[error(transparent)]
     Form(#[from] FormError),
 }

@@ -1,4 +1,4 @@
-//! What a live image holds: sums over its pulses, what one of them adds, and the last of them.
+//! State of a live image: sums over pulses, the contribution of one pulse, and the stored pulses.
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -7,14 +7,14 @@ use crate::Tile;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Pulse;
 
-/// Sums over pulses, and how many they are of.
+/// Sums over pulses, and their number.
 pub(super) struct Sums {
     pub(super) pixels: Vec<Complex64>,
-    /// The exact sum at some pixels.
+    /// Exact sum at the compared pixels.
     pub(super) exact: Vec<Complex64>,
-    /// Of the weighted samples' squares.
+    /// Sum of squared weighted samples.
     pub(super) terms: f64,
-    /// Of the planned errors' squares.
+    /// Sum of squared planned errors.
     pub(super) planned: f64,
     pub(super) count: usize,
 }
@@ -36,7 +36,7 @@ impl Sums {
         (self.terms, self.planned, self.count) = (0.0, 0.0, 0);
     }
 
-    /// Adds what a pulse adds, or takes it off again where `sign` is -1.
+    /// Add the contribution of a pulse, or subtract it where `sign` is -1.
     pub(super) fn add(&mut self, sign: f64, part: &Part) {
         let both = self.pixels.par_iter_mut().zip(&part.tile.pixels);
         both.with_min_len(1 << 12).for_each(|(sum, z)| {
@@ -50,7 +50,7 @@ impl Sums {
     }
 }
 
-/// What a pulse adds to [`Sums`].
+/// Contribution of one pulse to [`Sums`].
 pub(super) struct Part {
     pub(super) tile: Tile,
     pub(super) exact: Vec<Complex64>,
@@ -69,19 +69,19 @@ impl Part {
     }
 }
 
-/// The last pulses, and the sums that will take the place of those shown.
+/// Last pulses, and the sums that will replace those shown.
 pub(super) struct Aperture {
     pub(super) ring: Ring,
     pub(super) next: Sums,
     pub(super) falling_out: Part,
 }
 
-/// Pulses of which the oldest gives way to the newest.
+/// Ring buffer of pulses; the newest overwrites the oldest.
 pub(super) struct Ring {
     pub(super) num_pulses: usize,
     pub(super) pulses: Vec<Pulse>,
     pub(super) samples: Vec<Complex32>,
-    /// Where the next one goes: of a full ring, the oldest's place.
+    /// Position of the next pulse: that of the oldest one in a full ring.
     place: usize,
 }
 
@@ -99,7 +99,7 @@ impl Ring {
         self.pulses.len() == self.num_pulses
     }
 
-    /// The oldest pulse, where it is full.
+    /// Oldest pulse of a full ring.
     pub(super) fn oldest(&self, num_samples: usize) -> (&Pulse, &[Complex32]) {
         let first = self.place * num_samples;
         (

@@ -1,9 +1,9 @@
 use super::*;
 use subaperture_model::phase_history::Sweep;
 
-/// What is really allocated, counted from the vectors, before and after many pulses.
+/// Held memory equals the allocated vectors, before and after many pulses.
 #[test]
-fn no_vector_grows() {
+fn held_memory_is_constant() {
     let grid: ImageGrid = "x=-4:4:1,y=-4:4:1,z=0".parse().unwrap();
     let settings = Settings::default().last_pulses(5);
     let mut live = Live::new(&grid, 16, &settings).unwrap();
@@ -17,7 +17,7 @@ fn no_vector_grows() {
         let window = 8 * live.weights.fast.capacity();
         (sums.iter().chain(&parts).sum::<usize>() + ring + window) as u128
     };
-    // All but the few that are compared with the exact sum.
+    // Except for the few pixels compared with the exact sum.
     assert_eq!(allocated(&live), live.held_bytes());
     for n in 0..40 {
         let antenna_m = DVec3::new(f64::from(n), -100.0, 0.0);

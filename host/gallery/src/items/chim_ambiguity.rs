@@ -1,4 +1,4 @@
-//! The ambiguity function of a linear sweep: Chim 2018, (2.10).
+//! Ambiguity function of a linear FM pulse: Chim 2018, (2.10).
 
 use std::f64::consts::PI;
 
@@ -37,7 +37,7 @@ fn ambiguity(_: &Context) -> Result<Finding, ItemError> {
         let closed = shared_s / DURATION_S * sinc.abs();
         largest = largest.max((10f64.powf(f64::from(level_db) / 20.0) - closed).abs());
     }
-    // The cut at the largest shift: where it peaks.
+    // Peak of the cut at the largest Doppler shift.
     let last = dopplers.count - 1;
     let cut = &around.levels_db[last * delays.count..];
     let peak = (0..delays.count)
@@ -55,8 +55,9 @@ fn ambiguity(_: &Context) -> Result<Finding, ItemError> {
                  as well, but elsewhere."
             .to_owned(),
         method: format!(
-            "A sweep of {:.0} MHz in {:.0} us, sampled 8 times as fast, correlated with itself under {} Doppler \
-             shifts; divided by the energy, T. The k of (2.10) is the sweep's rate, B / T: twice the alpha of (2.3).",
+            "A linear sweep of {:.0} MHz in {:.0} us, sampled at 8 times its bandwidth, correlated with itself at {} Doppler \
+             shifts and divided by its energy, T. The k of (2.10) is the sweep rate B / T, twice the alpha of (2.3). Scale: the \
+             thesis gives a formula and no waveform; bandwidth and duration are ours.",
             BANDWIDTH_HZ / 1e6,
             DURATION_S * 1e6,
             dopplers.count

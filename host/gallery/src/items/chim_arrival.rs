@@ -1,9 +1,9 @@
-//! Angles of arrival near by, and what they make of a step of the radar: Chim 2018, 7.3.5, Figs 7.5 and 7.6.
+//! Near-field angles of arrival, and their effect on motion estimation: Chim 2018, 7.3.5, Figs 7.5 and 7.6.
 
 use glam::DVec2;
 
 use super::chim_rail::REFLECTORS_M;
-use crate::{Check, Context, Finding, Item, ItemError, Picture};
+use crate::{Check, Context, Finding, Item, ItemError, NOT_DONE, NOT_GIVEN, Picture};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_motion::{Array, Heading, Pairwise, Pose, Sighting, Target};
 use subaperture_plot::{Chart, Curve, Stroke, lines};
@@ -17,21 +17,21 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 }];
 
 const WAVELENGTH_M: f64 = SPEED_OF_LIGHT_M_S / 78.5e9;
-/// Between receivers.
+/// Receiver baseline, metres.
 const BASELINE_M: f64 = 0.5 * WAVELENGTH_M;
-/// From the first receiver to the transmitter, along the array: B_T of the thesis.
+/// Transmitter offset from the first receiver along the array, metres (B_T of the thesis).
 const TRANSMITTER_M: f64 = -0.02;
-/// Sines of the angles whose lines are drawn.
+/// Sines of the angles drawn.
 const SINES: [f64; 7] = [-0.95, -0.8, -0.35, 0.0, 0.35, 0.8, 0.95];
-/// Distances of the curves of errors, in baselines.
+/// Distances of the error curves, baselines.
 const DISTANCES: [f64; 3] = [1.0, 2.0, 5.0];
-/// A target's distance where the transmitter is not where the receivers are.
+/// Target distance for a transmitter apart from the receivers, metres.
 const RANGE_M: f64 = 2.0;
-/// Angles that are looked at, to either side.
+/// Largest angle evaluated, degrees.
 const WIDEST_DEG: i32 = 60;
 const STEP_M: f64 = 1e-3;
 
-/// Two receivers about the origin; the transmitter moves no difference of theirs.
+/// Two receivers about the origin; the transmitter does not affect their phase difference.
 fn receivers() -> Array {
     Array {
         transmitters_m: vec![DVec2::ZERO],
@@ -43,7 +43,7 @@ fn receivers() -> Array {
     }
 }
 
-/// The radar of the thesis's experiments: the transmitter is beside.
+/// Radar of the thesis's experiments, with a separate transmitter.
 fn radar() -> Array {
     Array {
         transmitters_m: vec![DVec2::new(TRANSMITTER_M, 0.0)],
@@ -52,7 +52,7 @@ fn radar() -> Array {
     }
 }
 
-/// A place so far away, at an angle from the normal.
+/// Position at a range and an angle from the array's normal.
 fn place(range_m: f64, angle_rad: f64) -> DVec2 {
     range_m * DVec2::new(angle_rad.sin(), angle_rad.cos())
 }
@@ -64,14 +64,14 @@ fn target(at_m: DVec2) -> Target {
     }
 }
 
-/// Difference of the receivers' phases over what it is along the baseline: the sine of the angle of arrival by (7.18) and (7.13).
+/// Sine of the estimated angle of arrival: phase difference over its value along the baseline, (7.18) and (7.13).
 fn sine(at_m: DVec2) -> f64 {
     let array = receivers();
     let lines = array.lines(&Pose::default(), &target(at_m));
     (lines[1].value - lines[0].value) / (array.rad_m() * BASELINE_M)
 }
 
-/// The true angle, so far away, of what is estimated to arrive at this sine: halving an interval.
+/// True angle at a range for an estimated sine, by bisection.
 fn true_angle_rad(range_m: f64, estimated: f64) -> f64 {
     let quarter = std::f64::consts::FRAC_PI_2;
     let (mut low, mut high) = (-quarter, quarter);
@@ -85,7 +85,7 @@ fn true_angle_rad(range_m: f64, estimated: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Estimated less true, radians.
+/// Estimated minus true angle, radians.
 fn error_rad(range_m: f64, angle_rad: f64) -> f64 {
     sine(place(range_m, angle_rad)).clamp(-1.0, 1.0).asin() - angle_rad
 }
@@ -94,13 +94,13 @@ fn angles_rad(widest_deg: i32) -> impl Iterator<Item = f64> {
     (-widest_deg..=widest_deg).map(|degrees| f64::from(degrees).to_radians())
 }
 
-/// Over all angles, at so many baselines.
+/// Largest error over all angles at a distance in baselines, degrees.
 fn largest_error_deg(baselines: f64) -> f64 {
     let all = angles_rad(90).map(|angle| error_rad(baselines * BASELINE_M, angle).abs());
     all.fold(0.0, f64::max).to_degrees()
 }
 
-/// How far lines of constant phase difference are from hyperbolas `x^2 / a^2 - y^2 / b^2 = 1`, `a = B sin / 2`, `a^2 + b^2 = B^2 / 4`; at the most, in
+/// Largest distance between lines of constant phase difference and hyperbolas `x^2 / a^2 - y^2 / b^2 = 1`, `a = B sin / 2`, `a^2 + b^2 = B^2 / 4`,
 /// baselines.
 fn off_hyperbolas() -> f64 {
     let off = |estimated: f64, baselines: f64| {
@@ -115,30 +115,30 @@ fn off_hyperbolas() -> f64 {
     all.fold(0.0, f64::max)
 }
 
-/// By what `2 dx` is multiplied to make a change of path: what three ways are off by at the most. As if all antennas were one; by (7.33); by the direction from the
-/// middle between transmitter and receiver.
+/// Largest errors of the factor of `2 dx` in the path change for three methods: coincident antennas; (7.33); direction from the
+/// midpoint of transmitter and receiver.
 fn factors_off() -> [f64; 3] {
     let array = radar();
     let mut most = [0.0f64; 3];
     for angle_rad in angles_rad(WIDEST_DEG) {
         let at_m = place(RANGE_M, angle_rad);
-        // The first channel's phase grows by this a metre along x.
+        // Phase of the first channel per metre along x.
         let of_phase = array.lines(&Pose::default(), &target(at_m))[0].pose.x;
         let exact = 0.5 * of_phase / array.rad_m();
         let from_middle = at_m - DVec2::new(0.5 * TRANSMITTER_M, 0.0);
-        let ways = [
+        let factors = [
             angle_rad.sin(),
             angle_rad.sin() - TRANSMITTER_M / RANGE_M,
             from_middle.normalize().x,
         ];
-        for (most, way) in most.iter_mut().zip(ways) {
-            *most = most.max((way - exact).abs());
+        for (most, factor) in most.iter_mut().zip(factors) {
+            *most = most.max((factor - exact).abs());
         }
     }
     most
 }
 
-/// What the two least squares find of a step along the array, without noise; off by so much, metres.
+/// Error of a noise-free step along the array estimated by the two least squares, metres.
 fn step_off_m() -> Result<f64, ItemError> {
     let unsuited = |error: subaperture_motion::MotionError| ItemError::Measure(error.to_string());
     let array = radar();
@@ -181,10 +181,10 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
                  squares, (7.33). No numbers are given."
             .to_owned(),
         method: format!(
-            "Phases by exact paths. Two receivers half a wavelength of 78.5 GHz apart, seen from the middle between them; lengths in baselines, so that the \
-             pictures are those of any. Then the radar of Fig. 7.8, whose transmitter is 2 cm beside its receivers: the factor of 2 dx in the change of path of a target at {RANGE_M} \
-             m, up to {WIDEST_DEG} degrees off; and a step of 1 mm by the two least squares here, which take directions from the middle \
-             between a channel's antennas, and each leg's own way beside."
+            "Phases from exact paths. Two receivers half a wavelength of 78.5 GHz apart, angles measured at their midpoint; lengths in baselines, so that the \
+             pictures hold for any baseline. Then the radar of Fig. 7.8, whose transmitter is 2 cm from its receivers: the factor of 2 dx in the path change of a target at {RANGE_M} \
+             m, up to {WIDEST_DEG} degrees off broadside; and a step of 1 mm estimated by two least squares, which measure directions at the midpoint of each channel's antennas \
+             and correct each leg separately. Scale: the thesis's figures carry no numbers; the baseline is that of Fig. 7.8, and nothing is scaled down."
         ),
         checks: vec![
             Check::claim(
@@ -195,7 +195,7 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
             ),
             Check::claim(
                 "largest error of the angle at 1, 2 and 5 baselines",
-                "not given",
+                NOT_GIVEN,
                 format!(
                     "{} degrees",
                     DISTANCES.map(|d| format!("{:.2}", largest_error_deg(d))).join(", ")
@@ -204,7 +204,7 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
             ),
             Check::claim(
                 "of a target at 2.4 m, by receivers half a wavelength apart",
-                "not given",
+                NOT_GIVEN,
                 format!("{in_room_rad:.1e} rad"),
                 in_room_rad < 1e-6,
             ),
@@ -222,13 +222,13 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
             ),
             Check::claim(
                 "by directions from the middle of both antennas",
-                "not done",
+                NOT_DONE,
                 format!("{middle:.1e}"),
                 middle < 1e-4,
             ),
             Check::claim(
                 "error of a step of 1 mm by the two least squares here, without noise",
-                "not given",
+                NOT_GIVEN,
                 format!("{:.1e} mm", 1e3 * step_off_m),
                 step_off_m < 1e-4 * STEP_M,
             ),
@@ -247,7 +247,7 @@ fn hyperbola_picture() -> Result<Picture, ItemError> {
     const UP: f64 = 3.0;
     let gap = [(f64::NAN, f64::NAN)];
     let same_phase = |estimated: f64| {
-        // From between the receivers on.
+        // From the line between the receivers on.
         let nearest = 0.5 * estimated.abs();
         let at = (0..=120).map(move |i| nearest + 4.0 * (f64::from(i) / 120.0).powi(2));
         let at = at.map(move |r| place(1.0, true_angle_rad(r * BASELINE_M, estimated)) * r);

@@ -1,9 +1,9 @@
-//! Motion from chirp to chirp: Chim 2018, 7.5.2, Figs 7.12 and 7.13.
+//! Motion between chirps by MPGA: Chim 2018, 7.5.2, Figs 7.12 and 7.13.
 
 use glam::DVec2;
 
-use super::chim_rail::{PRI_S, SQUINT_DEG, found, increments, recorded, spread, way};
-use crate::{Check, Context, Finding, Item, ItemError, Picture};
+use super::chim_rail::{PRI_S, SQUINT_DEG, carriage, found, increments, recorded, spread};
+use crate::{Check, Context, Finding, Item, ItemError, NOT_DONE, NOT_GIVEN, Picture};
 use subaperture_plot::{Chart, Curve, Stroke, stacked};
 use subaperture_targets::Recovered;
 
@@ -24,18 +24,18 @@ pub(super) const ITEMS: [Item; 2] = [
     },
 ];
 
-/// The motor's speed; a tenth of a millimetre a chirp.
+/// Speed of the motor, metres per second; a tenth of a millimetre per chirp.
 const SPEED_M_S: f64 = 0.1;
 const STEP_M: f64 = SPEED_M_S * PRI_S;
-/// Chirps of a burst, and the duration of the pause after it, in chirps.
+/// Chirps per burst, and duration of the pause, chirps.
 const BURST: usize = 10;
 const PAUSE: usize = 3;
 const BURSTS: usize = 40;
-/// Chirps until the motor is at its speed, and all that are shown.
+/// Chirps until full speed, and chirps shown.
 const RAMP: usize = 1500;
 const CHIRPS: usize = 2000;
 
-/// Motion along the array and where it looks, from chirp to chirp: by the thesis's pairs, and between the poses that all chirps tell together.
+/// Motion between chirps along the array and its normal: by pairs as in the thesis, and from the joint estimate of all chirps.
 struct Motion {
     by_pairs_m: Vec<DVec2>,
     together_m: Vec<DVec2>,
@@ -60,7 +60,7 @@ impl Motion {
         }
     }
 
-    /// The thesis's figure, range over azimuth, beside how the carriage moved.
+    /// Figure of the thesis (range above azimuth) with the true motion.
     fn picture(&self, title: &str, shown: usize, truth_m: &[f64]) -> Result<Picture, ItemError> {
         let chart = |title: &str, label: &str, of: fn(&DVec2) -> f64, share: f64| {
             let found = self.by_pairs_m.iter().map(of).take(shown);
@@ -89,7 +89,7 @@ impl Motion {
     }
 }
 
-/// Metres from chirp to chirp, in millimetres.
+/// Motion between chirps, millimetres.
 fn curve(name: &str, values_m: impl Iterator<Item = f64>, stroke: Stroke) -> Curve {
     Curve {
         name: name.to_owned(),
@@ -103,22 +103,22 @@ fn curve(name: &str, values_m: impl Iterator<Item = f64>, stroke: Stroke) -> Cur
 
 fn bursts(context: &Context) -> Result<Finding, ItemError> {
     let period = BURST + PAUSE;
-    let recorded = recorded(context, way(SPEED_M_S, &[])?, BURSTS * period, |n| {
+    let recorded = recorded(context, carriage(SPEED_M_S, &[])?, BURSTS * period, |n| {
         n % period < BURST
     })?;
     let motion = Motion::of(&found(context.monitor, &recorded)?)?;
     let (pause, burst): (Vec<_>, Vec<_>) =
         (0..motion.by_pairs_m.len()).partition(|n| n % BURST == BURST - 1);
     let at = |all: &[usize], of: &[DVec2]| all.iter().map(|&n| of[n].x).collect::<Vec<f64>>();
-    let told = |of: &[DVec2]| {
+    let statistics = |of: &[DVec2]| {
         let [burst_m, pause_m] = [at(&burst, of), at(&pause, of)];
         let [within, over] = [&burst_m, &pause_m].map(|all| spread(all.iter().copied()));
         let most_m = burst_m.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let least_m = pause_m.iter().copied().fold(f64::INFINITY, f64::min);
         (within, over, least_m / most_m)
     };
-    let (within, over, apart) = told(&motion.by_pairs_m);
-    let (together, _, _) = told(&motion.together_m);
+    let (within, over, apart) = statistics(&motion.by_pairs_m);
+    let (together, _, _) = statistics(&motion.together_m);
     let range = spread(motion.by_pairs_m.iter().map(|m| m.y));
     let truth_m: Vec<f64> = (0..motion.by_pairs_m.len())
         .map(|n| match n % BURST == BURST - 1 {
@@ -133,44 +133,45 @@ fn bursts(context: &Context) -> Result<Finding, ItemError> {
                  distance\". No numbers are given."
             .to_owned(),
         method: format!(
-            "Made again by simulation, for the thesis's recording is not public: the radar of Fig. 7.8, {BURSTS} bursts of {BURST} \
-             chirps of 1 ms at {SPEED_M_S} m/s, 30 dB for a reflector. Chirps of the pauses are left out of a recording of all. \
-             Motion from chirp to chirp by the thesis's two least squares, along the array's own axes, heading found too."
+            "PointTargetHistory, because the thesis's recording is not public: the radar of Fig. 7.8, {BURSTS} bursts of {BURST} \
+             chirps of 1 ms at {SPEED_M_S} m/s, 30 dB per reflector. The chirps of the pauses are removed from a continuous \
+             recording. Motion from chirp to chirp by the thesis's two least squares, along the array's axes, heading \
+             estimated too. Scale: the pause is the thesis's 3 chirps; the thesis gives no burst length, burst count or speed."
         ),
         checks: vec![
             Check::claim(
-                "change of azimuth within bursts: mean, and scatter of one",
+                "change of azimuth within bursts: mean and standard deviation",
                 "constant",
                 format!("{:.4} mm, {:.4} mm", 1e3 * within[0], 1e3 * within[1]),
                 (within[0] / STEP_M - 1.0).abs() < 0.05,
             ),
             Check::claim(
-                "change of azimuth over pauses: mean, and scatter of one",
+                "change of azimuth over pauses: mean and standard deviation",
                 "longer",
                 format!("{:.4} mm, {:.4} mm", 1e3 * over[0], 1e3 * over[1]),
                 over[0] > within[0],
             ),
             Check::claim(
-                "the second over the first, where a pause is of 3 chirps",
+                "ratio of both, for a pause of 3 chirps",
                 &format!("{missing:.0}"),
                 format!("{:.2}", over[0] / within[0]),
                 (over[0] / within[0] / missing - 1.0).abs() < 0.05,
             ),
             Check::claim(
-                "the shortest pause over the longest step of a burst",
+                "ratio of the shortest pause to the longest step in a burst",
                 "pauses stand out",
                 format!("{apart:.2}"),
                 apart > 1.5,
             ),
             Check::claim(
-                "change of range: mean, and scatter of one",
-                "not given",
+                "change of range: mean and standard deviation",
+                NOT_GIVEN,
                 format!("{:.4} mm, {:.4} mm", 1e3 * range[0], 1e3 * range[1]),
                 range[0].abs() < 0.05 * STEP_M,
             ),
             Check::claim(
-                "change of azimuth within bursts, by all chirps together",
-                "not done",
+                "change of azimuth within bursts, joint estimate of all chirps",
+                NOT_DONE,
                 format!("{:.4} mm, {:.4} mm", 1e3 * together[0], 1e3 * together[1]),
                 (together[0] / STEP_M - 1.0).abs() < 0.05,
             ),
@@ -186,8 +187,8 @@ fn bursts(context: &Context) -> Result<Finding, ItemError> {
 
 fn ramp(context: &Context) -> Result<Finding, ItemError> {
     let ramp_s = RAMP as f64 * PRI_S;
-    let way = way(0.0, &[(ramp_s, SPEED_M_S / ramp_s)])?;
-    let recorded = recorded(context, way, CHIRPS + 1, |_| true)?;
+    let profile = carriage(0.0, &[(ramp_s, SPEED_M_S / ramp_s)])?;
+    let recorded = recorded(context, profile, CHIRPS + 1, |_| true)?;
     let motion = Motion::of(&found(context.monitor, &recorded)?)?;
     let [pairs, together] =
         [&motion.by_pairs_m, &motion.together_m].map(|of| Line::through(&of[..RAMP]));
@@ -206,38 +207,39 @@ fn ramp(context: &Context) -> Result<Finding, ItemError> {
                  measurable using the MPGA\": the first 2000 changes of pose. No numbers are given."
             .to_owned(),
         method: format!(
-            "Made again by simulation: the radar of Fig. 7.8 on a carriage that reaches {SPEED_M_S} m/s, a tenth of a millimetre a chirp of 1 ms, at \
-             a constant acceleration within {RAMP} chirps; {CHIRPS} changes of pose by the thesis's two least squares. A straight line through those of \
-             the ramp, and the mean of what follows."
+            "PointTargetHistory, because the thesis's recording is not public: the radar of Fig. 7.8 on a carriage that reaches {SPEED_M_S} m/s, a tenth of a \
+             millimetre per chirp of 1 ms, at constant acceleration within {RAMP} chirps; {CHIRPS} changes of pose by the thesis's two least squares. A \
+             straight line is fitted to the ramp, and the changes after it are averaged. Scale: {CHIRPS} changes as in the thesis, which gives neither \
+             speed nor acceleration."
         ),
         checks: vec![
             Check::claim(
-                "the ramp's slope, where the motor's is 66.7 nm a chirp",
+                "slope of the ramp; the motor's is 66.7 nm per chirp",
                 "measurable",
                 format!("{:.2} nm a chirp", 1e9 * pairs.slope_m),
                 (pairs.slope_m / slope_m - 1.0).abs() < 0.05,
             ),
             Check::claim(
-                "the change of azimuth that it starts at",
+                "change of azimuth at the start",
                 "at rest",
                 format!("{:.2} um", 1e6 * pairs.start_m),
                 pairs.start_m.abs() < 0.03 * STEP_M,
             ),
             Check::claim(
-                "the change of azimuth afterwards, where the motor's is 100 um",
+                "change of azimuth after the ramp; the motor's is 100 um",
                 "steady",
                 format!("{:.2} um", 1e6 * full[0]),
                 (full[0] / STEP_M - 1.0).abs() < 0.05,
             ),
             Check::claim(
-                "scatter of one change of azimuth",
-                "not given",
+                "standard deviation of a change of azimuth",
+                NOT_GIVEN,
                 format!("{:.2} um", 1e6 * rest[1]),
                 rest[1] < 0.5 * STEP_M,
             ),
             Check::claim(
-                "the ramp's slope by all chirps together",
-                "not done",
+                "slope of the ramp, joint estimate of all chirps",
+                NOT_DONE,
                 format!("{:.2} nm a chirp", 1e9 * together.slope_m),
                 (together.slope_m / slope_m - 1.0).abs() < 0.05,
             ),
@@ -247,16 +249,16 @@ fn ramp(context: &Context) -> Result<Finding, ItemError> {
     })
 }
 
-/// How far the carriage goes from chirp `n` to the next.
+/// True motion from chirp `n` to the next, metres.
 fn step_m(n: usize) -> f64 {
-    // Half way between both.
+    // Midpoint of both.
     STEP_M * ((n as f64 + 0.5) / RAMP as f64).min(1.0)
 }
 
-/// A straight line through changes of azimuth, by least squares.
+/// Least-squares line through changes of azimuth.
 struct Line {
     slope_m: f64,
-    /// At the first.
+    /// Value at the first chirp.
     start_m: f64,
 }
 

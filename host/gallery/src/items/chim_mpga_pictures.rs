@@ -1,4 +1,4 @@
-//! The pictures of Chim 2018, Figs 7.8 and 7.9: range profiles, angles of arrival, and the track beside the motor's.
+//! Pictures of Chim 2018, Figs 7.8 and 7.9: range profiles, angles of arrival, and the track compared with the motor's.
 
 use std::f64::consts::TAU;
 
@@ -14,19 +14,19 @@ use subaperture_plot::{Chart, Curve, Stroke, lines, stacked};
 use subaperture_signal::phase::{narrow, widen};
 use subaperture_signal::window::Window;
 
-/// Ranges of the profiles that are shown.
+/// Range interval of the profiles shown, metres.
 const SHOWN_M: (f64, f64) = (0.5, 12.5);
-/// Pulses and range bins of a pixel of theirs.
+/// Pulses and range bins per pixel.
 const BLOCK: usize = 2;
 const BINS: usize = 4;
 
-/// Range profiles of the first channel, as Fig. 7.8: pulses across, range up.
+/// Range profiles of the first channel (Fig. 7.8): pulses horizontally, range upwards.
 pub(super) fn traces(history: &InMemory) -> Result<Picture, ItemError> {
     let band = band(history)?;
     let num_pulses = history.collection().pulses.len();
     let mut samples = vec![Complex32::ZERO; num_pulses * band.count];
     history.read(0..num_pulses, &mut samples)?;
-    // Phases of whole paths, so that all pulses have one axis.
+    // Uncompensated phases, so that all pulses share one range axis.
     let pulses = &history.collection().pulses;
     for (pulse, row) in pulses.iter().zip(samples.chunks_exact_mut(band.count)) {
         for (k, z) in row.iter_mut().enumerate() {
@@ -35,7 +35,7 @@ pub(super) fn traces(history: &InMemory) -> Result<Picture, ItemError> {
         }
     }
     let (powers, ranges) = profiles(&samples, &band, Window::default(), 0.0, SHOWN_M);
-    // Means of some pulses and bins each, enough for a picture.
+    // Mean over several pulses and bins per pixel.
     let rows = ranges.count / BINS;
     let mean = |i: usize| {
         let (row, column) = (i / (num_pulses / BLOCK), i % (num_pulses / BLOCK));
@@ -72,7 +72,7 @@ fn curve(name: &str, points: impl Iterator<Item = (usize, f64)>, stroke: Stroke)
     }
 }
 
-/// The track beside the motor's, as Fig. 7.9: azimuth and range along the array's own axes, against pulses.
+/// Estimated track compared with the motor's (Fig. 7.9): azimuth and range along the array's axes against pulses.
 pub(super) fn positions(places_m: &[DVec2], motor_m: &[f64]) -> Result<Picture, ItemError> {
     let chart = |title: &str, label: &str, of: &dyn Fn(&DVec2) -> f64, motor: &[f64]| {
         let found = places_m.iter().map(of).enumerate();
@@ -111,16 +111,16 @@ pub(super) fn positions(places_m: &[DVec2], motor_m: &[f64]) -> Result<Picture, 
     })
 }
 
-/// Angles of arrival against pulses, degrees: of each named target, told and true sines.
+/// Angles of arrival against pulses, degrees: estimated and true sines per named target.
 pub(super) fn angles(
     names: &[String],
-    told: &[Vec<(usize, f64)>],
+    estimates: &[Vec<(usize, f64)>],
     truth: &[Vec<f64>],
 ) -> Result<Picture, ItemError> {
-    /// Those of the room, and room for the legend.
+    /// Angles of the room, with space for the legend.
     const UP_DEG: (f64, f64) = (-50.0, 50.0);
     let degrees = |sine: f64| sine.clamp(-1.0, 1.0).asin().to_degrees();
-    let each = names.iter().zip(told);
+    let each = names.iter().zip(estimates);
     let mut curves: Vec<Curve> = each
         .map(|(name, sines)| {
             let points = sines.iter().map(|&(n, sine)| (n, degrees(sine)));
@@ -148,14 +148,14 @@ pub(super) fn angles(
     })
 }
 
-/// From the least to the most, and room for the legend above.
+/// Range of the values, with space for the legend above.
 fn with_room(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let low = values.clone().fold(f64::INFINITY, f64::min);
     let high = values.fold(f64::NEG_INFINITY, f64::max);
     (low - 0.05 * (high - low), high + 0.2 * (high - low))
 }
 
-/// What azimuths are off by.
+/// Azimuth errors.
 pub(super) fn errors(pairs_m: &[f64], together_m: &[f64]) -> Result<Picture, ItemError> {
     let of = |all: &[f64]| {
         all.iter()

@@ -1,4 +1,4 @@
-//! Omega-K, step by step: Chim 2018, Fig. 3.3.
+//! Steps of the Omega-K algorithm: Chim 2018, Fig. 3.3.
 
 use std::f64::consts::PI;
 
@@ -8,8 +8,8 @@ use num_complex::{Complex32, Complex64};
 use super::chim_strip::{Map, band, cycles, error_db, focused, l_band, rms, with_task};
 use super::forming::{ERROR_DB, grid_about};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
+use subaperture_focus::frequency_domain::{Stage, StageKind};
 use subaperture_focus::omega_k::OmegaK;
-use subaperture_focus::strip::{Stage, StageKind};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::Image;
@@ -26,16 +26,16 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 }];
 
 const FORMER: OmegaK = OmegaK { error_db: ERROR_DB };
-/// Closest range of the scene's middle, to which the spectrum is referred.
+/// Reference range of the spectrum: closest range of the scene centre, metres.
 const REFERENCE_M: f64 = 30.0;
-/// Closest range of the scatterer.
+/// Closest range of the scatterer, metres.
 const RANGE_M: f64 = 33.0;
-/// Sine off broadside up to which phases are measured: the aperture of 30 m ends at 0.41.
-const MOST_SINE: f64 = 0.3;
-/// Range wavenumbers shown.
+/// Largest sine off broadside at which phases are measured; the aperture of 30 m ends at 0.41.
+const MAX_SINE: f64 = 0.3;
+/// Number of range wavenumbers shown.
 const SHOWN: usize = 256;
 
-/// A spectrum `[wavenumber][along]`.
+/// Spectrum `[wavenumber][along]`.
 struct Spectrum {
     values: Vec<Complex64>,
     rows: Axis,
@@ -43,8 +43,8 @@ struct Spectrum {
 }
 
 impl Spectrum {
-    /// Phase along the row nearest to `wavenumber`, from broadside on, where `|kx|` is at most `most`:
-    /// unwrapped, relative to broadside's.
+    /// Unwrapped phase along the row nearest to `wavenumber` for `|kx|` up to `most`,
+    /// relative to broadside.
     fn phases_rad(&self, wavenumber: f64, most: f64) -> Vec<(f64, f64)> {
         let row = ((wavenumber - self.rows.start) / self.rows.step).round() as usize;
         let line = &self.values[row * self.columns.count..(row + 1) * self.columns.count];
@@ -68,7 +68,7 @@ impl Spectrum {
         self.rows.start + row * self.rows.step
     }
 
-    /// Cosine of the phase times magnitude over the largest: stripes of equal phase.
+    /// Cosine of the phase times relative magnitude: stripes of equal phase.
     fn stripes(&self) -> Vec<f32> {
         let largest = self.values.iter().map(|z| z.norm()).fold(0.0, f64::max);
         self.values
@@ -78,7 +78,7 @@ impl Spectrum {
     }
 }
 
-/// What the former holds before the mapping and after, and its image.
+/// Intermediate spectra before and after Stolt mapping, and the image.
 struct Observed {
     before: Spectrum,
     after: Spectrum,
@@ -107,7 +107,7 @@ fn observed(
                     columns: stage.columns,
                 });
             }
-            StageKind::RangeDoppler => {
+            StageKind::RangeDopplerBackprojection => {
                 after = Some(over_range_wavenumber(stage));
             }
             StageKind::Image => {}
@@ -123,7 +123,7 @@ fn observed(
     })
 }
 
-/// A spectrum's stripes of equal phase.
+/// Picture of a spectrum's stripes of equal phase.
 fn stripes(spectrum: &Spectrum, name: &str, caption: &str, up: &str) -> Result<Picture, ItemError> {
     let columns = cycles(&spectrum.columns);
     let map = Map {
@@ -148,12 +148,12 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
 
     let offset_m = RANGE_M - REFERENCE_M;
     let kappa = before.nearest(4.0 * PI * band.centre_hz() / SPEED_OF_LIGHT_M_S);
-    let most = MOST_SINE * kappa;
+    let most = MAX_SINE * kappa;
     let bent = before.phases_rad(kappa, most);
     let closed = |kx: f64| offset_m * (kappa - (kappa * kappa - kx * kx).sqrt());
     let (edge, bend_rad) = bent[bent.len() - 1];
     let from_closed_rad = rms(bent.iter().map(|&(kx, phase)| phase - closed(kx)));
-    // A range wavenumber whose samples lie in the band at all these angles.
+    // Range wavenumber inside the band at all these angles.
     let straight = after.phases_rad(kappa * 0.96, most);
     let left_rad = rms(straight.iter().map(|&(_, phase)| phase));
     let small = grid_about(DVec3::new(0.0, offset_m, 0.0), 1.5, 1.5, 0.05);
@@ -165,9 +165,10 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
                  f') / c, (3.11), and the image well focused."
             .to_owned(),
         method: format!(
-            "A unit scatterer {RANGE_M} m from a track of 30 m, 1.7 to 2.0 GHz, its spectrum referred to \
-             {REFERENCE_M} m; what Subaperture's Omega-K former holds before the mapping and after, the latter \
-             transformed back over range. Phases are followed from broadside to {:.1} degrees.",
+            "A unit scatterer {RANGE_M} m from a track of 30 m, 1.7 to 2.0 GHz, its spectrum referred to {REFERENCE_M} m; \
+             the arrays of Subaperture's Omega-K algorithm before and after Stolt mapping, the latter transformed back \
+             over range. Phases are unwrapped from broadside to {:.1} degrees. Scale: the thesis's figure is a sketch \
+             without numbers; the band is that of 4.5, ranges and track are ours.",
             (edge / kappa).asin().to_degrees()
         ),
         checks: vec![
@@ -178,7 +179,7 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
                 (bend_rad - closed(edge)).abs() < 0.3,
             ),
             Check::claim(
-                "its departure from the closed form, RMS",
+                "deviation from the closed form, RMS",
                 "none",
                 format!("{from_closed_rad:.3} rad"),
                 from_closed_rad < 0.15,
@@ -215,10 +216,10 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
     })
 }
 
-/// `[along][range]` transformed over range, referred to the reference range: `[range wavenumber][along]`.
+/// Transform `[along][range]` over range, relative to the reference range: `[range wavenumber][along]`.
 fn over_range_wavenumber(stage: &Stage) -> Spectrum {
     let (ranges, along, carrier) = (stage.columns, stage.rows, stage.carriers[1]);
-    // Values lie within half of what their spacing can show.
+    // Values lie within half of the unambiguous extent.
     let width = PI / ranges.step;
     let rows = Axis {
         start: carrier - width / 2.0,

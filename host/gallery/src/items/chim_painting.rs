@@ -22,7 +22,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 const RANGE_M: f64 = 10.0;
 const APERTURE_M: f64 = 8.0;
 const PIXEL_M: f64 = 0.05;
-/// Where the scatterer is.
+/// Position of the scatterer, metres.
 const PLACE: DVec3 = DVec3::new(0.4, 0.5, 0.0);
 
 fn painting(context: &Context) -> Result<Finding, ItemError> {
@@ -31,7 +31,7 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
     let grid = grid_about(DVec3::ZERO, 3.0, 3.0, PIXEL_M);
     let mut images = Vec::new();
     for (index, count) in [1, 2, 8, last + 1].into_iter().enumerate() {
-        // Evenly over the aperture, its ends included.
+        // Evenly over the aperture, ends included.
         let pulses: Vec<usize> = (0..count).map(|i| i * last / (count - 1).max(1)).collect();
         let part = pulses_of(&history, &pulses)?;
         images.push(form(context, [index, 4], &part, &grid, &backprojection())?);
@@ -55,9 +55,10 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
                  pulse the image adds up where a target is and cancels where there is none."
             .to_owned(),
         method: format!(
-            "A unit scatterer, 1.7 to 2.0 GHz, {} pulses over {APERTURE_M} m at {RANGE_M} m; the first pulse, the \
-             first and the last, 8 and all, by Subaperture's backprojection, each image divided by its number \
-             of pulses.",
+            "A unit scatterer, 1.7 to 2.0 GHz, {} pulses over {APERTURE_M} m at {RANGE_M} m; images of the first pulse, the \
+             first and the last, 8 and all pulses by Subaperture's backprojection, each divided by its number of pulses. \
+             The weight by angle of arrival of 3.2.1 is not applied, because the simulated antenna is isotropic. Scale: \
+             the thesis's figure is a sketch without numbers; the band is that of 4.5, range and track are ours.",
             last + 1
         ),
         checks: vec![
@@ -68,19 +69,19 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
                 off_m < 0.5 * PIXEL_M,
             ),
             Check::claim(
-                "peak of two pulses: distance from the scatterer",
+                "distance of the two-pulse peak from the scatterer",
                 "constructive at the target",
                 format!("{crossing_m:.3} m"),
                 crossing_m <= PIXEL_M,
             ),
             Check::claim(
-                "peak of all, 0 dB being a unit scatterer",
+                "peak of all pulses relative to a unit scatterer",
                 "constructive at the target",
                 format!("{peak_db:.2} dB"),
                 peak_db.abs() < 0.1,
             ),
             Check::claim(
-                "mean power 1 m and more away, of 1, 2, 8 and all pulses, dB",
+                "mean power at 1 m and more from the scatterer with 1, 2, 8 and all pulses, dB",
                 "destructive elsewhere",
                 shown.join(", "),
                 away.windows(2).all(|pair| pair[1] < pair[0]),
@@ -106,7 +107,7 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
     })
 }
 
-/// Distance of the brightest point of every column from `centre`, where it is inside the grid.
+/// Distance of the brightest point of each column from `centre`, where it is inside the grid.
 fn arc_ranges_m(image: &Image, grid: &ImageGrid, centre: DVec3) -> impl Iterator<Item = f64> {
     let middle = |axis: &Axis| axis.at(axis.count / 2);
     let rows = grid.rows;
@@ -116,7 +117,7 @@ fn arc_ranges_m(image: &Image, grid: &ImageGrid, centre: DVec3) -> impl Iterator
                 .map(|row| image.pixels[row * image.columns + column].norm_sqr())
                 .collect();
             let y = ridge(&powers, &rows, middle(&rows), rows.step * rows.count as f64);
-            // A column whose peak is cut off has no arc in it: half the peak of a unit scatterer tells.
+            // Columns without the arc have a peak below half of a unit scatterer's.
             let strongest = powers.iter().copied().fold(0.0, f32::max);
             let inside = y > rows.start + 0.2 && y < rows.at(rows.count - 1) - 0.2;
             (inside && f64::from(strongest) > (-LN_2).exp())
@@ -132,7 +133,7 @@ fn peak_m(image: &Image, grid: &ImageGrid) -> DVec3 {
         .map_or(DVec3::NAN, |peak| grid.position_m(peak.row, peak.column))
 }
 
-/// Mean power of the pixels 1 m and more from the scatterer, dB.
+/// Mean power of the pixels at least 1 m from the scatterer, dB.
 fn away_db(image: &Image, grid: &ImageGrid) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (i, &z) in image.pixels.iter().enumerate() {

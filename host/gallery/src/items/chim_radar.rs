@@ -1,4 +1,4 @@
-//! The radar that Chim's items have in common: one antenna that stands still and looks along y.
+//! Static radar shared by the items of Chim 2018, looking along y.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use subaperture_simulate::Experiment;
 use subaperture_simulate::engine::Method;
 use subaperture_simulate::scene::Scene;
 
-/// One pulse of `waveform` over `scene`, from `radar_m`, without anything that disturbs it; phases are those of
-/// the whole path.
+/// One undisturbed pulse of `waveform` over `scene` from `radar_m`, without phase
+/// compensation.
 pub(super) fn standing(
     name: &str,
     waveform: Waveform,

@@ -1,4 +1,4 @@
-//! The radar of Chim 2018, 7.5, on its rail: what it records, the targets that it sees, and its motion from pulse to pulse.
+//! Radar of Chim 2018, 7.5, on its rail: recording, targets, and motion between pulses.
 
 use std::sync::Arc;
 
@@ -14,29 +14,29 @@ use subaperture_model::track::{Pose, Profile, Trajectory};
 use subaperture_motion::{Heading, Increment, Pairwise};
 use subaperture_targets::{Recovered, Seen, Settings, recover};
 
-/// Where the reflectors are, at 2 to 6 m; the thesis names the first two.
+/// Reflector positions, metres, at 2 to 6 m; the thesis names the first two.
 pub(super) const REFLECTORS_M: [DVec3; 4] = [
     DVec3::new(0.6, 3.0, 0.0),
     DVec3::new(0.1, 4.0, 0.0),
     DVec3::new(-0.9, 2.2, 0.0),
     DVec3::new(1.6, 5.6, 0.0),
 ];
-/// Of the array against the rail; nothing in the recording tells of it. The thesis has one and does not say how large.
+/// Squint of the array against the rail, degrees; not contained in the recording. The thesis has one and does not give its value.
 pub(super) const SQUINT_DEG: f64 = 0.5;
-/// Time from chirp to chirp.
+/// Chirp interval, seconds.
 pub(super) const PRI_S: f64 = 1e-3;
-/// Where the wall is: what is seen beyond is masked.
+/// Range of the wall, metres; beyond it the range mask applies.
 pub(super) const WALL_M: f64 = 6.0;
 const NEAREST_M: f64 = 1.0;
 
-/// All of the room, for images of it.
+/// Image grid of the room.
 pub(super) fn room_grid() -> ImageGrid {
     let axis = |start, step, count| Axis { start, step, count };
     ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0)
 }
 
-/// A carriage that goes along the rail by pieces of constant acceleration (seconds, metres a second squared).
-pub(super) fn way(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, ItemError> {
+/// Carriage with piecewise constant acceleration (seconds, metres per second squared).
+pub(super) fn carriage(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, ItemError> {
     let pieces: Vec<(f64, DVec3)> = pieces
         .iter()
         .map(|&(s, m_s2)| (s, DVec3::X * m_s2))
@@ -45,10 +45,10 @@ pub(super) fn way(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, Item
         .map_err(|error| ItemError::Measure(error.to_string()))
 }
 
-/// A carriage, and the body on it.
+/// Carriage with the radar's body.
 #[derive(Debug)]
 struct Carried {
-    way: Profile,
+    carriage: Profile,
     attitude: DQuat,
 }
 
@@ -56,15 +56,15 @@ impl Trajectory for Carried {
     fn pose(&self, time_s: f64) -> Pose {
         Pose {
             attitude: self.attitude,
-            ..self.way.pose(time_s)
+            ..self.carriage.pose(time_s)
         }
     }
 }
 
-/// What both receivers record of so many chirps, of which those are kept that `sends` says.
+/// Recording of both receivers over `chirps`, without the chirps that `sends` excludes.
 pub(super) fn recorded(
     context: &Context,
-    way: Profile,
+    carriage: Profile,
     chirps: usize,
     sends: impl Fn(usize) -> bool,
 ) -> Result<Vec<(Channel, InMemory)>, ItemError> {
@@ -72,11 +72,11 @@ pub(super) fn recorded(
     radar.radar.num_pulses = chirps;
     radar.radar.pri_s = PRI_S;
     let carried = |attitude| {
-        let way = way.clone();
-        Arc::new(Carried { way, attitude })
+        let carriage = carriage.clone();
+        Arc::new(Carried { carriage, attitude })
     };
     radar.track = carried(DQuat::from_rotation_z(SQUINT_DEG.to_radians()));
-    // The recording does not tell of it.
+    // Not contained in the recording.
     radar.measured = Some(carried(DQuat::IDENTITY));
     let chosen: Vec<usize> = (0..chirps).filter(|&n| sends(n)).collect();
     let record = |pair| {
@@ -86,7 +86,7 @@ pub(super) fn recorded(
     radar.pairs().into_iter().map(record).collect()
 }
 
-/// The track by all pulses at once, and what was seen.
+/// Joint track estimate of all pulses, and the observations.
 pub(super) fn found(
     monitor: &dyn Monitor,
     recorded: &[(Channel, InMemory)],
@@ -103,7 +103,7 @@ pub(super) fn found(
     Ok(recover(channels, &settings, monitor)?)
 }
 
-/// Motion from pulse to pulse by the thesis's two least squares, along the array's own axes.
+/// Motion between pulses by the thesis's two least squares, along the array's axes.
 pub(super) fn increments(seen: &Seen) -> Result<Vec<Increment>, ItemError> {
     let unsuited = |error: subaperture_motion::MotionError| ItemError::Measure(error.to_string());
     let mut pairwise = Pairwise::new(seen.array.clone(), Heading::Found).map_err(unsuited)?;
@@ -114,7 +114,7 @@ pub(super) fn increments(seen: &Seen) -> Result<Vec<Increment>, ItemError> {
     Ok(found.into_iter().map(|moved| moved.increment).collect())
 }
 
-/// Mean, and RMS about it.
+/// Mean and standard deviation.
 pub(super) fn spread(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;

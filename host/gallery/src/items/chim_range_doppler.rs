@@ -1,4 +1,4 @@
-//! The range-Doppler algorithm, step by step: Chim 2018, Figs 3.1 and 3.2.
+//! Steps of the range-Doppler algorithm: Chim 2018, Figs 3.1 and 3.2.
 
 use num_complex::Complex32;
 
@@ -8,15 +8,15 @@ use super::chim_strip::{
 };
 use super::forming::{ERROR_DB, grid_about};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
+use subaperture_focus::frequency_domain::StageKind;
 use subaperture_focus::rda::RangeDopplerAlgorithm;
-use subaperture_focus::strip::StageKind;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
 use subaperture_model::phase_history::{Band, PhaseHistory};
 use subaperture_quality::response::{Settings, Target, measure};
 use subaperture_signal::window::Window;
-use subaperture_simulate::Simulated;
+use subaperture_simulate::PointTargetHistory;
 
 pub(super) const ITEMS: [Item; 2] = [
     Item {
@@ -39,22 +39,22 @@ const FORMER: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
     error_db: ERROR_DB,
     secondary_compression: true,
 };
-/// Closest range of the scene's middle.
+/// Closest range of the scene centre, metres.
 const RANGE_M: f64 = 30.0;
 const SPACING_M: f64 = 0.05;
-/// Sine off broadside up to which lines are measured: the aperture of 30 m ends at 0.447.
-const MOST_SINE: f64 = 0.4;
-/// How far from where a line is expected it is looked for, metres: three cells.
+/// Largest sine off broadside at which lines are measured; the aperture of 30 m ends at 0.447.
+const MAX_SINE: f64 = 0.4;
+/// Search half-width about a line, metres: three cells.
 const REACH_M: f64 = 1.5;
 
-/// What the algorithm held on its way.
+/// Intermediate arrays of the algorithm.
 struct Stages {
     band: Band,
     /// Wavenumbers along the track, rad/m.
     along: Axis,
-    /// Before migration is corrected, `[along][range]`.
+    /// Before range cell migration correction, `[along][range]`.
     curved: (Vec<f32>, Axis),
-    /// After.
+    /// After range cell migration correction.
     straight: (Vec<f32>, Axis),
     image: Image,
 }
@@ -62,7 +62,7 @@ struct Stages {
 impl Stages {
     fn of(
         context: &Context,
-        history: &Simulated,
+        history: &PointTargetHistory,
         grid: &ImageGrid,
         shown_m: (f64, f64),
     ) -> Result<Self, ItemError> {
@@ -77,7 +77,7 @@ impl Stages {
                     let rows = transposed(stage.values, stage.columns.count);
                     curved = Some(profiles(&rows, &band, Window::None, 0.0, shown_m));
                 }
-                StageKind::RangeDoppler => {
+                StageKind::RangeDopplerBackprojection => {
                     let powers = stage.values.iter().map(Complex32::norm_sqr).collect();
                     straight = Some((powers, stage.columns));
                 }
@@ -96,7 +96,7 @@ impl Stages {
         })
     }
 
-    /// Lines of a scatterer at closest range `range_m`, before and after: sine off broadside and measured
+    /// Lines of a scatterer at closest range `range_m` before and after correction: sine off broadside and measured
     /// ranges.
     fn lines(&self, range_m: f64, most_sine: f64) -> Vec<(f64, [f64; 2])> {
         let centre = centre_wavenumber(&self.band);
@@ -139,7 +139,7 @@ impl Stages {
 }
 
 /// Range profiles of all pulses.
-fn compressed(history: &Simulated, shown_m: (f64, f64)) -> Result<Picture, ItemError> {
+fn compressed(history: &PointTargetHistory, shown_m: (f64, f64)) -> Result<Picture, ItemError> {
     let band = band(history)?;
     let pulses = &history.collection().pulses;
     let mut samples = vec![Complex32::ZERO; pulses.len() * band.count];
@@ -159,21 +159,21 @@ fn compressed(history: &Simulated, shown_m: (f64, f64)) -> Result<Picture, ItemE
     Ok(map.levels(&powers)?)
 }
 
-/// How the line of the scatterer at [`RANGE_M`] runs, metres.
+/// Deviations of the line of the scatterer at [`RANGE_M`], metres.
 struct Migration {
-    /// Its largest departure from that range before correction, and after.
+    /// Largest deviation from that range before and after correction.
     migration_m: f64,
     left_m: f64,
-    /// Its departure from the exact hyperbola, RMS.
+    /// RMS deviation from the exact hyperbola.
     from_exact_m: f64,
-    /// Its largest departure from the parabola of (3.6) within the beam, and in all.
+    /// Largest deviation from the parabola of (3.6) within the beam, and overall.
     in_beam_m: f64,
     wide_m: f64,
 }
 
 impl Migration {
     fn of(stages: &Stages) -> Self {
-        let lines = stages.lines(RANGE_M, MOST_SINE);
+        let lines = stages.lines(RANGE_M, MAX_SINE);
         let largest =
             |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |a, b| f64::max(a, b.abs()));
         let migration_m = largest(&mut lines.iter().map(|(_, [before, _])| before - RANGE_M));
@@ -226,11 +226,11 @@ fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
                  azimuth compression points. The figure is a sketch of a long aperture."
             .to_owned(),
         method: format!(
-            "Three unit scatterers 26, 30 and 34 m from a track of 30 m, 1.7 to 2.0 GHz; what \
-             Subaperture's range-Doppler former holds on its way, its correction being R0 / cos(theta). The \
-             line at 30 m is measured out to {:.1} degrees, where (3.6) errs by {:.2} m, {:.2} of a range \
-             cell.",
-            MOST_SINE.asin().to_degrees(),
+            "Three unit scatterers at 26, 30 and 34 m from a track of 30 m, 1.7 to 2.0 GHz; the intermediate arrays of \
+             Subaperture's range-Doppler algorithm, whose range cell migration correction is R0 / cos(theta). The line at \
+             30 m is measured out to {:.1} degrees, where (3.6) is off by {:.2} m, {:.2} of a range cell. Scale: the \
+             thesis's figure is a sketch without numbers; the band is that of 4.5, ranges and track are ours.",
+            MAX_SINE.asin().to_degrees(),
             wide_m,
             wide_m / cell_m
         ),
@@ -242,7 +242,7 @@ fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
                 migration_m > 3.0 * cell_m,
             ),
             Check::claim(
-                "the line against R0 / cos(theta), RMS",
+                "deviation of the line from R0 / cos(theta), RMS",
                 "the exact hyperbola",
                 format!("{:.3} m, {:.3} of a cell", from_exact_m, from_exact_m / cell_m),
                 from_exact_m < 0.05 * cell_m,
@@ -254,7 +254,7 @@ fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
                 in_beam_m < 0.1 * cell_m,
             ),
             Check::claim(
-                "curvature left after correction",
+                "curvature after correction",
                 "straight",
                 format!("{left_m:.3} m, {:.3} of a cell", left_m / cell_m),
                 left_m < 0.1 * cell_m,
@@ -310,7 +310,7 @@ fn short_aperture(context: &Context) -> Result<Finding, ItemError> {
                 "{found_deg:.2} degrees for {:.2}, {column:.2} m for {range_m:.2}",
                 sine.asin().to_degrees()
             ),
-            // A tenth of the aperture's resolution, lambda / 2L, 4.6 degrees; a fifth of a cell.
+            // A tenth of the angular resolution lambda / 2L, 4.6 degrees; a fifth of a cell.
             (found_deg - sine.asin().to_degrees()).abs() < 0.46 && (column - range_m).abs() < 0.1,
         ));
     }
@@ -322,7 +322,7 @@ fn short_aperture(context: &Context) -> Result<Finding, ItemError> {
     let response = measure(&map, &as_grid, target, &settings)
         .map_err(|error| ItemError::Measure(error.to_string()))?;
     let width = response.cuts[1].width_3db.unwrap_or(f64::NAN);
-    let long = 2.0 * 2.0 * MOST_SINE / wavelength_m;
+    let long = 2.0 * 2.0 * MAX_SINE / wavelength_m;
     let pulses = history.collection().pulses.len() as f64;
     checks.push(Check::number(
         "3 dB width over azimuth frequency, 0.886 / L in theory",
@@ -343,8 +343,9 @@ fn short_aperture(context: &Context) -> Result<Finding, ItemError> {
                  its angle of arrival and its range."
             .to_owned(),
         method: format!(
-            "Unit scatterers 30 m off at broadside, and at -17 and +16 degrees; a track of {APERTURE_M} m, whose \
-             quadratic phase is {:.2} rad at the ends; 1.7 to 2.0 GHz.",
+            "Unit scatterers at 30 m, at broadside and at -17 and +16 degrees; a track of {APERTURE_M} m, at whose ends \
+             the quadratic phase is {:.2} rad; 1.7 to 2.0 GHz. Scale: the thesis's figure is a sketch without numbers; \
+             the band is that of 4.5, ranges and track are ours.",
             std::f64::consts::TAU * (APERTURE_M / 2.0).powi(2) / (wavelength_m * RANGE_M)
         ),
         checks,
@@ -356,7 +357,7 @@ fn short_aperture(context: &Context) -> Result<Finding, ItemError> {
     })
 }
 
-/// Row's and column's value of the strongest pixel within a metre of a range and 1/m of a frequency.
+/// Row and column value of the strongest pixel within one metre of a range and 1/m of a frequency.
 fn strongest(map: &Image, grid: &ImageGrid, range_m: f64, frequency: f64) -> (f64, f64) {
     let place = |i: usize| {
         (

@@ -1,4 +1,4 @@
-//! The residual video phase of a de-chirped sweep: Chim 2018, (2.22) and (3.1).
+//! Residual video phase of a dechirped sweep: Chim 2018, (2.22) and (3.1).
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use num_complex::{Complex32, Complex64};
 
 use super::chim_radar::standing;
 use super::chim_strip::band;
-use crate::{Check, Context, Finding, Item, ItemError, Picture};
+use crate::{Check, Context, Finding, Item, ItemError, NOT_GIVEN, Picture};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::PhaseHistory;
 use subaperture_model::radar::{Pattern, Waveform};
@@ -25,15 +25,15 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     reproduce: residual_phase,
 }];
 
-/// Sweep rate, hertz a second: 300 MHz in 100 us.
+/// Sweep rate, hertz per second: 300 MHz in 100 us.
 const CHIRP_HZ_S: f64 = 3e12;
-/// Ranges of the scatterer, metres: phases grow by less than half a turn from one to the next.
+/// Range steps of the scatterer, metres; the phase changes by less than half a cycle per step.
 const STEP_M: f64 = 10.0;
 const STEPS: u32 = 10;
-/// Delays that the receiver prepares for.
-const MOST_DELAY_S: f64 = 0.7e-6;
+/// Largest delay of the receiver, seconds.
+const MAX_DELAY_S: f64 = 0.7e-6;
 
-/// A sweep over one scatterer at `range_m`, mixed with what is being transmitted.
+/// Dechirped sweep of one scatterer at `range_m`.
 fn experiment(range_m: f64) -> Experiment {
     let radar_m = DVec3::new(0.0, -50.0, 0.0);
     let scatterer = Scatterer {
@@ -54,7 +54,7 @@ fn experiment(range_m: f64) -> Experiment {
     standing("sweep", waveform, Pattern::Isotropic, radar_m, scene)
 }
 
-/// Phase of the scatterer beside `exp(-j 2 pi f tau)`, mean over the band, radians.
+/// Phase relative to `exp(-j 2 pi f tau)`, mean over the band, radians.
 fn phase_rad(range_m: f64, skew: Skew) -> Result<f64, ItemError> {
     let unsuited = |error: String| ItemError::Measure(error);
     let experiment = experiment(range_m);
@@ -66,7 +66,7 @@ fn phase_rad(range_m: f64, skew: Skew) -> Result<f64, ItemError> {
         .echoes(pair)
         .map_err(|e| unsuited(e.to_string()))?;
     let received =
-        Deskewed::new(echoes, Some(MOST_DELAY_S), skew).map_err(|e| unsuited(e.to_string()))?;
+        Deskewed::new(echoes, Some(MAX_DELAY_S), skew).map_err(|e| unsuited(e.to_string()))?;
     let band = band(&received)?;
     let mut samples = vec![Complex32::ZERO; band.count];
     received.read(0..1, &mut samples)?;
@@ -78,7 +78,7 @@ fn phase_rad(range_m: f64, skew: Skew) -> Result<f64, ItemError> {
     Ok(beside.sum::<Complex64>().arg())
 }
 
-/// Residual phase at range and phase, followed from range 0 outward, and the most of it that is left after removal.
+/// Unwrapped residual phase over range, and the largest residual after removal.
 fn measured_rad() -> Result<(Vec<(f64, f64)>, f64), ItemError> {
     let mut left = Vec::new();
     let mut removed_rad: f64 = 0.0;
@@ -99,7 +99,7 @@ fn closed(range_m: f64) -> f64 {
     PI * CHIRP_HZ_S * delay_s.powi(2)
 }
 
-/// What was measured, and what (2.22) says.
+/// Measured phase and (2.22).
 fn chart(left: &[(f64, f64)]) -> Result<Vec<u8>, ItemError> {
     let (far_m, _) = left[left.len() - 1];
     let curve = |name: &str, points: Vec<(f64, f64)>, stroke: Stroke| Curve {
@@ -122,7 +122,7 @@ fn chart(left: &[(f64, f64)]) -> Result<Vec<u8>, ItemError> {
             curve("pi a tau^2", of(1.0), Stroke::Solid),
             curve("2 pi a tau^2, (2.22)", of(2.0), Stroke::Dashed),
         ],
-        // Room for the legend.
+        // Space for the legend.
         up: Some((-0.5, 11.0)),
         ..Chart::default()
     })?)
@@ -141,9 +141,10 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
                  pi alpha tau^2), (2.22), which (3.1) removes."
             .to_owned(),
         method: format!(
-            "A sweep of 300 MHz in 100 us, a = 3e12 Hz/s, mixed with what is being transmitted, over one scatterer \
-             at up to {far_m:.0} m; its phase beside exp(-j 2 pi f tau) with the residual phase left and removed by \
-             the receive chain. Ours is positive, for the mixer conjugates the other way round."
+            "A sweep of 300 MHz in 100 us, a = 3e12 Hz/s, dechirped on receive, over one scatterer at up to \
+             {far_m:.0} m. The phase relative to exp(-j 2 pi f tau) is measured with the residual video phase kept and \
+             removed by the receive chain. Ours is positive, because our mixer conjugates the other factor. Scale: the \
+             thesis gives formulas and no waveform; sweep and ranges are ours."
         ),
         checks: vec![
             Check::number(
@@ -156,12 +157,12 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
             ),
             Check::claim(
                 "largest difference from pi a tau^2",
-                "not given",
+                NOT_GIVEN,
                 format!("{off_rad:.1e} rad"),
                 off_rad < 0.01,
             ),
             Check::claim(
-                "what is left of it after removal, at most",
+                "largest residual after removal",
                 "removed",
                 format!("{removed_rad:.1e} rad"),
                 removed_rad < 0.01,

@@ -1,5 +1,5 @@
-//! What the items of Chim 2018 on image formers share: his L-band radar on a straight track, and maps of
-//! what formers hold on their way.
+//! Common parts of the items of Chim 2018 on image formation: the L-band radar on a straight track, and maps of
+//! intermediate arrays.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -12,24 +12,24 @@ use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Comparison, Image};
 use subaperture_model::phase_history::{Band, PhaseHistory, Weights};
 use subaperture_planner::Parameters;
-use subaperture_plot::{Colours, Heat, Panel, PlotError, heat, quicklook};
+use subaperture_plot::{Colours, HeatMap, Panel, PlotError, heat, quicklook};
 use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::window::Window;
-use subaperture_simulate::{Scatterer, Simulated};
+use subaperture_simulate::{PointTargetHistory, Scatterer};
 
 use super::forming::POINT_SCALE;
 
-/// Range bins for each frequency: fine enough for a peak between bins by a parabola.
+/// Range bins per frequency, for parabolic peak interpolation.
 const RANGE_PADDING: f64 = 8.0;
 
-/// The radar of 4.5, 1.7 to 2.0 GHz, on a straight track along x at `y = -range_m`, `aperture_m` long,
-/// and unit scatterers at `(x, y)` of a plane.
+/// Radar of 4.5, 1.7 to 2.0 GHz, on a straight track of `aperture_m` along x at `y = -range_m`,
+/// with unit scatterers at `(x, y)` in a plane.
 pub(super) fn l_band(
     range_m: f64,
     aperture_m: f64,
     spacing_m: f64,
     places_m: &[(f64, f64)],
-) -> Result<Simulated, ItemError> {
+) -> Result<PointTargetHistory, ItemError> {
     let mut pass = Parameters {
         carrier_hz: 1.85e9,
         bandwidth_hz: 300e6,
@@ -48,10 +48,14 @@ pub(super) fn l_band(
         position_m: DVec3::new(x, y, 0.0),
         amplitude: Complex64::ONE,
     });
-    Ok(Simulated::new(collection, scatterers.collect(), None))
+    Ok(PointTargetHistory::new(
+        collection,
+        scatterers.collect(),
+        None,
+    ))
 }
 
-/// A task over `history` with a window over frequency, given to `work`.
+/// Call `work` with a task over `history` with a window over frequency.
 pub(super) fn with_task<T>(
     context: &Context,
     history: &dyn PhaseHistory,
@@ -66,7 +70,7 @@ pub(super) fn with_task<T>(
         weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
-        means: Default::default(),
+        numerics: Default::default(),
     })
 }
 
@@ -86,13 +90,13 @@ pub(super) fn error_db(
     })
 }
 
-/// The band of a recording whose pulses share one.
+/// Common band of a recording's pulses.
 pub(super) fn band(history: &dyn PhaseHistory) -> Result<Band, ItemError> {
     let missing = || ItemError::Measure("pulses do not share a band".to_owned());
     history.collection().band().ok_or_else(missing)
 }
 
-/// Range profiles of rows of samples referred to the range `reference_m`: powers `[row][range]` over
+/// Range profiles of rows of samples with reference range `reference_m`: powers `[row][range]` over
 /// `shown_m`, and their axis.
 pub(super) fn profiles(
     rows: &[Complex32],
@@ -127,7 +131,7 @@ pub(super) fn profiles(
     (powers, axis)
 }
 
-/// Place of the largest power of a row within `reach` of `near`: of a parabola through three levels.
+/// Position of the largest power of a row within `reach` of `near`, by a parabola through three levels.
 pub(super) fn ridge(row: &[f32], axis: &Axis, near: f64, reach: f64) -> f64 {
     let inside = |i: &usize| (axis.at(*i) - near).abs() <= reach;
     let inner = (1..axis.count - 1).filter(inside);
@@ -138,7 +142,7 @@ pub(super) fn ridge(row: &[f32], axis: &Axis, near: f64, reach: f64) -> f64 {
     axis.at(peak) + axis.step * 0.5 * (a - c) / (a - 2.0 * b + c)
 }
 
-/// The matrix with rows and columns exchanged.
+/// Transpose of a matrix.
 pub(super) fn transposed(values: &[Complex32], columns: usize) -> Vec<Complex32> {
     let rows = values.len() / columns;
     (0..values.len())
@@ -146,7 +150,7 @@ pub(super) fn transposed(values: &[Complex32], columns: usize) -> Vec<Complex32>
         .collect()
 }
 
-/// Frequency along the track, cycles a metre, of an axis in rad/m.
+/// Convert an axis from rad/m to cycles per metre.
 pub(super) fn cycles(axis: &Axis) -> Axis {
     Axis {
         start: axis.start / std::f64::consts::TAU,
@@ -155,39 +159,39 @@ pub(super) fn cycles(axis: &Axis) -> Axis {
     }
 }
 
-/// Two-way wavenumber of the middle of a band, rad/m.
+/// Two-way wavenumber at the band centre, rad/m.
 pub(super) fn centre_wavenumber(band: &Band) -> f64 {
     2.0 * std::f64::consts::TAU * band.centre_hz() / SPEED_OF_LIGHT_M_S
 }
 
-/// What a map shows beside its values.
+/// Labels and axes of a map.
 pub(super) struct Map<'a> {
     pub(super) name: &'a str,
     pub(super) caption: &'a str,
-    /// Labels across and up.
+    /// Horizontal and vertical label.
     pub(super) labels: [&'a str; 2],
     pub(super) rows: Axis,
     pub(super) columns: Axis,
 }
 
 impl Map<'_> {
-    /// Powers, 50 dB from the largest down.
+    /// Map of powers, dynamic range 50 dB.
     pub(super) fn levels(&self, powers: &[f32]) -> Result<Picture, PlotError> {
         let peak = powers.iter().copied().fold(0.0, f32::max);
-        // Where there is nothing at all, 100 dB down.
+        // Floor of -100 dB for zero power.
         let level = |p: &f32| 10.0 * (p / peak).max(1e-10).log10();
         let values: Vec<f32> = powers.iter().map(level).collect();
         self.values(&values, (-50.0, 0.0), "dB")
     }
 
-    /// Values as they are.
+    /// Map of values.
     pub(super) fn values(
         &self,
         values: &[f32],
         range: (f64, f64),
         unit: &str,
     ) -> Result<Picture, PlotError> {
-        // Pixels are square: those of the shorter axis are repeated until the picture is not too long.
+        // Pixels are square: the shorter axis is repeated to limit the aspect ratio.
         let (rows, row_times) = repeated(&self.rows, self.columns.count);
         let (columns, column_times) = repeated(&self.columns, self.rows.count);
         let value = |i: usize| {
@@ -198,7 +202,7 @@ impl Map<'_> {
             values[row * self.columns.count + column]
         };
         let values: Vec<f32> = (0..rows.count * columns.count).map(value).collect();
-        let png = heat(&Heat {
+        let png = heat(&HeatMap {
             values: &values,
             rows,
             columns,
@@ -218,7 +222,7 @@ impl Map<'_> {
     }
 }
 
-/// `axis` with every element as often as it takes to be two thirds of `other`.
+/// Repeat the elements of `axis` to at least two thirds of the length `other`; returns the repetition.
 fn repeated(axis: &Axis, other: usize) -> (Axis, usize) {
     let times = (2 * other).div_ceil(3 * axis.count).max(1);
     let step = axis.step / times as f64;
@@ -230,7 +234,7 @@ fn repeated(axis: &Axis, other: usize) -> (Axis, usize) {
     (repeated, times)
 }
 
-/// A focused image of unit scatterers.
+/// Picture of a focused image of unit scatterers.
 pub(super) fn focused(
     image: &Image,
     grid: &ImageGrid,
@@ -246,7 +250,7 @@ pub(super) fn focused(
     })
 }
 
-/// Root of the mean square.
+/// Root mean square.
 pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
     (sum / f64::max(count, 1.0)).sqrt()

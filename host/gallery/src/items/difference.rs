@@ -1,10 +1,10 @@
-//! How far two backprojections of a scene are apart: Schone 2020, Figs 4.7, 4.8 and 4.10.
+//! Difference of two backprojection methods: Schone 2020, Figs 4.7, 4.8 and 4.10.
 
 use super::forming::{backprojection, form_weighted, side_by_side_at, thesis};
 use super::large_scene::{Scene, begun, scale_of, scenes, sub_cpi};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::image::{Image, power};
-use subaperture_plot::{Colours, Heat, heat};
+use subaperture_plot::{Colours, HeatMap, heat};
 use subaperture_quality::difference::{PercentDifference, percent_difference};
 use subaperture_signal::window::Window;
 
@@ -16,11 +16,11 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     reproduce,
 }];
 
-/// Pulses a sub-CPI of Fig. 4.8.
+/// Pulses per sub-CPI of Fig. 4.8.
 const THESIS_SUB_CPI: usize = 31;
-/// The thesis's colour axis, percent.
+/// Colour axis of the thesis, percent.
 const AXIS: (f64, f64) = (0.0, 200.0);
-/// No pixel is too dark to count.
+/// Floor below which pixels are excluded, dB; includes all.
 const NO_FLOOR_DB: f64 = 400.0;
 
 fn reproduce(context: &Context) -> Result<Finding, ItemError> {
@@ -30,6 +30,7 @@ fn reproduce(context: &Context) -> Result<Finding, ItemError> {
          very dark. The brightest corner differs by less than a tenth of a dB.",
         "Hamming windows over frequencies and pulses, as the thesis windows; difference of magnitudes over \
          backprojection's, no pixel left out.",
+        &scenes,
     );
     for (index, scene) in scenes.iter().enumerate() {
         examine(context, [2 * index, 2 * scenes.len()], scene, &mut finding)?;
@@ -83,7 +84,7 @@ fn examine(
     Ok(())
 }
 
-/// What the thesis says of the difference, and what it is here.
+/// Checks of the difference against the thesis.
 fn checks(
     title: &str,
     two_dimensional: &Image,
@@ -132,10 +133,10 @@ fn checks(
     ])
 }
 
-/// The difference as maps, on the thesis's axis and on a closer one.
+/// Difference maps, on the thesis's axis and on a finer one.
 fn maps(scene: &Scene, difference: &PercentDifference) -> Result<Vec<Picture>, ItemError> {
     let (grid, values) = (&scene.grid, &difference.map.values);
-    // The thesis's axis, and one on which differences this small can be seen.
+    // The thesis's axis, and one that resolves these small differences.
     let typical = difference.summary.percentile_95.unwrap_or(AXIS.1);
     let axes = [
         ("difference", AXIS.1),
@@ -145,7 +146,7 @@ fn maps(scene: &Scene, difference: &PercentDifference) -> Result<Vec<Picture>, I
         let caption = format!("Percent difference, {}, 0 to {top:.1} %", scene.title);
         Ok(Picture {
             name: format!("{}-{name}", scene.name),
-            png: heat(&Heat {
+            png: heat(&HeatMap {
                 values,
                 rows: grid.rows,
                 columns: grid.columns,
@@ -163,7 +164,7 @@ fn maps(scene: &Scene, difference: &PercentDifference) -> Result<Vec<Picture>, I
     axes.into_iter().map(map).collect()
 }
 
-/// Median level of an image's pixels where `values` are largest, a thousandth of them, against the median level
+/// Median level of the thousandth of pixels with the largest `values`, relative to the median level
 /// of all, dB.
 fn darkness_of_largest_db(image: &Image, values: &[f32]) -> f64 {
     let mut order: Vec<usize> = (0..values.len()).collect();

@@ -1,11 +1,11 @@
-//! What several items do alike: scenes recorded, and formed by one former or another.
+//! Common parts of items: recording of scenes, and image formation.
 
 use glam::{DVec2, DVec3};
 use num_complex::{Complex32, Complex64};
 
 use crate::{Context, ItemError, Picture};
 use subaperture_focus::bp::Backprojection;
-use subaperture_focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture_focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture_focus::{FormError, ImageFormer, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -16,36 +16,36 @@ use subaperture_plot::{Panel, PlotError, Scale, panels};
 use subaperture_signal::window::Window;
 use subaperture_simulate::experiment::{Experiment, Pair};
 use subaperture_simulate::scenario::{Scenario, ScenarioError};
-use subaperture_simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture_simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
-/// Error bound of formers that have one, dB.
+/// Error bound for formers that have one, dB.
 pub(super) const ERROR_DB: f64 = -60.0;
 
-/// All images of points alike: a unit scatterer at the top.
+/// Levels of point images: upper level at a unit scatterer.
 pub(super) const POINT_SCALE: Scale = Scale::Fixed {
     top_db: 0.0,
     span_db: 60.0,
 };
 
-/// Pulses held at once while a scene is recorded.
+/// Pulses per block while a scene is recorded.
 const BLOCK_PULSES: usize = 64;
 
 /// Table 4.1 with one unit scatterer.
-pub(crate) fn lone_scatterer(position_m: DVec3) -> Simulated {
+pub(crate) fn lone_scatterer(position_m: DVec3) -> PointTargetHistory {
     let preset = Preset::Table41.simulate(&Variation::default());
     let scatterer = Scatterer {
         position_m,
         amplitude: Complex64::ONE,
     };
-    Simulated::new(preset.collection().clone(), vec![scatterer], None)
+    PointTargetHistory::new(preset.collection().clone(), vec![scatterer], None)
 }
 
-/// The experiment that a text of this folder describes.
+/// Parse an experiment file of this folder.
 pub(super) fn experiment(name: &str, text: &str) -> Result<Experiment, ScenarioError> {
     Scenario::new(format!("{name}.toml"), text, ".").experiment()
 }
 
-/// Everything that the experiment's only pair of antennas records, so that it is simulated once.
+/// Record the experiment's only antenna pair in memory, so that it is simulated once.
 pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<InMemory, ItemError> {
     let pair = Pair {
         transmitter: 0,
@@ -54,7 +54,7 @@ pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<InMem
     hold(context, &experiment.record(pair)?)
 }
 
-/// A phase history as a recording in memory.
+/// Copy a phase history to memory.
 pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<InMemory, ItemError> {
     let collection = history.collection().clone();
     let (num_pulses, width) = (collection.pulses.len(), collection.num_samples);
@@ -69,7 +69,7 @@ pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<InMe
     Ok(InMemory::new(collection, samples)?)
 }
 
-/// Some pulses as a recording of their own.
+/// Copy a block of pulses as a recording.
 pub(super) fn pulses_of(
     history: &dyn PhaseHistory,
     chosen: &[usize],
@@ -84,14 +84,14 @@ pub(super) fn pulses_of(
     Ok(InMemory::new(collection, samples)?)
 }
 
-/// The thesis's former with its Doppler padded as it does most.
-pub(crate) fn thesis(sub_cpi: usize) -> RangeDoppler {
+/// Thesis's former with its most frequent Doppler padding.
+pub(crate) fn thesis(sub_cpi: usize) -> RangeDopplerBackprojection {
     thesis_with(sub_cpi, Thesis::default())
 }
 
-/// The thesis's former.
-pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
-    RangeDoppler {
+/// Thesis's former with a Doppler padding.
+pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDopplerBackprojection {
+    RangeDopplerBackprojection {
         mode: Mode::Thesis(options),
         error_db: ERROR_DB,
         sub_cpi: Some(sub_cpi),
@@ -104,10 +104,10 @@ pub(crate) fn backprojection() -> Backprojection {
     Backprojection { error_db: ERROR_DB }
 }
 
-/// Pulses that span as much of `sqrt(lambda R)` as `pulses` of the thesis's 30,000 of GOTCHA.
+/// Pulses that span the same fraction of `sqrt(lambda R)` as `pulses` of the thesis's 30,000 of GOTCHA.
 ///
-/// Phases within a sub-CPI of length `D`, and the grating lobes that they make, depend on
-/// `D / sqrt(lambda R)` only. The thesis resolves 0.25 m at about 10 km and 9.6 GHz (S 5.2), which takes an
+/// Phase errors within a sub-CPI of length `D`, and the resulting grating lobes, depend on
+/// `D / sqrt(lambda R)` only. The thesis resolves 0.25 m at about 10 km and 9.6 GHz (S 5.2), which needs an
 /// aperture of `lambda R / (2 * 0.25 m)`, 625 m.
 pub(super) fn like_the_thesis(collection: &Collection, pulses: usize) -> Option<usize> {
     let thesis_reach_m = (SPEED_OF_LIGHT_M_S / 9.6e9 * 10e3).sqrt();
@@ -122,11 +122,11 @@ pub(super) fn like_the_thesis(collection: &Collection, pulses: usize) -> Option<
         .windows(2)
         .map(|pair| pair[0].transmitter_m.distance(pair[1].transmitter_m));
     let spacing_m = steps.sum::<f64>() / (all.len() - 1) as f64;
-    // One pulse would be backprojection.
+    // One pulse would be plain backprojection.
     Some(((part * reach_m / spacing_m).round() as usize).max(2))
 }
 
-/// Pixels from `-half_m` to `half_m` about a point.
+/// Grid from `-half_m` to `half_m` about a point.
 pub(crate) fn grid_about(centre: DVec3, half_x_m: f64, half_y_m: f64, step_m: f64) -> ImageGrid {
     let axis = |middle: f64, half_m: f64| {
         let reach = (half_m / step_m).round();
@@ -139,7 +139,7 @@ pub(crate) fn grid_about(centre: DVec3, half_x_m: f64, half_y_m: f64, step_m: f6
     ImageGrid::horizontal(axis(centre.x, half_x_m), axis(centre.y, half_y_m), centre.z)
 }
 
-/// The pixel nearest to a point, if it is on the grid.
+/// Pixel nearest to a point; `None` outside the grid.
 pub(super) fn pixel_at(grid: &ImageGrid, point: DVec2) -> Option<usize> {
     let nearest = |axis: &Axis, value: f64| {
         let index = ((value - axis.start) / axis.step).round();
@@ -154,10 +154,10 @@ pub(super) fn pixel_at(grid: &ImageGrid, point: DVec2) -> Option<usize> {
     Some(row * grid.columns.count + column)
 }
 
-/// One of the pieces of work that an item is made of, for its part of the bar.
+/// Progress monitor of one part of an item.
 pub(super) struct Share<'a> {
     pub(super) whole: &'a dyn Monitor,
-    /// Its place among all, and their number.
+    /// Index of the part, and number of parts.
     pub(super) place: [usize; 2],
 }
 
@@ -172,7 +172,7 @@ impl Monitor for Share<'_> {
     }
 }
 
-/// The image, unweighted. It is the first of `place`, counted from 0, of the second.
+/// Form an unweighted image; `place` is its index and the number of images, for progress.
 pub(super) fn form(
     context: &Context,
     place: [usize; 2],
@@ -202,13 +202,13 @@ pub(super) fn form_weighted(
             whole: context.monitor,
             place,
         },
-        means: Default::default(),
+        numerics: Default::default(),
     };
-    // The theses' methods are shown with the errors they have.
+    // The theses' methods are shown with their errors.
     Ok(former.form_best(&task)?.image)
 }
 
-/// Images side by side, a unit scatterer at the top.
+/// Images side by side, upper level at a unit scatterer.
 pub(super) fn side_by_side(
     name: &str,
     caption: &str,
@@ -217,7 +217,7 @@ pub(super) fn side_by_side(
     side_by_side_at(name, caption, POINT_SCALE, images)
 }
 
-/// Images side by side, all with the same levels.
+/// Images side by side with common levels.
 pub(super) fn side_by_side_at(
     name: &str,
     caption: &str,

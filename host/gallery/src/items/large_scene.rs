@@ -1,7 +1,7 @@
-//! The scene of the thesis's real data, and its stand-in: Schone 2020, Figs 4.7 to 4.11.
+//! Large scene in place of the thesis's real data: Schone 2020, Figs 4.7 to 4.11.
 //!
-//! The thesis shows 30,000 pulses of GOTCHA. Here a simulated scene stands for them, with sub-CPIs that span
-//! as much of `sqrt(lambda R)`; recordings of GOTCHA, where given, are shown beside it.
+//! The thesis shows 30,000 pulses of GOTCHA. Here a simulated scene replaces them, with sub-CPIs that span
+//! the same fraction of `sqrt(lambda R)`; GOTCHA recordings are shown too, if given.
 
 use crate::{Context, Finding, ItemError};
 use subaperture_focus::FormError;
@@ -13,21 +13,21 @@ use subaperture_plot::Scale;
 
 use super::forming::{experiment, record};
 
-/// A scene to be imaged.
+/// Scene to image.
 pub(super) struct Scene {
-    /// For file names.
+    /// Name in file names.
     pub(super) name: &'static str,
-    /// For people.
+    /// Title in texts.
     pub(super) title: &'static str,
-    /// Its pulses.
+    /// Phase history.
     pub(super) history: Box<dyn PhaseHistory>,
-    /// Its pixels.
+    /// Image grid.
     pub(super) grid: ImageGrid,
-    /// Those about its brightest scatterer, as far as grating lobes are looked for.
+    /// Grid about the brightest scatterer, as wide as grating lobes are searched.
     pub(super) close: ImageGrid,
 }
 
-/// The simulated scene, and the recordings given.
+/// Simulated scene, and the recordings given.
 pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
     let text = include_str!("scenes/large.toml");
     let grid = |text: &str| text.parse().expect("the grid is well-formed");
@@ -54,7 +54,7 @@ pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
     Ok(scenes)
 }
 
-/// From the brightest pixel down, the same for all images that are to be compared with `image`.
+/// Levels from the brightest pixel of `image`, for all images compared with it.
 pub(super) fn scale_of(image: &Image, span_db: f64) -> Scale {
     let peak = image.peak().map_or(1.0, |peak| power(peak.value));
     Scale::Fixed {
@@ -63,16 +63,31 @@ pub(super) fn scale_of(image: &Image, span_db: f64) -> Scale {
     }
 }
 
-/// A finding to which scenes add what they show.
-pub(super) fn begun(thesis: &str, method: &str) -> Finding {
+/// Finding without checks, whose method states the scale of the scenes.
+pub(super) fn begun(thesis: &str, method: &str, scenes: &[Scene]) -> Finding {
+    let size = |scene: &Scene| {
+        let collection = scene.history.collection();
+        format!(
+            "the {} of {} pulses of {} frequencies and {} x {} pixels",
+            scene.title,
+            collection.pulses.len(),
+            collection.num_samples,
+            scene.grid.rows.count,
+            scene.grid.columns.count
+        )
+    };
+    let sizes: Vec<String> = scenes.iter().map(size).collect();
     Finding {
         thesis: thesis.to_owned(),
-        method: method.to_owned(),
+        method: format!(
+            "{method} Scaled down: {} for the thesis's 30,000 pulses of 21,232 frequencies and 400 million pixels (5.2).",
+            sizes.join(", ")
+        ),
         ..Finding::default()
     }
 }
 
-/// The sub-CPI that stands for the thesis's.
+/// Sub-CPI length equivalent to the thesis's, pulses.
 pub(super) fn sub_cpi(scene: &Scene, thesis_pulses: usize) -> Result<usize, FormError> {
     super::forming::like_the_thesis(scene.history.collection(), thesis_pulses)
         .ok_or_else(|| FormError::unsuited(format!("{}: pulses do not share a band", scene.title)))

@@ -1,8 +1,8 @@
-//! Long sub-CPIs on a scene like the thesis's real one: Schone 2020, Fig. 4.11.
+//! Long sub-CPIs on the large scene: Schone 2020, Fig. 4.11.
 //!
-//! Phases of GOTCHA are compensated to the scene's centre pulse by pulse, and so are the simulated scene's: near
-//! the centre no quadratic phase is left to make grating lobes. What makes them there is the linear reading of
-//! Doppler, whose lobe of order `k` has `1 / (6 P^2 k^2)` at a padding of `P` ([`subaperture_focus::rdbp::thesis`]).
+//! GOTCHA and the simulated scene are compensated to the scene centre pulse by pulse: near
+//! the centre no quadratic phase remains. Grating lobes there come from linear interpolation in
+//! Doppler, whose lobe of order `k` has the level `1 / (6 P^2 k^2)` at a padding of `P` ([`subaperture_focus::rdbp::thesis`]).
 
 use glam::{DVec2, DVec3};
 
@@ -25,26 +25,26 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     reproduce,
 }];
 
-/// Pulses a sub-CPI in the thesis, and how often Doppler is padded.
+/// Pulses per sub-CPI in the thesis, and Doppler padding.
 const CASES: [(usize, usize); 3] = [(249, 4), (499, 4), (499, 16)];
-/// Distance on either side of a lobe's place within which it is looked for, metres.
+/// Search half-width about a lobe, metres.
 const NEAR_M: f64 = 2.0;
-/// How far two places of a lobe may be apart, metres: half of what a lobe is wide.
+/// Tolerance of a lobe's position, metres: half its width.
 const PLACE_M: f64 = 1.0;
-/// Step of a cut, metres.
+/// Sample spacing of a cut, metres.
 const STEP_M: f64 = 0.1;
 
-/// One of the three images, as it differs from backprojection.
+/// Difference of one of the three images from backprojection.
 struct Case {
     name: String,
     image: Image,
-    /// Place of the first lobe by geometry, metres in cross-range.
+    /// Position of the first lobe by geometry, metres in cross-range.
     predicted_m: f64,
-    /// Where it is found.
+    /// Measured position, metres.
     found_m: f64,
-    /// Its level, dB below the scatterer.
+    /// Level relative to the scatterer, dB.
     level_db: f64,
-    /// The cut that it is found in: cross-range and level.
+    /// Cut with the lobe: cross-range and level.
     cut: Vec<(f64, f64)>,
 }
 
@@ -56,6 +56,7 @@ fn reproduce(context: &Context) -> Result<Finding, ItemError> {
         "Sub-CPIs that span as much of sqrt(lambda R) as the thesis's; phases compensated to the scene's centre, as in GOTCHA, \
          so that lobes are those of reading Doppler linearly. Hamming windows. Measured is what differs from \
          backprojection, phase included, across the brightest pixel at its range.",
+        &scenes,
     );
     for (index, scene) in scenes.iter().enumerate() {
         examine(context, [4 * index, 4 * scenes.len()], scene, &mut finding)?;
@@ -124,7 +125,7 @@ fn examine(
     show(scene, &traditional, &cases, finding)
 }
 
-/// Level of the first lobe that linear reading makes at a Doppler padding.
+/// Level of the first lobe of linear interpolation at a Doppler padding.
 fn lobe_db(padding: usize) -> f64 {
     -20.0 * (6.0 * (padding * padding) as f64).log10()
 }
@@ -135,7 +136,7 @@ fn median_db(cut: &[(f64, f64)]) -> f64 {
     levels.get(levels.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// What the thesis says of lobes, of whole images.
+/// Checks of whole images against the thesis.
 fn judge_images(
     scene: &Scene,
     traditional: &Image,
@@ -213,7 +214,7 @@ fn show(
     );
     finding.pictures.push(side_by_side_at(
         &format!("{name}-images"),
-        &format!("The {title}: backprojection, and three ways with long sub-CPIs"),
+        &format!("The {title}: backprojection, and three methods with long sub-CPIs"),
         scale_of(traditional, 70.0),
         &panels,
     )?);
@@ -242,7 +243,7 @@ fn show(
     Ok(())
 }
 
-/// Level of `image - traditional` relative to the brightest pixel, across the line of sight at its range.
+/// Level of `image - traditional` relative to the brightest pixel, in cross-range at constant range.
 fn cut(
     image: &Image,
     traditional: &Image,
@@ -259,7 +260,7 @@ fn cut(
     (-steps..=steps)
         .filter_map(|step| {
             let across_m = f64::from(step) * STEP_M;
-            // Turned about the antenna: the range stays.
+            // Rotation about the antenna keeps the range.
             let turned = DVec2::from_angle(across_m / sight.length()).rotate(sight);
             let pixel = pixel_at(grid, antenna_m.truncate() + turned)?;
             let level = power(image.pixels[pixel] - traditional.pixels[pixel]) / brightest;
@@ -268,7 +269,7 @@ fn cut(
         .collect()
 }
 
-/// Where a cut is strongest near `place_m` on either side: distance and level.
+/// Position and level of the maximum of a cut near `place_m` on either side.
 fn strongest(cut: &[(f64, f64)], place_m: f64) -> (f64, f64) {
     cut.iter()
         .map(|&(across_m, level_db)| (across_m.abs(), level_db))

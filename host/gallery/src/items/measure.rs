@@ -1,4 +1,4 @@
-//! What is read off images of points: levels, widths, places.
+//! Measures of point images: levels, widths, positions.
 
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
@@ -9,7 +9,7 @@ pub(super) fn peak_db(image: &Image) -> f64 {
     10.0 * peak.log10()
 }
 
-/// 3 dB widths through the peak, across and up, straight between pixels.
+/// 3 dB widths through the peak along columns and rows, metres, by linear interpolation.
 pub(super) fn widths_m(image: &Image, grid: &ImageGrid) -> (f64, f64) {
     let Some(peak) = image.peak() else {
         return (f64::NAN, f64::NAN);
@@ -26,7 +26,7 @@ pub(super) fn widths_m(image: &Image, grid: &ImageGrid) -> (f64, f64) {
     )
 }
 
-/// Elements between the half-power points about a peak.
+/// 3 dB width about a peak, elements.
 fn width(powers: &[f64], peak: usize) -> f64 {
     let half = 0.5 * powers[peak];
     let reach = |mut side: Box<dyn Iterator<Item = f64>>| {
@@ -44,12 +44,12 @@ fn width(powers: &[f64], peak: usize) -> f64 {
     reach(Box::new(left.into_iter().rev())) + reach(Box::new(right.into_iter()))
 }
 
-/// Level relative to the peak at a distance in x, the larger of both sides, in the peak's row; dB.
+/// Larger level of both sides at a distance in x in the peak's row, relative to the peak, dB.
 pub(super) fn level_db(image: &Image, grid: &ImageGrid, distance_m: f64) -> f64 {
     strongest_near(image, grid, distance_m).1
 }
 
-/// Place and level of the strongest pixel within half a metre of a distance on either side, in the
+/// Position and level of the strongest pixel within half a metre of a distance on either side, in the
 /// peak's row.
 pub(super) fn strongest_near(image: &Image, grid: &ImageGrid, distance_m: f64) -> (f64, f64) {
     let Some(peak) = image.peak() else {
@@ -67,7 +67,7 @@ pub(super) fn strongest_near(image: &Image, grid: &ImageGrid, distance_m: f64) -
         })
 }
 
-/// Largest difference of two images' magnitudes, each relative to its own peak, dB.
+/// Largest magnitude difference of two images, each normalised to its peak, dB.
 pub(super) fn largest_difference_db(a: &Image, b: &Image) -> f64 {
     let peak = |image: &Image| image.peak().map_or(f64::NAN, |p| power(p.value).sqrt());
     let (a_peak, b_peak) = (peak(a), peak(b));
@@ -80,7 +80,7 @@ pub(super) fn largest_difference_db(a: &Image, b: &Image) -> f64 {
     20.0 * largest.log10()
 }
 
-/// Level against place of an image of one row or column.
+/// Positions and relative levels of an image of one row or column, dB.
 pub(super) fn points_db(image: &Image, axis: &Axis) -> Vec<(f64, f64)> {
     let peak = image.peak().map_or(f64::NAN, |peak| power(peak.value));
     let levels = image

@@ -1,4 +1,4 @@
-//! The items, a file a figure or group of figures that share their data.
+//! Items: one file per figure, or group of figures that share data.
 
 mod chim_ambiguity;
 mod chim_arrival;

@@ -1,4 +1,4 @@
-//! The imaging function of range-Doppler backprojection: Schone 2020, Table 4.1, Figs 4.1 to 4.6.
+//! Impulse response of range-Doppler backprojection: Schone 2020, Table 4.1, Figs 4.1 to 4.6.
 
 use std::ops::Range;
 
@@ -77,8 +77,8 @@ fn table(_: &Context) -> Result<Finding, ItemError> {
     Ok(Finding {
         thesis: "200 MHz, PRI 1 ms, 1040 pulses, 5 km, 125 m/s.".to_owned(),
         method:
-            "The table simulated at 10 GHz; what it can resolve is read off the support of its \
-                 samples in spatial frequency."
+            "The table simulated at 10 GHz; resolutions from the support of its samples in spatial \
+                 frequency. Scale: as in the thesis."
                 .to_owned(),
         checks: vec![
             // c / 2B, and lambda R / 2 L of 1040 pulses 0.125 m apart. Over the aperture's +-0.74 degrees the
@@ -109,8 +109,10 @@ fn scene(context: &Context) -> Result<Finding, ItemError> {
     let error_db = comparison.scaled_error_db.unwrap_or(f64::NAN);
     Ok(Finding {
         thesis: "1040 pulses, 26 sub-CPIs of 40: the two images are almost identical.".to_owned(),
-        method: "41 unit scatterers over 80 x 80 m; backprojection, and range-Doppler backprojection as \
-                 the thesis has it (sinc Keystone, Doppler padded 16 times, range 10 times, bilinear)."
+        method: "41 unit scatterers over 80 x 80 m; backprojection, and range-Doppler backprojection with the \
+                 thesis's settings (sinc Keystone, Doppler padded 16 times, range 10 times, bilinear interpolation). \
+                 Scaled down: 41 scatterers instead of the thesis's distributed scene, for which it gives no scatterer \
+                 list; pulses and sub-CPIs are the thesis's."
             .to_owned(),
         checks: vec![
             Check::claim(
@@ -147,7 +149,7 @@ fn point(context: &Context) -> Result<Finding, ItemError> {
     let widths = [&traditional, &two_dimensional].map(|image| widths_m(image, &grid));
     Ok(Finding {
         thesis: "The imaging functions of both are almost identical.".to_owned(),
-        method: "One scatterer at the centre, pixels of 0.1 m.".to_owned(),
+        method: "One scatterer at the centre, pixels of 0.1 m. Scale: as in the thesis.".to_owned(),
         checks: vec![
             Check::claim(
                 "peak of the second against the first",
@@ -191,8 +193,8 @@ fn long_sub_cpis(context: &Context) -> Result<Finding, ItemError> {
         thesis: "10 sub-CPIs of 104 pulses and 8 of 130 show high side lobes in cross-range, closer and \
                  stronger the longer the sub-CPI."
             .to_owned(),
-        method: "One scatterer at the centre; the first lobe on either side, at lambda R / (2 D) for \
-                 sub-CPIs D apart."
+        method: "One scatterer at the centre; the first grating lobe on either side, at lambda R / (2 D) for \
+                 sub-CPI centres D apart. Scale: as in the thesis."
             .to_owned(),
         checks: vec![
             Check::claim(
@@ -292,8 +294,8 @@ fn array(context: &Context) -> Result<Finding, ItemError> {
         thesis: "An array of 20 elements, spaced by twice the distance of sub-CPI centres, has its grating \
                  lobes where the image has them."
             .to_owned(),
-        method: "The places of such an array's lobes, k lambda R / (2 D), and levels from the remainder of \
-                 each sub-CPI's path beside a straight line; both from geometry alone."
+        method: "Grating lobe positions of that array, k lambda R / (2 D), and levels from the deviation of each \
+                 sub-CPI's path from a straight line; both from geometry alone. Scale: as in the thesis."
             .to_owned(),
         checks,
         why: None,
@@ -323,7 +325,8 @@ fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
             "A single sub-CPI resolves far less in cross-range than the whole CPI; the one of 130 \
                  pulses is smeared, although it should resolve a little better."
                 .to_owned(),
-        method: "The middle sub-CPI alone, as the thesis forms it.".to_owned(),
+        method: "The middle sub-CPI alone, with the thesis's settings. Scale: as in the thesis."
+            .to_owned(),
         checks: vec![
             Check::claim(
                 "3 dB width in cross-range: 104 pulses against all 1040",
@@ -356,7 +359,7 @@ fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
     })
 }
 
-/// A run of pulses as a recording of its own.
+/// Block of pulses as a recording.
 fn middle_pulses(history: &dyn PhaseHistory, pulses: Range<usize>) -> Result<InMemory, ItemError> {
     let mut collection = history.collection().clone();
     let mut samples = vec![Complex32::ZERO; pulses.len() * collection.num_samples];

@@ -1,4 +1,4 @@
-//! Cuts through the image of one scatterer: Schone 2020, Fig. 4.3.
+//! Cuts through the impulse response: Schone 2020, Fig. 4.3.
 
 use glam::DVec3;
 
@@ -10,32 +10,32 @@ use subaperture_model::image::Image;
 use subaperture_model::phase_history::PhaseHistory;
 use subaperture_planner::grating::lobes;
 use subaperture_plot::{Chart, Curve, Stroke, lines};
-use subaperture_simulate::Simulated;
+use subaperture_simulate::PointTargetHistory;
 
-/// Sub-CPIs of the cuts: 8, 10, 20 and 26 of them.
+/// Sub-CPI lengths of the cuts, pulses: 8, 10, 20 and 26 sub-CPIs.
 const LENGTHS: [usize; 4] = [130, 104, 52, 40];
-/// Pixels of a cut, metres: an eighth of the cross-range resolution.
+/// Sample spacing of a cut, metres: an eighth of the cross-range resolution.
 pub(super) const CUT_STEP_M: f64 = 0.0625;
-/// Reach of a cut, metres.
+/// Half-length of a cut, metres.
 pub(super) const CUT_M: f64 = 20.0;
 
 /// Cuts through the image of one scatterer.
 struct Cuts {
-    simulated: Simulated,
+    simulated: PointTargetHistory,
     cross: ImageGrid,
     range: ImageGrid,
-    /// In cross-range and in range, of each of [`LENGTHS`].
+    /// Cuts in cross-range and in range for each of [`LENGTHS`].
     images: Vec<[Image; 2]>,
-    /// The same by backprojection.
+    /// Cuts by backprojection.
     traditional: [Image; 2],
 }
 
 /// Levels of grating lobes, dB.
 struct Levels {
-    /// Of 8 sub-CPIs, the nearest and the farthest: against the main lobe, and against backprojection's side lobes there.
+    /// 8 sub-CPIs, nearest and farthest lobe: relative to the main lobe, and to backprojection's sidelobes there.
     nearest: (f64, f64),
     farthest: (f64, f64),
-    /// The first of 20 sub-CPIs against the second of 10, at the same place, and as geometry alone predicts.
+    /// First lobe of 20 sub-CPIs relative to the second of 10 at the same position, measured and predicted from geometry.
     apart_db: f64,
     predicted_apart_db: f64,
 }
@@ -69,7 +69,7 @@ impl Cuts {
         })
     }
 
-    /// Largest difference of a range cut from backprojection's, dB.
+    /// Largest deviation of a range cut from backprojection's, dB.
     fn worst_range_db(&self) -> f64 {
         self.images
             .iter()
@@ -87,7 +87,7 @@ impl Cuts {
                 most,
             )
         };
-        // Of 8 sub-CPIs: what a lobe is below the main lobe, and above backprojection's side lobes there.
+        // 8 sub-CPIs: level of a lobe below the main lobe, and above backprojection's sidelobes there.
         let of_eight = placed(LENGTHS[0], 4);
         let [nearest, farthest] = [of_eight.first(), of_eight.last()].map(|lobe| {
             let place_m = lobe.map_or(f64::NAN, |lobe| lobe.cross_range_m);
@@ -97,7 +97,7 @@ impl Cuts {
                 level - level_db(&self.traditional[0], &self.cross, place_m),
             )
         });
-        // 20 sub-CPIs' first lobe lies where 10's second does.
+        // The first lobe of 20 sub-CPIs has the position of the second of 10.
         let (of_ten, of_twenty) = (placed(LENGTHS[1], 2), placed(LENGTHS[2], 1));
         let (Some(second), Some(first)) = (of_ten.get(1), of_twenty.first()) else {
             return Err(ItemError::Measure(
@@ -151,12 +151,10 @@ fn checks(worst_range_db: f64, levels: &Levels) -> Vec<Check> {
             format!("{:.1} dB", levels.nearest.0),
             (-4.0..-3.0).contains(&levels.nearest.0),
         ),
-        // The thesis reads whole decibels off a figure.
-        Check::number(
+        Check::printed(
             "above backprojection's side lobes there",
-            25.0,
+            "25",
             levels.nearest.1,
-            1.5,
             1,
             "dB",
         ),
@@ -166,19 +164,17 @@ fn checks(worst_range_db: f64, levels: &Levels) -> Vec<Check> {
             format!("{:.1} dB", levels.farthest.0),
             levels.farthest.0 < -25.0,
         ),
-        Check::number(
+        Check::printed(
             "above backprojection's side lobes there",
-            17.0,
+            "17",
             levels.farthest.1,
-            1.5,
             1,
             "dB",
         ),
-        Check::number(
+        Check::printed(
             "lobe of 20 against that of 10 at the same place",
-            -3.0,
+            "-3",
             levels.apart_db,
-            1.0,
             1,
             "dB",
         ),
@@ -188,6 +184,7 @@ fn checks(worst_range_db: f64, levels: &Levels) -> Vec<Check> {
 pub(super) fn cuts(context: &Context) -> Result<Finding, ItemError> {
     let cuts = Cuts::form(context)?;
     let (worst_range_db, levels) = (cuts.worst_range_db(), cuts.levels()?);
+    let checks = checks(worst_range_db, &levels);
     Ok(Finding {
         thesis: "Range cuts are the same for all sub-CPI lengths and for backprojection. In cross-range the first \
                  grating lobe of 8 sub-CPIs is slightly less than 4 dB below the main lobe and 25 dB above \
@@ -195,12 +192,16 @@ pub(super) fn cuts(context: &Context) -> Result<Finding, ItemError> {
                  at the place of the second of 10, 3 dB below it."
             .to_owned(),
         method: format!(
-            "One scatterer at the centre, cuts of {CUT_STEP_M} m through it. From geometry alone, without any \
-             interpolation, the two lobes at one place are {:.1} dB apart.",
+            "One scatterer at the centre, cuts through it with samples of {CUT_STEP_M} m. Geometry alone, without any \
+             interpolation, predicts {:.1} dB between the two lobes that share a position. Scale: as in the thesis.",
             levels.predicted_apart_db
         ),
-        checks: checks(worst_range_db, &levels),
-        why: None,
+        why: Finding::unless_all_agree(
+            &checks,
+            "The thesis states whole decibels, one of them \"about\", of a figure; here the strongest pixel within half a metre of a lobe's place is \
+             taken from both images.",
+        ),
+        checks,
         pictures: vec![
             Picture {
                 name: "cross-range".to_owned(),

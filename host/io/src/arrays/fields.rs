@@ -6,11 +6,12 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::Fault;
+use super::convention::Stated;
 use super::source::Source;
 use crate::frequencies::fit_line;
 use crate::npy::{Array, Values};
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
-use subaperture_model::phase_history::{Collection, Pulse, Sweep};
+use subaperture_model::phase_history::{Collection, PhaseReference, PhaseSign, Pulse, Sweep};
 
 /// All that are known.
 const NAMES: [&str; 13] = [
@@ -164,7 +165,7 @@ impl Fields {
             .memory_bytes
             .checked_sub(needed)
             .ok_or(Fault::Memory(needed))?;
-        // What is left is for the arrays beside them, of which the widest are held three at a time.
+        // The remaining memory is for the other arrays; up to three of the widest are held at a time.
         self.left_bytes += pulses * 16 * 8;
         Ok((values, sizes))
     }
@@ -266,12 +267,13 @@ impl Fields {
         }))
     }
 
-    fn sign(&self) -> Result<f64, Fault> {
+    fn sign(&self) -> Result<Option<PhaseSign>, Fault> {
         if !self.has("sign") {
-            return Ok(-1.0);
+            return Ok(None);
         }
         match *self.real("sign", &[&[], &[1]])?.as_slice() {
-            [sign] if sign.abs() == 1.0 => Ok(sign),
+            [-1.0] => Ok(Some(PhaseSign::Minus)),
+            [1.0] => Ok(Some(PhaseSign::Plus)),
             ref other => Err(Fault::Malformed(format!(
                 "array 'sign' is {other:?}; -1 or 1 is expected"
             ))),
@@ -279,9 +281,11 @@ impl Fields {
     }
 }
 
-/// What a file holds, a collection and its samples a channel.
+/// Contents of a file: a collection and its samples for each channel.
 pub(super) struct Parsed {
     pub(super) channels: Vec<(Collection, Vec<Complex32>)>,
+    /// Stated phase convention. Samples are of the sign recorded; reference paths are those recorded, or 0.
+    pub(super) stated: Stated,
 }
 
 impl Parsed {
@@ -289,19 +293,34 @@ impl Parsed {
         let sign = fields.sign()?;
         let (frame, extent) = (fields.frame()?, fields.extent()?);
         let (mut samples, sizes) = fields.samples()?;
-        if sign > 0.0 {
-            samples.iter_mut().for_each(|z| *z = z.conj());
-        }
         let [start_hz, step_hz] = fields.bands(sizes)?;
         let [transmitters, receivers] = fields.antennas(sizes)?;
         let references = fields.references(sizes)?;
         let paths = match fields.has("reference_path_m") {
             true => {
-                let shapes: [&[usize]; 2] = [&[sizes.pulses], &[sizes.channels, sizes.pulses]];
-                let values = fields.real("reference_path_m", &shapes)?;
+                let each: [&[usize]; 2] = [&[sizes.pulses], &[sizes.channels, sizes.pulses]];
+                let shapes: [&[usize]; 4] = [&[], &[1], each[0], each[1]];
+                let mut values = fields.real("reference_path_m", &shapes)?;
+                if let [one] = *values.as_slice() {
+                    values = vec![one; sizes.pulses];
+                }
                 Some(for_all_channels(values, sizes))
             }
             false => None,
+        };
+        let reference = match (&paths, fields.has("reference_m")) {
+            // Paths of nothing: raw echoes, whatever the point.
+            (Some(paths), false) if paths.iter().all(|path| *path == 0.0) => {
+                Some(PhaseReference::Raw)
+            }
+            (Some(_), _) => Some(PhaseReference::Recorded),
+            (None, true) => match references.as_slice() {
+                [first, rest @ ..] if rest.iter().all(|point| point == first) => {
+                    Some(PhaseReference::Point(*first))
+                }
+                _ => Some(PhaseReference::Recorded),
+            },
+            (None, false) => None,
         };
         let times = match fields.has("time_s") {
             true => Some(fields.real("time_s", &[&[sizes.pulses]])?),
@@ -356,7 +375,10 @@ impl Parsed {
             channels.push((collection, own));
         }
         channels.reverse();
-        Ok(Self { channels })
+        Ok(Self {
+            channels,
+            stated: Stated { sign, reference },
+        })
     }
 }
 
@@ -369,7 +391,7 @@ fn places(values: &[f64]) -> Vec<DVec3> {
         .collect()
 }
 
-/// What was given once for all channels, or for each.
+/// Values given once for all channels, or for each channel.
 fn for_all_channels<T: Copy>(values: Vec<T>, sizes: Sizes) -> Vec<T> {
     match values.len() == sizes.pulses {
         true => values.repeat(sizes.channels),

@@ -1,14 +1,17 @@
 //! Data sets of the root group of an HDF5 file, as arrays.
 //!
-//! Integers, float32 and float64 of either byte order, and complex numbers as h5py writes them: a compound of two floats. Chunked and compressed
+//! Integers, floats of 16, 32 and 64 bits of either byte order, and complex numbers: a compound of two equal numbers, real part first, as h5py writes them
+//! of floats and satellites' products of halves and integers. Chunked and compressed
 //! (gzip, shuffle, LZF) or not, by the crate `hdf5-pure`.
 
 use std::path::Path;
 
-use hdf5_pure::{CompoundField, CompoundMember, DType, Dataset, Datatype, Error, File};
+use hdf5_pure::{
+    CompoundMember, DType, Dataset, Datatype, DatatypeByteOrder, Error, File, FloatingPointLayout,
+};
 use num_complex::Complex32;
 
-use crate::npy::{Array, Values};
+use crate::npy::{Array, Range, Values, half};
 
 /// Bytes of a data set that are read at a time.
 const PIECE_BYTES: u64 = 1 << 20;
@@ -29,7 +32,7 @@ impl Hdf5 {
         names.map_err(|error| format!("its root group cannot be read: {error}"))
     }
 
-    /// A data set, of which no more than `memory_bytes` is held.
+    /// Read a data set with at most `memory_bytes` of memory.
     pub(super) fn array(&self, name: &str, memory_bytes: u64) -> Result<Array, String> {
         let told = |error: Error| format!("data set {name}: {error}");
         let set = self.0.dataset(name).map_err(told)?;
@@ -50,14 +53,30 @@ impl Hdf5 {
         }
         let kind = set.dtype().map_err(told)?;
         let values = match &kind {
-            DType::Compound(parts) => match parts.as_slice() {
-                [(_, DType::F32), (_, DType::F32)] => {
-                    Values::Complex(complex::<f32>(&set, &shape).map_err(told)?)
+            DType::Compound(_) => match pair(&set.datatype().map_err(told)?) {
+                Some(parts) => {
+                    let mut range = Range::default();
+                    let mut values = Vec::new();
+                    rows(&set, &shape, |value| {
+                        let [re, im] = [0, 1].map(|i| parts[i].number(value));
+                        range.take(&[re, im]);
+                        values.push(Complex32::new(re as f32, im as f32));
+                    })
+                    .map_err(told)?;
+                    if let Some(what) = range.fault() {
+                        return Err(format!("data set {name}: {what}"));
+                    }
+                    Values::Complex(values)
                 }
-                [(_, DType::F64), (_, DType::F64)] => {
-                    Values::Complex(complex::<f64>(&set, &shape).map_err(told)?)
+                None => return Err(unsuited(name, &kind)),
+            },
+            DType::Other(_) => match Part::of(&set.datatype().map_err(told)?, 0) {
+                Some(part) => {
+                    let mut values = Vec::new();
+                    rows(&set, &shape, |value| values.push(part.number(value))).map_err(told)?;
+                    Values::Real(values)
                 }
-                _ => return Err(unsuited(name, &kind)),
+                None => return Err(unsuited(name, &kind)),
             },
             DType::F32
             | DType::F64
@@ -89,41 +108,144 @@ impl Hdf5 {
 
 fn unsuited(name: &str, kind: &DType) -> String {
     format!(
-        "data set {name} holds {kind}; numbers are expected: integers, floats, or complex numbers as compounds of two floats"
+        "data set {name} holds {kind}; numbers are expected: integers, floats, or complex numbers as compounds of two equal ones"
     )
 }
 
-/// Complex numbers, real part first, some rows at a time.
-fn complex<T: CompoundField + Into<f64>>(
-    set: &Dataset,
-    shape: &[u64],
-) -> Result<Vec<Complex32>, Error> {
-    let Datatype::Compound { size, members } = set.datatype()? else {
-        return Ok(Vec::new());
+/// A number within a value of a data set.
+#[derive(Clone, Copy)]
+struct Part {
+    at: usize,
+    bytes: usize,
+    little: bool,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Float,
+    Signed,
+    Unsigned,
+}
+
+/// Floats of 16 bits as IEEE 754 has them.
+const HALF: FloatingPointLayout = FloatingPointLayout {
+    bit_offset: 0,
+    bit_precision: 16,
+    exponent_location: 10,
+    exponent_size: 5,
+    mantissa_location: 0,
+    mantissa_size: 10,
+    exponent_bias: 15,
+};
+
+impl Part {
+    /// Of a type at a place, if it is a number that is read.
+    fn of(datatype: &Datatype, at: usize) -> Option<Self> {
+        let (size, order, kind) = match datatype {
+            Datatype::FloatingPoint {
+                size,
+                byte_order,
+                layout,
+            } => {
+                let known = match size {
+                    2 => *layout == HALF,
+                    4 => *layout == FloatingPointLayout::IEEE754_BINARY32,
+                    8 => *layout == FloatingPointLayout::IEEE754_BINARY64,
+                    _ => false,
+                };
+                (known.then_some(*size)?, byte_order, Kind::Float)
+            }
+            Datatype::FixedPoint {
+                size,
+                byte_order,
+                layout,
+            } => {
+                let whole = u32::from(layout.bit_precision) == 8 * size && layout.bit_offset == 0;
+                let kind = if layout.signed {
+                    Kind::Signed
+                } else {
+                    Kind::Unsigned
+                };
+                (
+                    (whole && matches!(size, 1 | 2 | 4 | 8)).then_some(*size)?,
+                    byte_order,
+                    kind,
+                )
+            }
+            _ => return None,
+        };
+        Some(Self {
+            at,
+            bytes: size as usize,
+            little: match order {
+                DatatypeByteOrder::LittleEndian => true,
+                DatatypeByteOrder::BigEndian => false,
+                _ => return None,
+            },
+            kind,
+        })
+    }
+
+    /// The number in a value; NaN of one that is cut short.
+    fn number(&self, value: &[u8]) -> f64 {
+        let mut own = [0; 8];
+        let Some(bytes) = value.get(self.at..self.at + self.bytes) else {
+            return f64::NAN;
+        };
+        own[..self.bytes].copy_from_slice(bytes);
+        if !self.little {
+            own[..self.bytes].reverse();
+        }
+        let whole = u64::from_le_bytes(own);
+        match (self.kind, self.bytes) {
+            (Kind::Float, 2) => half(whole as u16),
+            (Kind::Float, 4) => f64::from(f32::from_bits(whole as u32)),
+            (Kind::Float, _) => f64::from_bits(whole),
+            (Kind::Unsigned, _) => whole as f64,
+            (Kind::Signed, bytes) => {
+                let unused = 64 - 8 * bytes;
+                ((whole << unused) as i64 >> unused) as f64
+            }
+        }
+    }
+}
+
+/// The two equal numbers of a compound, real part first.
+fn pair(datatype: &Datatype) -> Option<[Part; 2]> {
+    let Datatype::Compound { size, members } = datatype else {
+        return None;
     };
+    let [first, second] = members.as_slice() else {
+        return None;
+    };
+    let part = |member: &CompoundMember| {
+        let at = usize::try_from(member.byte_offset).ok()?;
+        Part::of(&member.datatype, at)
+            .filter(|part| at.saturating_add(part.bytes) <= *size as usize)
+    };
+    let (first, second) = (part(first)?, part(second)?);
+    let alike = first.kind == second.kind && first.bytes == second.bytes;
+    alike.then_some([first, second])
+}
+
+/// Hands the bytes of every value to `take`, some rows at a time.
+fn rows(set: &Dataset, shape: &[u64], mut take: impl FnMut(&[u8])) -> Result<(), Error> {
+    let size = set.datatype()?.type_size();
     let rows = shape.first().copied().unwrap_or(1);
     let row_bytes = shape
         .iter()
         .skip(1)
         .fold(u64::from(size), |bytes, &size| bytes.saturating_mul(size));
     let at_once = (PIECE_BYTES / row_bytes.max(1)).max(1);
-    let mut values = Vec::new();
     let mut row = 0;
     while row < rows {
         let now = at_once.min(rows - row);
         let bytes = set.read_raw_rows(row, now)?;
-        for value in bytes.chunks_exact((size as usize).max(1)) {
-            let part = |i: usize| {
-                let member: &CompoundMember = &members[i];
-                // What lies outside is refused by whoever decodes it: it is not of its type's length.
-                let at = usize::try_from(member.byte_offset).unwrap_or(usize::MAX);
-                let own = value.get(at..).unwrap_or_default();
-                let own = &own[..own.len().min(member.datatype.type_size() as usize)];
-                T::decode_field(&member.datatype, own).map(|part| part.into() as f32)
-            };
-            values.push(Complex32::new(part(0)?, part(1)?));
-        }
+        bytes
+            .chunks_exact((size as usize).max(1))
+            .for_each(&mut take);
         row += now;
     }
-    Ok(values)
+    Ok(())
 }

@@ -1,9 +1,10 @@
 #![doc = include_str!("schema.md")]
 //!
 //! # Reading
-//! Files are known by what they begin with. Everything is read at once: memory is what the samples take as complex64, twice that of several channels,
-//! 240 bytes a pulse and channel, and what a data set of HDF5 needs for a piece of it. `tests/recordings/arrays.rs` reads what NumPy and h5py write.
+//! File types are recognised by their first bytes. The whole file is read at once. Memory: the samples as complex64, twice that for several channels,
+//! 240 bytes per pulse and channel, and one chunk of an HDF5 data set. `tests/recordings/arrays.rs` reads what NumPy and h5py write.
 
+mod convention;
 mod fields;
 #[cfg(feature = "hdf5")]
 mod hdf5;
@@ -13,21 +14,30 @@ use std::fs::File;
 use std::path::Path;
 
 use subaperture_model::phase_history::{
-    Channel, Channels, InMemory, InputFile, PhaseHistory, ReadError, check_finite,
+    Channel, Channels, InMemory, Inference, InputFile, PhaseHistory, PhaseSign, ReadError,
+    check_finite,
 };
 
 use crate::input::{Stamp, checksum};
 use fields::{Fields, Parsed};
 use source::Source;
 
-/// What [`open_channels`] reads, in words.
+/// Description of the files that [`open_channels`] reads.
 pub const SCHEMA: &str = include_str!("schema.md");
 
 /// Reads all channels of a file; their names are their numbers, from 1. No more than `memory_bytes` is held.
 ///
+/// Sign and reference of the phase are those that the arrays state. An unstated property is inferred by `inference` from the samples of the
+/// first channel, where one of the candidates is clearly the sharpest; the convention that was taken is
+/// [`PhaseHistory::phase_conventions`]. Without an inference an unstated property is an error.
+///
 /// # Errors
-/// [`ReadError::Io`]; [`ReadError::Malformed`], naming the array; [`ReadError::NotFinite`]; [`ReadError::Memory`]; [`ReadError::Changed`].
-pub fn open_channels(path: &Path, memory_bytes: u64) -> Result<Channels<'static>, ReadError> {
+/// [`ReadError::Io`]; [`ReadError::Malformed`], naming the array, that which states the phase too where it is missing and the samples do not decide; [`ReadError::NotFinite`]; [`ReadError::Memory`]; [`ReadError::Changed`].
+pub fn open_channels(
+    path: &Path,
+    memory_bytes: u64,
+    inference: Option<&Inference>,
+) -> Result<Channels<'static>, ReadError> {
     let io = |source| ReadError::Io {
         path: path.to_owned(),
         source,
@@ -58,7 +68,26 @@ pub fn open_channels(path: &Path, memory_bytes: u64) -> Result<Channels<'static>
     let stem = path.file_stem().unwrap_or(path.as_os_str());
     let name = stem.to_string_lossy().into_owned();
     let mut channels = Vec::new();
-    for (c, (mut collection, samples)) in parsed.channels.into_iter().enumerate() {
+    let [first, ..] = parsed.channels.as_slice() else {
+        return Err(malformed("no channels".to_owned()));
+    };
+    check_finite(
+        &path.display().to_string(),
+        0,
+        first.0.num_samples,
+        &first.1,
+    )?;
+    let held: u64 = (parsed.channels.iter())
+        .map(|(collection, samples)| {
+            (size_of_val(samples.as_slice()) + size_of_val(collection.pulses.as_slice())) as u64
+        })
+        .sum();
+    let left_bytes = memory_bytes.saturating_sub(held);
+    let seen = (&first.0, first.1.as_slice());
+    let settled = convention::settle(path, seen, parsed.stated, inference, left_bytes);
+    let settled = settled.map_err(malformed)?;
+    let convention = settled.convention;
+    for (c, (mut collection, mut samples)) in parsed.channels.into_iter().enumerate() {
         // Here and not in `InMemory` alone, which knows no path.
         check_finite(
             &path.display().to_string(),
@@ -67,10 +96,21 @@ pub fn open_channels(path: &Path, memory_bytes: u64) -> Result<Channels<'static>
             &samples,
         )?;
         collection.name.clone_from(&name);
+        if convention.sign == PhaseSign::Plus {
+            samples.iter_mut().for_each(|z| *z = z.conj());
+        }
+        for (n, pulse) in collection.pulses.iter_mut().enumerate() {
+            convention.reference.set(pulse);
+            if let Some(what) = pulse.fault(collection.num_samples) {
+                return Err(malformed(format!("pulse {n}: {what}")));
+            }
+        }
         let about = Channel::new((c + 1).to_string());
         let history = InMemory::new(collection, samples)?
             .with_inputs(vec![input.clone()])
-            .with_channels(vec![about.clone()]);
+            .with_channels(vec![about.clone()])
+            .with_convention(convention)
+            .with_warnings(settled.warning.clone().into_iter().collect());
         channels.push((about, Box::new(history) as Box<dyn PhaseHistory>));
     }
     Ok(Channels::new(channels)?)
@@ -78,7 +118,7 @@ pub fn open_channels(path: &Path, memory_bytes: u64) -> Result<Channels<'static>
 
 /// Why arrays are no phase history.
 enum Fault {
-    /// What is wrong, naming the array.
+    /// Description of the fault, with the name of the array.
     Malformed(String),
     /// Bytes needed.
     Memory(u64),

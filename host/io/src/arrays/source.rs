@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::npy::{self, Array, NpyError};
 
-/// What a zip archive begins with.
+/// First bytes of a zip archive.
 const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
 
 /// One of them, open.
@@ -41,7 +41,7 @@ impl Source {
         }
     }
 
-    /// The array `name`, of which no more than `memory_bytes` is held.
+    /// Read the array `name` with at most `memory_bytes` of memory.
     pub(super) fn array(&self, name: &str, memory_bytes: u64) -> Result<Array, String> {
         match self {
             Self::Archive(path) => {
@@ -53,7 +53,7 @@ impl Source {
     }
 }
 
-/// Whoever tells of it names the path.
+/// Message without the path; the caller adds it.
 fn without_path(error: NpyError) -> String {
     match error {
         NpyError::Io { source, .. } => source.to_string(),

@@ -18,7 +18,7 @@ pub(crate) struct Block {
     pub(crate) size: u64,
 }
 
-/// What a reader needs of the header.
+/// Header values that a reader needs.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) version: String,
@@ -154,7 +154,7 @@ impl<'h> Lines<'h> {
         })
     }
 
-    /// What a key says.
+    /// Value of a header key.
     pub(crate) fn value(&self, key: &str) -> Option<&'h str> {
         self.keys.get(key).copied()
     }

@@ -1,4 +1,4 @@
-//! Image area coordinates of a file to be written: what its reference surface makes of the scene frame.
+//! Image area coordinates of a file to be written: the scene frame on its reference surface.
 //!
 //! `Planar`: they are the scene's. `HAE`: x and y count increments of latitude and longitude, `uIAXLL` and `uIAYLL`, each as long as a metre at the
 //! IARP, and z is the height above the IARP's surface. The scene frame is then the tangent plane at the IARP, which the surface leaves by `d^2 / 12.8e6` m

@@ -1,4 +1,4 @@
-//! What the XML block says, as far as image formation and its record need it.
+//! Metadata of the XML block that image formation and its record need.
 
 use std::collections::HashMap;
 
@@ -48,7 +48,7 @@ pub struct ChannelInfo {
 }
 
 impl ChannelInfo {
-    /// What the channel is.
+    /// Description of the channel.
     pub fn about(&self) -> Channel {
         let known = |letter: &Option<String>| letter.clone().filter(|text| text != "UNSPECIFIED");
         let [transmitted, received] = [&self.tx_polarization, &self.rcv_polarization].map(known);
@@ -118,7 +118,7 @@ impl CphdInfo {
         parse(xml).map(|(info, _)| info)
     }
 
-    /// The place of the channel of that identifier, or where there is none, of that number, from 1; of the reference
+    /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
     /// channel for `None`.
     pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
         let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();

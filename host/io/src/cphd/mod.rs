@@ -23,15 +23,15 @@
 //! transform, in float64: see there for the frequency grid. The scaling, which the standard leaves
 //! open, makes a unit scatterer read 1 in either domain.
 //!
-//! # Motion within a vector
-//! A vector has one time and one position of each antenna, and no times of its samples. But `aFRR1` and `aFRR2` tell
+//! # Intra-pulse motion
+//! A vector has one time and one position of each antenna, and no times of its samples. But `aFRR1` and `aFRR2` describe
 //! how an echo whose delay changes otherwise than the SRP's is shifted and blurred over the band, as linear frequency
 //! modulation does: `aFRR2 = 2 / (c rate)`, `aFRR1 = fx_C aFRR2`, `rate` that of the sweep, hertz a second. So sample `k`
 //! was taken `(k - K/2) SCSS / rate` after the vector's time, and the antennas moved by `TxVel` and `RcvVel`
 //! meanwhile: [`Sweep`](subaperture_model::phase_history::Sweep). The SRP's own echo has phase 0 at every frequency, whatever moved, so
-//! phases follow the SRP. Zeros, which say that nothing is given, are read as samples taken at once.
+//! phases follow the SRP. Zeros mean that the parameters are not given; the samples are then read as simultaneous.
 //!
-//! # What is neglected
+//! # Approximations
 //! - `TDTropoSRP` and `TDIonoSRP` are the atmosphere's part of the SRP's own delay, to which the phase
 //!   is compensated together with the geometric one. A scatterer's delay holds nearly the same
 //!   part, so it cancels: the reference path is `|TxPos - SRPPos| + |RcvPos - SRPPos|`. Neglected is
@@ -112,7 +112,7 @@ mod signal;
 pub(crate) mod source;
 pub(crate) mod start;
 mod toa;
-mod vectors;
+pub(crate) mod vectors;
 mod write;
 mod write_options;
 pub(crate) mod xml;

@@ -1,4 +1,4 @@
-//! What precedes a file's arrays: its header and its XML.
+//! Preamble of a file: the header and the XML before its arrays.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ pub(super) struct Preamble {
 }
 
 impl CphdInfo {
-    /// Reads the header and the XML of a CPHD file, and nothing else: its size does not matter.
+    /// Read only the header and the XML of a CPHD file, of any size.
     /// Whether its arrays can be read is left to [`super::Cphd::open`] to check.
     ///
     /// # Errors

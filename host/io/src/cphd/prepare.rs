@@ -67,7 +67,7 @@ impl Prepared {
         let toa2 = 0.5 * SWATH / largest_step_hz;
         let extent = match collection.extent {
             Some(extent) => check_area(extent).map_err(unsuited)?,
-            None => covered_square(toa2),
+            None => covered_square(toa2, pulses),
         };
         let mut records = Vec::with_capacity(pulses.len());
         for (index, pulse) in pulses.iter().enumerate() {
@@ -144,12 +144,16 @@ impl Prepared {
     }
 }
 
-/// The square within the circle that a swath up to `toa2` covers at any aspect.
-fn covered_square(toa2: f64) -> Extent {
+/// The square within the circle that a swath up to `toa2` covers at any aspect, around the mean reference point.
+fn covered_square(toa2: f64, pulses: &[Pulse]) -> Extent {
     let half_m = toa2 * SPEED_OF_LIGHT_M_S / 2.0 / std::f64::consts::SQRT_2;
+    let first_m = pulses[0].reference_m;
+    let apart = pulses.iter().map(|pulse| pulse.reference_m - first_m);
+    let middle_m = first_m + apart.sum::<DVec3>() / pulses.len() as f64;
+    let around = |middle: f64| (middle - half_m, middle + half_m);
     Extent {
-        x_m: (-half_m, half_m),
-        y_m: (-half_m, half_m),
+        x_m: around(middle_m.x),
+        y_m: around(middle_m.y),
     }
 }
 

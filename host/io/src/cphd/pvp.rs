@@ -17,7 +17,7 @@ pub(super) struct Layout {
     tx_pos: Field,
     rcv_pos: Field,
     srp_pos: Field,
-    /// Velocities of transmitter and receiver, and aFRR2: what tells motion within a vector.
+    /// Velocities of transmitter and receiver, and aFRR2: the parameters of intra-pulse motion.
     sweep: Option<([Field; 2], Field)>,
     fx1: Field,
     fx2: Field,
@@ -42,14 +42,15 @@ pub(super) struct Vector {
     pub(super) sc0: f64,
     pub(super) scss: f64,
     pub(super) amp_sf: Option<f64>,
-    /// The SIGNAL parameter: 0 for a vector without signal.
-    pub(super) signal: Option<i64>,
     /// True positions of transmitter and receiver.
     pub(super) true_antennas: Option<[DVec3; 2]>,
 }
 
 /// Names of the added parameters (`AddedPVP`) that hold the true positions, ECF, metres.
 const TRUE_ANTENNAS: [&str; 2] = ["TxPosTrue", "RcvPosTrue"];
+
+/// Value of SIGNAL for a vector that contains an echo of the scene.
+const ECHO: i64 = 1;
 
 impl Layout {
     pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
@@ -104,18 +105,25 @@ impl Layout {
         self.true_antennas.is_some()
     }
 
-    /// Decodes vector `index` from its record of [`Self::num_bytes`].
+    /// Decodes vector `index` from its record of [`Self::num_bytes`]; `None` if it holds no echo: `SIGNAL` is other than 1. What else such a vector says
+    /// need not be sound.
     pub(super) fn decode(
         &self,
         index: u64,
         record: &[u8],
         domain: Domain,
-    ) -> Result<Vector, String> {
+    ) -> Result<Option<Vector>, String> {
         let record = Words {
             kind: "vector",
             index,
             bytes: record,
         };
+        if self
+            .signal
+            .is_some_and(|field| record.integer(field) != ECHO)
+        {
+            return Ok(None);
+        }
         let fault = |field: Field, what: String| record.fault(field, what);
         let finite = |field: Field, word: usize| record.finite(field, word);
         let position = |field| record.position(field);
@@ -142,7 +150,6 @@ impl Layout {
             sc0: finite(self.sc0, 0)?,
             scss: finite(self.scss, 0)?,
             amp_sf: self.amp_sf.map(|f| finite(f, 0)).transpose()?,
-            signal: self.signal.map(|f| record.integer(f)),
             true_antennas: match self.true_antennas {
                 Some([transmitter, receiver]) => {
                     Some([position(transmitter)?, position(receiver)?])
@@ -162,7 +169,7 @@ impl Layout {
             let what = format!("{:?} Hz is not below FX2 {:?} Hz", vector.fx1, vector.fx2);
             return Err(fault(self.fx1, what));
         }
-        Ok(vector)
+        Ok(Some(vector))
     }
 }
 

@@ -17,13 +17,14 @@ use super::side_by_side;
 use super::source::{CHUNK_BYTES, Source};
 use super::start;
 use super::toa::{Bins, Transform};
-use super::vectors::Vectors;
+use super::vectors::{Missing, Vectors};
 use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
+    Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
+    Pulse, ReadError, check_finite, misplaced, named_pulses,
 };
 
-/// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
-const KEPT_BYTES: u64 = 8 + 1 + 8;
+/// Most memory held per vector in addition to its [`Pulse`], bytes: AmpSF, a shift, and a spare byte.
+const KEPT_BYTES: u64 = 8 + 8 + 1;
 
 /// Bytes a sample of the plan that transforms a TOA vector, and of one vector being transformed: up
 /// to eight complex float64 each where the length has large prime factors.
@@ -37,8 +38,9 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 /// vector, 48 more with true positions, and in the TOA
 /// domain the plan of the transform, about 256 bytes for each sample of one vector.
 ///
-/// - Samples are `AmpSF` times the stored value where there is an `AmpSF`; vectors whose `SIGNAL`
-///   is 0 are delivered as zeros whatever is stored.
+/// - Samples are `AmpSF` times the stored value where there is an `AmpSF`. Vectors whose `SIGNAL` is other than 1 (no
+///   signal, noise, calibration) are left out, so that a unit scatterer reads 1; so are vectors at whose positions no
+///   vehicle can be ([`misplaced`]). [`PhaseHistory::warnings`] names both.
 /// - TOA vectors of `N` samples are delivered at the frequencies `fx_C + m / (N SCSS)`,
 ///   `fx_C = (FX1 + FX2) / 2`, with integer `m` such that `FX1 <= f < FX2`: as many as the band is
 ///   wide in steps of `1 / (N SCSS)`, which must be the same number in every vector. The transform
@@ -48,7 +50,7 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 ///   true positions of the antennas.
 /// - Where `aFRR2` is given, samples were taken one after another, at a rate of `2 / (c aFRR2)` hertz a second
 ///   ([`Sweep`](subaperture_model::phase_history::Sweep)); velocities are `TxVel` and `RcvVel`, accelerations the slope of these from vector to vector.
-/// - `reference_path_m` is the path by way of `SRPPos`, of the positions as stored: what they were rounded to (1e-9 m
+/// - `reference_path_m` is the path through `SRPPos`, computed from the stored positions: their rounding (1e-9 m
 ///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
 ///   for the atmosphere.
 pub struct Cphd {
@@ -61,15 +63,17 @@ pub struct Cphd {
     stored_samples: usize,
     /// AmpSF of every vector, if the file has it.
     amp_sf: Option<Vec<f64>>,
-    /// Whether each vector has signal, if any has none.
-    has_signal: Option<Vec<bool>>,
+    /// Vectors of the file that are left out.
+    missing: Missing,
+    /// Warnings about omitted vectors, one sentence each.
+    warnings: Vec<String>,
     arrival: Option<Arrival>,
     /// True positions of the antennas, if the file has them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
     held_bytes: u64,
 }
 
-/// What the channels of a file share.
+/// State shared by the channels of a file.
 struct Container {
     source: Source,
     header: Header,
@@ -101,7 +105,7 @@ impl Container {
     }
 }
 
-/// What it takes to turn TOA vectors into FX vectors.
+/// Plan of the transform from TOA vectors to FX vectors.
 struct Arrival {
     bins: Bins,
     fft: Arc<dyn Fft<f64>>,
@@ -125,7 +129,13 @@ impl Cphd {
         let chosen = container.info.channel(channel);
         let chosen = chosen.map_err(|what| container.source.malformed(what))?;
         container.check_readable()?;
-        Self::of(Arc::new(container), chosen, memory_bytes)
+        let mut opened = Self::of(Arc::new(container), chosen, memory_bytes)?;
+        let misplaced = opened.misplaced();
+        opened.leave_out(&misplaced);
+        match opened.collection.pulses.is_empty() && !misplaced.is_empty() {
+            true => Err(opened.nothing_left()),
+            false => Ok(opened),
+        }
     }
 
     /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
@@ -144,7 +154,98 @@ impl Cphd {
         let chosen = side_by_side::chosen(&ids, channels)?;
         container.check_readable()?;
         let open = |channel, left_bytes| Self::of(Arc::clone(&container), channel, left_bytes);
-        side_by_side::opened(chosen, memory_bytes, open, |one| one.held_bytes)
+        let mut opened = side_by_side::opened(chosen, memory_bytes, open, |one| one.held_bytes)?;
+        // What is left out of one is left out of all, so that they stay side by side.
+        let vectors = |one: &Self| one.channel().num_vectors;
+        let shared = opened
+            .windows(2)
+            .all(|pair| vectors(&pair[0]) == vectors(&pair[1]));
+        let all = |of: &dyn Fn(&Self) -> Vec<usize>| {
+            let mut numbers: Vec<usize> = opened.iter().flat_map(of).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            numbers
+        };
+        if shared {
+            let misplaced = all(&Self::misplaced);
+            let missing = all(&|one| one.missing.0.clone());
+            for one in &mut opened {
+                one.retain(&missing);
+                one.leave_out(&misplaced);
+            }
+        } else {
+            for one in &mut opened {
+                let misplaced = one.misplaced();
+                one.leave_out(&misplaced);
+            }
+        }
+        let empty = |one: &&Self| one.collection.pulses.is_empty() && !one.missing.0.is_empty();
+        match opened.iter().find(empty) {
+            Some(one) => Err(one.nothing_left()),
+            None => Ok(opened),
+        }
+    }
+
+    fn nothing_left(&self) -> ReadError {
+        let what = "no vector is left that holds an echo of the scene (SIGNAL) from where a vehicle can be, in all channels";
+        self.container.source.malformed(what)
+    }
+
+    /// Numbers of vectors at whose positions no vehicle can be.
+    fn misplaced(&self) -> Vec<usize> {
+        let pulses = misplaced(&self.collection).into_iter().flatten();
+        pulses.map(|pulse| self.missing.vector(pulse)).collect()
+    }
+
+    /// Leaves out these vectors, which are misplaced in this channel or in another.
+    fn leave_out(&mut self, misplaced: &[usize]) {
+        let Some(&first) = misplaced.first() else {
+            return;
+        };
+        let at = self.missing.pulse(first).map_or(String::new(), |pulse| {
+            let pulse = &self.collection.pulses[pulse];
+            let [transmitter, receiver] = [pulse.transmitter_m, pulse.receiver_m]
+                .map(|place| self.collection.frame.to_ecf_m(place))
+                .map(|p| format!("{:.0}, {:.0}, {:.0} m", p.x, p.y, p.z));
+            format!(" (TxPos {transmitter}, RcvPos {receiver} in vector {first})")
+        });
+        self.warnings.push(format!(
+            "{}: {} left out, since no vehicle can be at the recorded positions{at}",
+            self.collection.name,
+            vectors_named(misplaced, self.channel().num_vectors)
+        ));
+        self.retain(misplaced);
+    }
+
+    /// Leaves out vectors of these numbers, ascending.
+    fn retain(&mut self, without: &[usize]) {
+        fn only<T>(values: &mut Vec<T>, gone: &[usize]) {
+            let (mut at, mut next) = (0, 0);
+            values.retain(|_| {
+                let out = gone.get(next) == Some(&at);
+                next += usize::from(out);
+                at += 1;
+                !out
+            });
+        }
+        let gone: Vec<usize> = without
+            .iter()
+            .filter_map(|&vector| self.missing.pulse(vector))
+            .collect();
+        only(&mut self.collection.pulses, &gone);
+        if let Some(values) = &mut self.amp_sf {
+            only(values, &gone);
+        }
+        if let Some(values) = &mut self.true_antennas {
+            only(values, &gone);
+        }
+        if let Some(arrival) = &mut self.arrival {
+            only(&mut arrival.shifts, &gone);
+        }
+        let missing = &mut self.missing.0;
+        missing.extend_from_slice(without);
+        missing.sort_unstable();
+        missing.dedup();
     }
 
     fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
@@ -174,10 +275,26 @@ impl Cphd {
             .reserve(num_vectors, layout)
             .map_err(|_| too_large())?;
         let width = usize::try_from(layout.num_bytes).map_err(|_| too_large())?;
-        source.read_records("PVP", pvp_offset, num_vectors, width, |index, record| {
-            let vector = layout.decode(index, record, info.domain)?;
-            vectors.push(index, &vector)
-        })?;
+        source.read_records(
+            "PVP",
+            pvp_offset,
+            num_vectors,
+            width,
+            |index, record| match layout.decode(index, record, info.domain)? {
+                Some(vector) => vectors.push(index, &vector),
+                None => {
+                    vectors.missing.0.push(index as usize);
+                    Ok(())
+                }
+            },
+        )?;
+        let missing = std::mem::take(&mut vectors.missing);
+        if vectors.pulses.is_empty() && num_vectors > 0 {
+            return Err(source.malformed(format!(
+                "channel '{}': SIGNAL is 1 in none of its {num_vectors} vectors, so that none holds an echo of the scene",
+                chosen.id
+            )));
+        }
         vectors.set_accelerations();
 
         let arrival = vectors.bins.map(|bins| Arrival {
@@ -199,10 +316,12 @@ impl Cphd {
             signal_offset,
             stored_samples,
             amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
-            has_signal: vectors
-                .has_signal
-                .contains(&false)
-                .then_some(vectors.has_signal),
+            warnings: no_signal(
+                &collection_name(info, chosen, source.path()),
+                &missing,
+                num_vectors,
+            ),
+            missing,
             arrival,
             true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
             held_bytes,
@@ -225,7 +344,7 @@ impl Cphd {
         &self.info().channels[self.channel]
     }
 
-    /// Reads stored samples, as they are but for the format, from flat index `first` on.
+    /// Read stored samples from flat index `first` on, converted only in number format.
     fn read_stored(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let source = &self.container.source;
         source.read_samples(
@@ -240,11 +359,7 @@ impl Cphd {
     fn condition(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let width = self.stored_samples;
         for (i, vector) in samples.chunks_exact_mut(width).enumerate() {
-            if let Some(has_signal) = &self.has_signal
-                && !has_signal[first + i]
-            {
-                vector.fill(Complex32::ZERO);
-            } else if let Some(amp_sf) = &self.amp_sf {
+            if let Some(amp_sf) = &self.amp_sf {
                 let scale = amp_sf[first + i];
                 for z in vector.iter_mut() {
                     z.re = (f64::from(z.re) * scale) as f32;
@@ -257,7 +372,12 @@ impl Cphd {
                 *z = z.conj();
             }
         }
-        check_finite(&self.container.source.name(), first, width, samples)
+        check_finite(
+            &self.container.source.name(),
+            self.missing.vector(first),
+            width,
+            samples,
+        )
     }
 }
 
@@ -274,19 +394,39 @@ impl PhaseHistory for Cphd {
         assert_eq!(samples.len(), pulses.len() * self.collection.num_samples);
         let width = self.stored_samples;
         let Some(arrival) = &self.arrival else {
-            self.read_stored(pulses.start * width, samples)?;
-            return self.condition(pulses.start, samples);
+            let mut at = pulses.start;
+            let mut left = samples;
+            while at < pulses.end {
+                // Vectors that follow one another in the file are read at once.
+                let first = self.missing.vector(at);
+                let follows = |n: &usize| self.missing.vector(at + n) == first + n;
+                let count = (1..pulses.end - at).take_while(follows).count() + 1;
+                let (part, rest) = left.split_at_mut(count * width);
+                self.read_stored(first * width, part)?;
+                self.condition(at, part)?;
+                (at, left) = (at + count, rest);
+            }
+            return Ok(());
         };
         let mut transform = Transform::new(arrival.bins, Arc::clone(&arrival.fft));
         let mut toa = vec![Complex32::ZERO; width];
         for (pulse, fx) in pulses.zip(samples.chunks_exact_mut(arrival.bins.count)) {
-            self.read_stored(pulse * width, &mut toa)?;
+            self.read_stored(self.missing.vector(pulse) * width, &mut toa)?;
             self.condition(pulse, &mut toa)?;
             transform.frequency(&toa, arrival.shifts[pulse], fx);
             // A sum of finite float32 may still pass the largest float32.
-            check_finite(&self.container.source.name(), pulse, fx.len(), fx)?;
+            check_finite(
+                &self.container.source.name(),
+                self.missing.vector(pulse),
+                fx.len(),
+                fx,
+            )?;
         }
         Ok(())
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
@@ -301,6 +441,18 @@ impl PhaseHistory for Cphd {
         vec![self.channel().about()]
     }
 
+    fn path(&self) -> Option<&Path> {
+        Some(self.container.source.path())
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        let sign = match self.info().sgn {
+            Sgn::Plus => PhaseSign::Plus,
+            Sgn::Minus => PhaseSign::Minus,
+        };
+        vec![PhaseConvention::stated(sign, PhaseReference::Recorded)]
+    }
+
     fn held_bytes(&self) -> u64 {
         self.held_bytes
     }
@@ -308,6 +460,32 @@ impl PhaseHistory for Cphd {
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         Ok(vec![self.container.source.input()?])
     }
+}
+
+/// Vectors in words: "vectors 3, 7 to 9 (4 of 120) are".
+fn vectors_named(numbers: &[usize], of: u64) -> String {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for &n in numbers {
+        match runs.last_mut() {
+            Some(run) if run.end == n => run.end = n + 1,
+            _ => runs.push(n..n + 1),
+        }
+    }
+    match numbers.len() {
+        1 => format!("vector {} (1 of {of}) is", named_pulses(&runs)),
+        count => format!("vectors {} ({count} of {of}) are", named_pulses(&runs)),
+    }
+}
+
+/// The sentence that says which vectors hold no echo, if any does not.
+fn no_signal(name: &str, missing: &Missing, count: usize) -> Vec<String> {
+    if missing.0.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "{name}: {} left out: SIGNAL is other than 1 (no signal, noise or calibration)",
+        vectors_named(&missing.0, count as u64)
+    )]
 }
 
 /// Checks that the samples of all channels can be read and lie within their blocks.

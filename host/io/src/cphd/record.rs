@@ -80,7 +80,7 @@ impl Field {
 /// One record.
 #[derive(Clone, Copy)]
 pub(crate) struct Words<'b> {
-    /// What it is of: a vector, a pulse.
+    /// Owner of the record: a vector or a pulse.
     pub(crate) kind: &'static str,
     /// Its number.
     pub(crate) index: u64,

@@ -15,7 +15,7 @@ use super::pvp::Record;
 use crate::xml::Writer;
 use subaperture_model::geometry::Geodetic;
 
-/// One way of rounding.
+/// Rounding rules of the arithmetic in one trial.
 #[derive(Clone, Copy)]
 struct Arithmetic {
     /// Sums of products with a single rounding each, as compilers for recent processors make them.

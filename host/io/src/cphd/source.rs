@@ -115,7 +115,7 @@ impl Source {
         Ok(())
     }
 
-    /// Reads stored samples, as they are but for the format, of an array that begins at `offset`, from flat index `first` on.
+    /// Read stored samples, converted only in number format, of an array that begins at `offset`, from flat index `first` on.
     pub(crate) fn read_samples(
         &self,
         format: SignalFormat,

@@ -11,14 +11,56 @@ use super::toa::Bins;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Pulse, Sweep};
 
-/// What is kept of the PVP.
+/// Numbers of the omitted vectors, ascending. Only omitted vectors take memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Missing(pub(super) Vec<usize>);
+
+impl Missing {
+    /// Number of the vector of a pulse: as many later as are missing before it.
+    pub(super) fn vector(&self, pulse: usize) -> usize {
+        let (mut low, mut high) = (0, self.0.len());
+        while low < high {
+            let middle = (low + high) / 2;
+            match self.0[middle] - middle <= pulse {
+                true => low = middle + 1,
+                false => high = middle,
+            }
+        }
+        pulse + low
+    }
+
+    /// The pulse of a vector, if it has one.
+    pub(super) fn pulse(&self, vector: usize) -> Option<usize> {
+        self.0
+            .binary_search(&vector)
+            .err()
+            .map(|before| vector - before)
+    }
+}
+
+/// Range of scale factors for which float32 represents scaled samples and values 100 dB below them.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-25..=1e25;
+
+/// Describe the fault of a scale factor (AmpSF).
+pub(crate) fn scale_fault(scale: f64) -> Option<String> {
+    (scale != 0.0 && !SCALES.contains(&scale.abs())).then(|| {
+        format!(
+            "AmpSF is {scale:e}: samples scaled so do not fit float32 ({:e} to {:e} do); multiply all of the file's AmpSF by one number",
+            SCALES.start(),
+            SCALES.end()
+        )
+    })
+}
+
+/// Per-vector parameters held after opening.
 pub(super) struct Vectors {
     pub(super) domain: Domain,
     pub(super) stored_samples: usize,
     pub(super) frame: subaperture_model::geometry::SceneFrame,
     pub(super) pulses: Vec<Pulse>,
     pub(super) amp_sf: Vec<f64>,
-    pub(super) has_signal: Vec<bool>,
+    /// Vectors that hold no echo, ascending.
+    pub(super) missing: Missing,
     pub(super) shifts: Vec<f64>,
     pub(super) true_antennas: Vec<[DVec3; 2]>,
     pub(super) bins: Option<Bins>,
@@ -33,7 +75,7 @@ impl Vectors {
             frame: info.frame,
             pulses: Vec::new(),
             amp_sf: Vec::new(),
-            has_signal: Vec::new(),
+            missing: Missing::default(),
             shifts: Vec::new(),
             true_antennas: Vec::new(),
             bins: None,
@@ -43,7 +85,6 @@ impl Vectors {
     /// Makes room for `count` vectors and no more.
     pub(super) fn reserve(&mut self, count: usize, layout: &Layout) -> Result<(), TryReserveError> {
         self.pulses.try_reserve_exact(count)?;
-        self.has_signal.try_reserve_exact(count)?;
         if layout.has_amp_sf() {
             self.amp_sf.try_reserve_exact(count)?;
         }
@@ -84,6 +125,9 @@ impl Vectors {
                 "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
             ));
         }
+        if let Some(what) = vector.amp_sf.and_then(scale_fault) {
+            return Err(format!("vector {index}: {what}"));
+        }
         self.pulses.push(pulse);
         if let Some(amp_sf) = vector.amp_sf {
             self.amp_sf.push(amp_sf);
@@ -92,7 +136,6 @@ impl Vectors {
             self.true_antennas
                 .push(truth.map(|p| self.frame.from_ecf_m(p)));
         }
-        self.has_signal.push(vector.signal != Some(0));
         Ok(())
     }
 
@@ -185,7 +228,7 @@ impl Vectors {
     }
 }
 
-/// What to multiply values at `times_s`, all different, by, so that their sum is the slope at time `at` of the polynomial through them.
+/// Weights of the values at distinct `times_s` whose weighted sum is the slope at time `at` of the interpolating polynomial.
 fn slope_weights(times_s: &[f64], at: usize) -> Vec<f64> {
     let others = |skipped: usize| {
         let all = times_s.iter().enumerate();

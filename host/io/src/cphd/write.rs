@@ -18,17 +18,17 @@ use super::signal;
 use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use super::write_options::{Channel, WriteError, WriteOptions};
-use crate::atomic::{self, Beside};
+use crate::atomic::{self, AtomicFile};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::check_finite;
 
-/// Writes `channels` to `path`, complete or not at all: beside it first, then renamed over it.
+/// Write `channels` to `path` atomically: to a hidden file in the same folder, which is then renamed.
 ///
 /// Samples are CF8. In the FX domain they read back to the same bits. In the TOA domain there are at
 /// least 1.25 times as many, over one period `1 / step_hz` of delay around the SRP's, so that
-/// nothing is lost but float32 rounding. The first channel is the reference channel.
+/// the only loss is float32 rounding. The first channel is the reference channel.
 ///
-/// What CPHD asks for and a [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory) does not have:
+/// Values that CPHD requires and a [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory) does not have:
 /// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
 ///   `RcvPos` are the pulse's positions, taken to be valid at those times.
 /// - Velocities are those within the sweep, where samples are taken one after another ([`Sweep`](subaperture_model::phase_history::Sweep)),
@@ -77,7 +77,7 @@ pub fn write(
             source,
         })
     };
-    let mut beside = Beside::create(path, layout.file_bytes, ".part")?;
+    let mut beside = AtomicFile::create(path, layout.file_bytes, ".part")?;
     let mut out = Output {
         file: beside.file(),
         written: 0,
@@ -237,7 +237,7 @@ fn check_texts(channels: &[Channel], options: &WriteOptions) -> Result<(), Write
     Ok(())
 }
 
-/// Counts what has been written, to pad up to the next block.
+/// Count the bytes written, to pad up to the next block.
 struct Output<'a> {
     file: &'a mut File,
     written: u64,

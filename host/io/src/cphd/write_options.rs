@@ -1,4 +1,4 @@
-//! What is asked of the writer, and why it may refuse.
+//! Options and errors of the CPHD writer.
 
 use super::conventions::{Domain, Polarization, Sgn};
 use super::metadata::ReferenceSurface;
@@ -29,7 +29,7 @@ impl<'a> Channel<'a> {
     }
 }
 
-/// How to write, and what to say of the collection.
+/// Options of the writer and metadata of the collection.
 #[derive(Clone, Debug)]
 pub struct WriteOptions {
     /// Domain of the samples. FX reads back to the same bits; TOA to float32 rounding.
@@ -69,7 +69,7 @@ impl Default for WriteOptions {
     }
 }
 
-/// Why no file was written. None is left behind.
+/// Error of writing a CPHD file; no partial file remains.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {

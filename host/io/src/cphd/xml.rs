@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 use roxmltree::Node;
 
-/// What is wrong with the XML of a CPHD or CRSD file, and in which element.
+/// Fault in the XML of a CPHD or CRSD file, with its element.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("XML: {0}")]
 pub struct MetadataError(pub(crate) String);

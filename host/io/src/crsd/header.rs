@@ -26,7 +26,7 @@ impl Kind {
         }
     }
 
-    /// Refuses what cannot be imaged.
+    /// Refuse a file that cannot be imaged.
     pub(super) fn check(self) -> Result<(), String> {
         match self {
             Self::Sar => Ok(()),
@@ -42,7 +42,7 @@ impl Kind {
     }
 }
 
-/// What a reader needs of the header of a `CRSDsar`.
+/// Header values of a `CRSDsar` that a reader needs.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) version: String,

@@ -1,4 +1,4 @@
-//! What the XML says, as far as image formation and its record need it.
+//! Metadata of the XML that image formation and its record need.
 
 use std::collections::HashMap;
 
@@ -39,7 +39,7 @@ pub struct CrsdChannel {
 }
 
 impl CrsdChannel {
-    /// What the channel is.
+    /// Description of the channel.
     pub fn about(&self) -> Channel {
         Channel::new(self.id.clone())
             .polarized(self.tx_polarization.clone(), self.rcv_polarization.clone())
@@ -90,7 +90,7 @@ pub struct CrsdInfo {
 }
 
 impl CrsdInfo {
-    /// The place of the channel of that identifier, or where there is none, of that number, from 1; of the reference
+    /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
     /// channel for `None`.
     pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
         let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();

@@ -1,8 +1,8 @@
-//! CRSD 1.0 (NGA.STND.0080): what a receiver recorded, before any pulse compression, with the transmitted pulses and the tracks of
+//! CRSD 1.0 (NGA.STND.0080): received signal before pulse compression, with the transmitted pulses and the tracks of
 //! both antennas; read, and compressed to phase history.
 //!
-//! A file is laid out as CPHD is: a text header, XML, and blocks of support arrays, per-pulse parameters (PPP, of what was sent),
-//! per-vector parameters (PVP, of what was received) and samples. Its first line names one of three kinds: `CRSDsar` has both sides and
+//! A file is laid out as CPHD is: a text header, XML, and blocks of support arrays, per-pulse parameters (PPP, of the transmitted pulses),
+//! per-vector parameters (PVP, of the received signal) and samples. Its first line names one of three kinds: `CRSDsar` has both sides and
 //! can be imaged; `CRSDtx` has no echoes and `CRSDrcv` no pulses, and either is refused.
 //!
 //! # Signal model
@@ -21,7 +21,7 @@
 //!
 //! Turned by `RefPhi0 - PhiX0 - FxFreq0 (RcvStart - TxTime) - FxRate TXmt^2 / 8 + (RefFreq - FxFreq0) i / Fs` it is the echo of a
 //! [pulse at baseband](subaperture_receive) about `FxFreq0`, which [`Compressed`](subaperture_receive::Compressed) filters and refers to
-//! the reference point (`ReferenceGeometry/RefPoint`). The band is what was both sent (`FX1` to `FX2`) and received (`FRCV1` to `FRCV2`).
+//! the reference point (`ReferenceGeometry/RefPoint`). The band is the intersection of the transmitted (`FX1` to `FX2`) and the received band (`FRCV1` to `FRCV2`).
 //!
 //! # Motion
 //! `TxPos` is of `TxTime` and `RcvPos` of `RcvStart`: the receiver is carried on by `RcvVel` to the moment at which the echo of the reference
@@ -30,7 +30,7 @@
 //! reference point's, while the receiver moves: its path is off by the receiver's radial velocity over light's, times the difference of paths
 //! (750 m/s and 30 m: 75 um).
 //!
-//! # What is not read
+//! # Limitations
 //! - Waveforms with phase modulation (`TxWFType` `XM`, `LFM w XM`), pulses that differ from one to the next in `FxFreq0`, `FxRate` or `TXmt`, and
 //!   samples whose instantaneous band moves (`FICRate`, a receiver that de-chirps): refused, each by name.
 //! - Vectors without a pulse of the radar's own (`TxPulseIndex` -1), of noise or of calibration (`SIGNAL` 2 and 3): left out.

@@ -1,4 +1,4 @@
-//! Per-pulse parameters: what was sent.
+//! Per-pulse parameters (PPP) of the transmitted pulses.
 
 use glam::DVec3;
 

@@ -17,7 +17,8 @@ use crate::cphd::side_by_side;
 use crate::cphd::source::{CHUNK_BYTES, Source};
 use crate::cphd::start;
 use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
+    Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
+    Pulse, ReadError, check_finite,
 };
 use subaperture_receive::{Compressed, Filter};
 
@@ -36,7 +37,7 @@ pub struct Crsd {
     held_bytes: u64,
 }
 
-/// What the channels of a file share.
+/// State shared by the channels of a file.
 struct Container {
     source: Arc<Source>,
     header: Header,
@@ -46,7 +47,7 @@ struct Container {
 }
 
 impl CrsdInfo {
-    /// Reads the header and the XML of a `CRSDsar` file, and nothing else.
+    /// Read only the header and the XML of a `CRSDsar` file.
     ///
     /// # Errors
     /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is cut short, or the XML lacks what
@@ -304,12 +305,38 @@ impl PhaseHistory for Crsd {
         check_finite(&self.container.source.name(), first, width, samples)
     }
 
+    fn warnings(&self) -> Vec<String> {
+        let (all, kept) = (
+            self.channel().num_vectors,
+            self.collection().pulses.len() as u64,
+        );
+        let without = all.saturating_sub(kept);
+        let warning = || {
+            format!(
+                "{}: {without} of {all} vectors left out: they hold no echo of a pulse (SIGNAL other than 1, or no TxPulseIndex)",
+                self.collection().name
+            )
+        };
+        (without > 0).then(warning).into_iter().collect()
+    }
+
     fn start_ns(&self) -> Option<i64> {
         start::nanoseconds(self.info().collection_start.as_deref()?)
     }
 
     fn channels(&self) -> Vec<Channel> {
         vec![self.channel().about()]
+    }
+
+    fn path(&self) -> Option<&Path> {
+        Some(self.container.source.path())
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        vec![PhaseConvention::stated(
+            PhaseSign::Minus,
+            PhaseReference::Raw,
+        )]
     }
 
     fn held_bytes(&self) -> u64 {

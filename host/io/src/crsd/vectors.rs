@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::cphd::record::{
     Field, INTEGER, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width,
 };
+use crate::cphd::vectors::scale_fault;
 use crate::cphd::xml::{Element, MetadataError};
 
 /// Places of the parameters that this reader uses.
@@ -38,11 +39,14 @@ pub(super) struct Received {
     /// Turns of the reference signal at sample 0, less whole ones.
     pub(super) phase: f64,
     pub(super) reference_hz: f64,
-    /// By what samples are to be multiplied; 0 where there is no signal.
+    /// By what samples are to be multiplied.
     pub(super) scale: f64,
     /// The pulse that it is of.
     pub(super) pulse: u64,
 }
+
+/// What SIGNAL is of a vector that holds an echo.
+const ECHO: i64 = 1;
 
 impl Layout {
     pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
@@ -73,7 +77,7 @@ impl Layout {
         })
     }
 
-    /// Vector `index` of its record; `None` if it is no echo of a pulse: of noise, or of calibration.
+    /// Vector `index` of its record; `None` if it is no echo of a pulse: without signal, of noise, or of calibration.
     pub(super) fn decode(&self, index: u64, bytes: &[u8]) -> Result<Option<Received>, String> {
         let record = Words {
             kind: "vector",
@@ -84,7 +88,7 @@ impl Layout {
         let Ok(pulse) = u64::try_from(record.integer(self.pulse)) else {
             return Ok(None);
         };
-        if signal > 1 {
+        if signal != ECHO {
             return Ok(None);
         }
         let scalar = |field| record.finite(field, 0);
@@ -95,9 +99,14 @@ impl Layout {
             band_hz: [scalar(self.frcv1)?, scalar(self.frcv2)?],
             phase: record.whole_and_fraction(self.phase)?.1,
             reference_hz: scalar(self.frequency)?,
-            scale: match signal {
-                0 => 0.0,
-                _ => scalar(self.scale)?,
+            scale: match scalar(self.scale)? {
+                scale if scale_fault(scale).is_none() => scale,
+                scale => {
+                    return Err(format!(
+                        "vector {index}: {}",
+                        scale_fault(scale).unwrap_or_default()
+                    ));
+                }
             },
             pulse,
         };

@@ -6,7 +6,9 @@ use std::path::Path;
 
 use num_complex::Complex32;
 
+use super::half::half;
 use super::header::{Header, HeaderError};
+use super::range::Range;
 use super::{NpyError, archive};
 
 /// An array, its last index fastest.
@@ -21,9 +23,10 @@ pub struct Array {
 /// The values of an array.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// Integers of up to 32 bits and floats. Wider integers too, if float64 holds them exactly.
+    /// Integers of up to 32 bits and floats of 16 to 64. Wider integers too, if float64 holds them exactly.
     Real(Vec<f64>),
-    /// Complex numbers, complex128 rounded to complex64.
+    /// Complex numbers, complex128 rounded to complex64; also of records of two equal numbers, real part first, as complex integers
+    /// and half-precision complex numbers are saved.
     Complex(Vec<Complex32>),
 }
 
@@ -75,8 +78,8 @@ impl Array {
         let kind = header.kind.trim_matches('\'').to_owned();
         let Some(element) = Element::of(&kind) else {
             return Err(unsuited(format!(
-                "holds type '{kind}'; numbers are expected: integers, floats or complex numbers, \
-                 little-endian"
+                "holds type '{kind}'; numbers are expected: integers, floats or complex numbers, or records of two equal ones \
+                 (real part, imaginary part), little-endian"
             )));
         };
         let (Some(sizes), "False") = (&header.sizes, header.order.as_str()) else {
@@ -107,14 +110,18 @@ impl Array {
         // Piece by piece: a header may promise more than there is.
         let mut bytes = vec![0; element.bytes * 4096];
         let mut left = count as usize;
+        let mut range = Range::default();
         while left > 0 {
             let now = left.min(4096);
             let piece = &mut bytes[..now * element.bytes];
             reader.read_exact(piece).map_err(HeaderError::Io)?;
             for value in piece.chunks_exact(element.bytes) {
-                element.push(value, &mut values);
+                element.push(value, &mut values, &mut range);
             }
             left -= now;
+        }
+        if let (Some(what), Values::Complex(_)) = (range.fault(), &values) {
+            return Err(unsuited(what));
         }
         Ok(Self {
             shape: sizes.iter().map(|&size| size as usize).collect(),
@@ -128,10 +135,32 @@ impl Array {
 struct Element {
     kind: u8,
     bytes: usize,
+    /// A record of two.
+    pair: bool,
 }
 
 impl Element {
     fn of(kind: &str) -> Option<Self> {
+        let Some(members) = kind
+            .strip_prefix('[')
+            .and_then(|rest| rest.strip_suffix(']'))
+        else {
+            return Self::plain(kind);
+        };
+        // [('re','<i2'),('im','<i2')]: names and kinds between quotation marks.
+        let words: Vec<&str> = members.split('\'').collect();
+        let &[_, _, _, first, _, _, _, second, _] = words.as_slice() else {
+            return None;
+        };
+        let part = Self::plain(first).filter(|part| part.kind != b'c' && first == second)?;
+        Some(Self {
+            bytes: 2 * part.bytes,
+            pair: true,
+            ..part
+        })
+    }
+
+    fn plain(kind: &str) -> Option<Self> {
         let (&order, rest) = kind.as_bytes().split_first()?;
         let (&letter, size) = rest.split_first()?;
         let bytes = match size {
@@ -145,39 +174,48 @@ impl Element {
         let little = order == b'<' || (order == b'|' && bytes == 1);
         let known = match letter {
             b'i' | b'u' => bytes <= 8,
-            b'f' => bytes == 4 || bytes == 8,
+            b'f' => (2..=8).contains(&bytes),
             b'c' => bytes == 8 || bytes == 16,
             _ => false,
         };
         (little && known).then_some(Self {
             kind: letter,
             bytes,
+            pair: false,
         })
     }
 
     fn no_values(self) -> Values {
         match self.kind {
+            _ if self.pair => Values::Complex(Vec::new()),
             b'c' => Values::Complex(Vec::new()),
             _ => Values::Real(Vec::new()),
         }
     }
 
-    fn push(self, bytes: &[u8], values: &mut Values) {
+    fn push(self, bytes: &[u8], values: &mut Values, range: &mut Range) {
         match values {
             Values::Complex(values) => {
                 let (re, im) = bytes.split_at(bytes.len() / 2);
-                values.push(Complex32::new(float(re) as f32, float(im) as f32));
+                let (re, im) = (self.real(re), self.real(im));
+                range.take(&[re, im]);
+                values.push(Complex32::new(re as f32, im as f32));
             }
-            Values::Real(values) => values.push(match self.kind {
-                b'f' => float(bytes),
-                kind => integer(bytes, kind == b'i'),
-            }),
+            Values::Real(values) => values.push(self.real(bytes)),
+        }
+    }
+
+    fn real(self, bytes: &[u8]) -> f64 {
+        match self.kind {
+            b'f' | b'c' => float(bytes),
+            kind => integer(bytes, kind == b'i'),
         }
     }
 }
 
 fn float(bytes: &[u8]) -> f64 {
     match *bytes {
+        [a, b] => half(u16::from_le_bytes([a, b])),
         [a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
         [a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
         _ => f64::NAN,
@@ -238,6 +276,43 @@ mod tests {
             Values::Complex(vec![Complex32::new(3.0, -4.0)])
         );
         assert_eq!(complex.shape, [1]);
+        // Half precision; records of two integers or halves, as complex numbers of these are saved.
+        assert_eq!(
+            real(file("<f2", "(2,)", &[0x00, 0x3c, 0x00, 0xc0])),
+            [1.0, -2.0]
+        );
+        for (kind, data) in [
+            ("<i2", vec![3, 0, 0xfc, 0xff]),
+            ("|i1", vec![3, 0xfc]),
+            ("<f2", vec![0x00, 0x42, 0x00, 0xc4]),
+            ("<f4", [3f32.to_le_bytes(), (-4f32).to_le_bytes()].concat()),
+        ] {
+            let header = format!(
+                "{{'descr': [('re', '{kind}'), ('im', '{kind}')], 'fortran_order': False, 'shape': (1,), }}\n"
+            );
+            let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+            bytes.extend((header.len() as u16).to_le_bytes());
+            bytes.extend(header.as_bytes());
+            bytes.extend(data);
+            let read = read(&bytes).unwrap();
+            assert_eq!(
+                read.values,
+                Values::Complex(vec![Complex32::new(3.0, -4.0)]),
+                "{kind}"
+            );
+        }
+    }
+
+    #[test]
+    fn complex_values_that_float32_does_not_hold_are_refused() {
+        for (value, part) in [
+            (1e300f64, "beyond the largest of float32"),
+            (1e-300, "largest value is 1e-300"),
+        ] {
+            let bytes = [0f64, 0.0, value, 0.0].map(f64::to_le_bytes).concat();
+            let error = read(&file("<c16", "(2,)", &bytes)).unwrap_err();
+            assert!(error.contains(part), "{error}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use num_complex::Complex32;
 
 use super::write::{Number, header};
-use subaperture_model::image::Place;
+use subaperture_model::image::PixelBlock;
 
 /// A file of the image's full size, of zeros where nothing was put.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ impl Filling {
     }
 
     /// Writes a place's pixels, row-major.
-    pub(crate) fn put(&mut self, place: &Place, pixels: &[Complex32]) -> io::Result<()> {
+    pub(crate) fn put(&mut self, place: &PixelBlock, pixels: &[Complex32]) -> io::Result<()> {
         let [rows, columns] = place;
         assert_eq!(
             pixels.len(),

@@ -64,6 +64,7 @@ impl Header {
             let (_, rest) = compact.split_once(&format!("'{key}':"))?;
             let end = match rest.strip_prefix('(') {
                 Some(inside) => inside.find(')')? + 2,
+                None if rest.starts_with('[') => rest.find(']')? + 1,
                 None => rest.find([',', '}'])?,
             };
             Some(rest[..end].to_owned())

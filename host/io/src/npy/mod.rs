@@ -12,10 +12,13 @@
 mod archive;
 mod array;
 mod filling;
+mod half;
 mod header;
 mod on_disk;
+mod range;
 mod write;
 
+#[cfg(feature = "npz")]
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -26,7 +29,11 @@ use subaperture_model::image::Image;
 
 pub use array::{Array, Values};
 pub(crate) use filling::Filling;
+#[cfg(feature = "hdf5")]
+pub(crate) use half::half;
 pub use on_disk::ImageFile;
+#[cfg(any(feature = "hdf5", feature = "recording"))]
+pub(crate) use range::Range;
 pub use write::{ArrayWriter, Number};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -35,10 +42,10 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NpyError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {path}: {source}")]
     Io {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// Cause.
         source: io::Error,
@@ -46,7 +53,7 @@ pub enum NpyError {
     /// Not a complex64 image.
     #[error("{path}: {what}")]
     Unsuited {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// What it is, and what was expected.
         what: String,
@@ -93,16 +100,7 @@ pub fn write(path: &Path, image: &Image) -> Result<(), WriteError> {
 /// # Errors
 /// [`NpyError`].
 pub fn read(path: &Path) -> Result<Image, NpyError> {
-    let opened = File::open(path).map_err(|source| NpyError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
-    read_open(opened, path)
-}
-
-/// [`read`] of a file that is open, from its start.
-pub(super) fn read_open(file: File, path: &Path) -> Result<Image, NpyError> {
-    ImageFile::of(file, path)?.read()
+    ImageFile::open(path)?.read()
 }
 
 /// The arrays of an archive (`.npz`), by their names without `.npy`.

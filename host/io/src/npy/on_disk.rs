@@ -9,8 +9,10 @@ use num_complex::Complex32;
 
 use super::header::{Header, HeaderError};
 use super::{NpyError, image_shape};
-use crate::input::Stamp;
-use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
+use crate::input::{Stamp, open_file};
+use subaperture_model::image::{
+    Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
+};
 
 /// Bytes that are read at a time.
 const READ_BYTES: usize = 1 << 16;
@@ -33,7 +35,7 @@ impl ImageFile {
     /// # Errors
     /// [`NpyError`] if it is no image, or has not as many bytes as its header says.
     pub fn open(path: &Path) -> Result<Self, NpyError> {
-        let file = File::open(path).map_err(|source| NpyError::Io {
+        let file = open_file(path).map_err(|source| NpyError::Io {
             path: path.to_owned(),
             source,
         })?;
@@ -82,7 +84,7 @@ impl ImageFile {
         self.part(&[0..self.rows, 0..self.columns])
     }
 
-    fn part(&self, [rows, columns]: &Place) -> Result<Image, NpyError> {
+    fn part(&self, [rows, columns]: &PixelBlock) -> Result<Image, NpyError> {
         let io = |source: io::Error| NpyError::Io {
             path: self.path.clone(),
             source,
@@ -135,16 +137,16 @@ fn value(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> Complex32 {
     )
 }
 
-impl Parts for ImageFile {
+impl ImageSource for ImageFile {
     fn size(&self) -> (usize, usize) {
         (self.rows, self.columns)
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         bands(self.rows, self.columns)
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         Ok(self.part(place)?)
     }
 }

@@ -14,17 +14,17 @@ use super::{IMAGE, finish};
 use crate::atomic::WriteError;
 use crate::npy::{self, Filling, ImageFile};
 use crate::staging::Staged;
-use subaperture_model::image::{Image, Parts, PartsError, Place};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
 /// A product on its way. Gone when dropped.
 #[derive(Debug)]
-pub struct Growing {
+pub struct PendingProduct {
     image: Filling,
     staged: Staged,
     folder: PathBuf,
 }
 
-impl Growing {
+impl PendingProduct {
     /// Begins a product with an image of these rows and columns, of zeros where nothing is put.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Growing {
     ///
     /// # Panics
     /// If there are not as many pixels as the place has.
-    pub fn put(&mut self, place: &Place, pixels: &[Complex32]) -> Result<(), WriteError> {
+    pub fn put(&mut self, place: &PixelBlock, pixels: &[Complex32]) -> Result<(), WriteError> {
         let put = self.image.put(place, pixels);
         put.map_err(|source| self.staged.failed(IMAGE, source))
     }
@@ -58,7 +58,7 @@ impl Growing {
     ///
     /// # Errors
     /// [`WriteError`] if it cannot be forced to the disk, or read again.
-    pub fn finish(self) -> Result<Grown, WriteError> {
+    pub fn finish(self) -> Result<CompleteProduct, WriteError> {
         let Self {
             image,
             staged,
@@ -68,7 +68,7 @@ impl Growing {
         let about = staged.seal(IMAGE, &mut file)?;
         let image = ImageFile::of(file, &folder.join(IMAGE))
             .map_err(|error| staged.failed(IMAGE, std::io::Error::other(error)))?;
-        Ok(Grown {
+        Ok(CompleteProduct {
             image,
             about,
             staged,
@@ -79,7 +79,7 @@ impl Growing {
 
 /// A product whose image is whole, and that is to be written. Gone when dropped.
 #[derive(Debug)]
-pub struct Grown {
+pub struct CompleteProduct {
     image: ImageFile,
     /// Size and CRC-32 of its file.
     about: Value,
@@ -87,7 +87,7 @@ pub struct Grown {
     folder: PathBuf,
 }
 
-impl Grown {
+impl CompleteProduct {
     /// Writes record and picture (the bytes of a PNG file, or none) and moves all into place.
     ///
     /// # Errors
@@ -100,16 +100,16 @@ impl Grown {
     }
 }
 
-impl Parts for Grown {
+impl ImageSource for CompleteProduct {
     fn size(&self) -> (usize, usize) {
         self.image.size()
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         self.image.places()
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         self.image.window(place)
     }
 }
@@ -146,7 +146,7 @@ mod tests {
             image: [5, 7],
             tile: [2, 3],
         };
-        let mut growing = Growing::begin(&grown, [5, 7]).unwrap();
+        let mut growing = PendingProduct::begin(&grown, [5, 7]).unwrap();
         for index in (0..tiling.count()).rev() {
             let place = tiling.place(index);
             growing
@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(product::read(&grown).unwrap().image, image);
 
         // One that is given up leaves what was there.
-        let mut lost = Growing::begin(&grown, [5, 7]).unwrap();
+        let mut lost = PendingProduct::begin(&grown, [5, 7]).unwrap();
         lost.put(&[0..5, 0..7], &[Complex32::ONE; 35]).unwrap();
         drop(lost);
         assert_eq!(product::read(&grown).unwrap().image, image);

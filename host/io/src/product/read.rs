@@ -1,21 +1,27 @@
 //! A product read back: image, grid and metadata, checked to belong together.
 
 use std::fs::File;
-use std::io::{self, Read, Seek};
+use std::io::{self, Seek};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use serde::Deserialize;
 use serde_json::Value;
 
 use super::{IMAGE, METADATA};
-use crate::input::{Stamp, checksum};
+use crate::input::{Stamp, checksum, open_file};
+use crate::json::{self, JsonError, Limits};
 use crate::npy::{ImageFile, NpyError};
 use crate::tiles::{self, StoreError, TileStore};
 use subaperture_model::geometry::{Axis, ImageGrid, Relief};
-use subaperture_model::image::{Image, Parts, PartsError, Place};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
-/// Most bytes of `image.json`, a thousand times what `subap focus` writes of a plane, and enough for any surface: it is parsed in memory.
-const MOST_METADATA_BYTES: u64 = 4 << 20;
+/// Bounds on `image.json`: of a plane it has some kilobytes, and a surface is one string of up to 3.5 MB.
+pub const RECORD_LIMITS: Limits = Limits {
+    bytes: 4 << 20,
+    string_bytes: 4 << 20,
+    value_bytes: 5 << 20,
+};
 
 /// What a folder holds.
 #[derive(Clone, Debug)]
@@ -64,7 +70,7 @@ impl Pixels {
         }
     }
 
-    fn parts(&self) -> &dyn Parts {
+    fn parts(&self) -> &dyn ImageSource {
         match self {
             Self::Array(file) => file,
             Self::Tiles(store) => store,
@@ -72,16 +78,16 @@ impl Pixels {
     }
 }
 
-impl Parts for Pixels {
+impl ImageSource for Pixels {
     fn size(&self) -> (usize, usize) {
         self.parts().size()
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         self.parts().places()
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
         self.parts().window(place)
     }
 }
@@ -90,10 +96,10 @@ impl Parts for Pixels {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {}: {source}{}", path.display(), advice(source))]
     Io {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
         /// Cause.
         source: io::Error,
@@ -173,26 +179,43 @@ pub fn verify(folder: &Path, metadata: &Value) -> Result<(), ReadError> {
     }
 }
 
+/// The record of an image, `image.json`, of any kind.
+///
+/// # Errors
+/// [`ReadError::Io`], [`ReadError::Metadata`].
+pub fn record(folder: &Path) -> Result<Value, ReadError> {
+    let path = folder.join(METADATA);
+    let io = |source| ReadError::Io {
+        path: path.clone(),
+        source,
+    };
+    let file = open_file(&path).map_err(io)?;
+    let bytes = file.metadata().map_err(io)?.len();
+    if bytes > RECORD_LIMITS.bytes {
+        return Err(ReadError::Metadata {
+            path,
+            what: format!(
+                "more than {} bytes: no record of an image is so long",
+                RECORD_LIMITS.bytes
+            ),
+        });
+    }
+    json::value(file, RECORD_LIMITS).map_err(|error| match error {
+        JsonError::Io(source) => io(source),
+        error => ReadError::Metadata {
+            path: path.clone(),
+            what: error.to_string(),
+        },
+    })
+}
+
 fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
     let path = folder.join(METADATA);
     let wrong = |what: String| ReadError::Metadata {
         path: path.clone(),
         what,
     };
-    let mut text = Vec::new();
-    File::open(&path)
-        .and_then(|file| file.take(MOST_METADATA_BYTES + 1).read_to_end(&mut text))
-        .map_err(|source| ReadError::Io {
-            path: path.clone(),
-            source,
-        })?;
-    if text.len() as u64 > MOST_METADATA_BYTES {
-        return Err(wrong(format!(
-            "more than {MOST_METADATA_BYTES} bytes: it is not that of a product"
-        )));
-    }
-    let metadata: Value =
-        serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
+    let metadata = record(folder)?;
     if metadata["grid"].is_null() {
         let kind = metadata["schema"].as_str().unwrap_or("unknown kind");
         return Err(wrong(format!(
@@ -225,7 +248,7 @@ fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
 fn open_image(folder: &Path, metadata: &Value, checked: bool) -> Result<ImageFile, ReadError> {
     // Opened once, so that what is checked is what is read, whatever is renamed into its place.
     let image = folder.join(IMAGE);
-    let mut file = File::open(&image).map_err(|source| ReadError::Io {
+    let mut file = open_file(&image).map_err(|source| ReadError::Io {
         path: image.clone(),
         source,
     })?;
@@ -324,7 +347,7 @@ fn grid(value: &Value) -> Result<ImageGrid, String> {
 fn relief(value: &Value) -> Result<Option<Relief>, String> {
     match value.is_null() {
         true => Ok(None),
-        false => serde_json::from_value::<Relief>(value.clone())
+        false => Relief::deserialize(value)
             .map(Some)
             .map_err(|error| format!("grid.relief is none that subap focus writes: {error}")),
     }

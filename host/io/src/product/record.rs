@@ -150,7 +150,7 @@ pub fn grid(grid: &ImageGrid) -> Value {
 }
 
 /// The scene frame.
-pub(super) fn frame(frame: &SceneFrame) -> Value {
+pub fn frame(frame: &SceneFrame) -> Value {
     match frame {
         SceneFrame::Local => json!({ "kind": "local" }),
         SceneFrame::Earth {

@@ -2,6 +2,7 @@
 
 use num_complex::Complex32;
 
+use super::analytic;
 use super::arrays::Source;
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
@@ -14,8 +15,8 @@ use subaperture_model::geometry::Extent;
 use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_model::radar::{Reference, Waveform};
 use subaperture_receive::{
-    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
-    ReceiveError, Referenced, Skew, remove_background,
+    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, ProfileAxis, Profiles, ReceiveError,
+    Referenced, Skew, StoredEchoes, remove_background,
 };
 
 use glam::DVec3;
@@ -38,10 +39,13 @@ pub(super) fn adapt(
         given: place::reference(scene_values)?,
     };
     let mut raw = rows_of(recording, pulses, &samples);
+    if samples.real && values.text("kind") == "fmcw" {
+        analytic::beats(&mut raw, samples.num_samples, values.number("slope") > 0.0);
+    }
     remove(recording, pulses, samples.num_samples, &mut raw)?;
     match values.text("kind") {
         "profiles" => from_profiles(values, source, &samples, &header, raw)?,
-        kind => from_echoes(values, kind, samples.num_samples, &header, raw)?,
+        kind => from_echoes(values, kind, &samples, &header, raw)?,
     }
     .map_err(|what| recording.fault("file", what))
 }
@@ -101,13 +105,15 @@ fn from_profiles(
 fn from_echoes(
     values: &Values,
     kind: &str,
-    num_samples: usize,
+    samples: &Samples,
     header: &Header<'_>,
     raw: Vec<Complex32>,
 ) -> Result<Result<InMemory, String>, Found> {
     let received = |error: ReceiveError| Found::new(&values.at, error.what);
-    let waveform = waveform(values, kind, num_samples)?;
-    let middle_m = middle_of_window_m(&waveform);
+    let waveform = waveform(values, kind, samples.num_samples)?;
+    // Real samples hold beats up to half the sampling rate, complex ones up to all of it.
+    let held = if samples.real { 0.5 } else { 1.0 };
+    let middle_m = middle_of_window_m(&waveform, held);
     let half_delay_s = match (&waveform, header.extent) {
         (
             Waveform::Fmcw {
@@ -117,15 +123,15 @@ fn from_echoes(
             },
             None,
         ) => {
-            // What complex samples can hold.
-            Some(0.5 * sample_rate_hz / chirp_hz_s.abs())
+            // What samples can hold.
+            Some(0.5 * held * sample_rate_hz / chirp_hz_s.abs())
         }
         _ => None,
     };
     let moves = values.optional_text("motion") == Some("true");
     let echoes = header.echoes(waveform, middle_m);
     let held = InMotion {
-        held: Held::new(echoes, raw).map_err(received)?,
+        held: StoredEchoes::new(echoes, raw).map_err(received)?,
         moves,
         point: header.point(),
         pulses: header.pulses,
@@ -370,14 +376,14 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found
 }
 
 /// Range, bias included, of the middle of what the samples tell apart.
-fn middle_of_window_m(waveform: &Waveform) -> f64 {
+fn middle_of_window_m(waveform: &Waveform, held: f64) -> f64 {
     let delay_s = match waveform {
         Waveform::Fmcw {
             chirp_hz_s,
             sample_rate_hz,
             mixer_delay_s,
             ..
-        } => mixer_delay_s + 0.5 * sample_rate_hz / chirp_hz_s.abs(),
+        } => mixer_delay_s + 0.5 * held * sample_rate_hz / chirp_hz_s.abs(),
         Waveform::Pulsed {
             sample_rate_hz,
             num_samples,

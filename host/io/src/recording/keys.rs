@@ -11,7 +11,7 @@ use subaperture_describe::keys::radar::{
 use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
 use subaperture_model::units::Dimension;
 
-/// All that a recording's description can say.
+/// Keys of a recording's description.
 pub(super) static SCHEMA: Schema = Schema {
     sections: &[
         &TOP,
@@ -64,7 +64,7 @@ static TRANSMITTER: Section = Section {
     when: &[],
     selector: "pattern",
     doc: "An antenna that transmits. Several are those that take turns, in their order. One at the body's origin if \
-          there is none. Only its name, place, phase and level are used.",
+          there is none. Its pattern and boresight say which pulses see a place.",
     keys: &[
         NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
     ],
@@ -76,7 +76,7 @@ static RECEIVER: Section = Section {
     when: &[],
     selector: "pattern",
     doc: "An antenna that receives. Several are those recorded, in their order. One at the body's origin if there is \
-          none. Only its name, place, phase and level are used.",
+          none. Its pattern and boresight say which pulses see a place.",
     keys: &[
         NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
     ],
@@ -95,8 +95,8 @@ static RECORDING: Section = Section {
             "format",
             Kind::Choice(&["dca1000", "npy", "npz"]),
             Need::Required("\"npz\""),
-            "The format of the file: int16 of a TI DCA1000, two I then two Q; a NumPy array; or an array of \
-             a NumPy archive.",
+            "The format of the file: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or \
+             an array of a NumPy archive.",
         ),
         Key::new(
             "file",
@@ -118,6 +118,15 @@ static RECORDING: Section = Section {
             "The array's axes: what its rows are, and what its columns.",
         )
         .when(&["npy", "npz"]),
+        Key::new(
+            "order",
+            Kind::Choice(&["iiqq", "iqiq", "real"]),
+            Need::Optional("\"iiqq\""),
+            "Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q in turn; or real samples of \
+             kind = \"fmcw\". If left out, the one of the first two whose image is clearly the sharper; where neither is, \
+             iiqq, with a warning.",
+        )
+        .when(&["dca1000"]),
         Key::new(
             "samples",
             Kind::Count(2, 1 << 24),
@@ -160,9 +169,10 @@ static RECORDING: Section = Section {
         Key::new(
             "phase",
             Kind::Choice(&["minus", "plus"]),
-            Need::Default("\"minus\""),
+            Need::Optional("\"minus\""),
             "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). Of \
-             rising sweeps with a positive beat it is plus.",
+             rising sweeps with a positive beat it is plus. Real samples have both. If left out, the sign whose image is clearly \
+             the sharper; where neither is, the recording is refused.",
         ),
         Key::new(
             "range_bias",

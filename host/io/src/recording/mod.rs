@@ -1,4 +1,4 @@
-//! Raw recordings described in TOML: what a radar's samples are, when and where they were taken.
+//! Raw recordings described in TOML: sample format, waveform, times and antenna track.
 //!
 //! A description is a text like a scenario: quantities carry units, everything is checked against one table of
 //! keys, which [`reference()`] prints, and errors point at their line. It names the file of the samples, says
@@ -17,10 +17,10 @@
 //! | `stepped` | a complex number a carrier | [`Referenced`](subaperture_receive::Referenced) |
 //! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](subaperture_receive::Profiles) |
 //!
-//! What nobody measured (the length of an arm, a delay in cables, the offset of two clocks) is a key like any
-//! other: [`RecordingFile::set`] overrides it, and `subaperture-autofocus` finds it by the sharpness of the image.
+//! An unknown geometry parameter (the length of an arm, a cable delay, a clock offset) is a key like any
+//! other: [`RecordingFile::set`] overrides it, and `subaperture-autofocus` estimates it by maximising image sharpness.
 //!
-//! - `range_bias` is what ranges are recorded too long by: the reference path of the samples is lengthened by
+//! - `range_bias` is the excess of the recorded ranges: the reference path of the samples is lengthened by
 //!   twice that before phases are referred to it, at every frequency.
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
 //! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
@@ -33,11 +33,14 @@
 //! at once, all within the bytes allowed.
 
 mod adapt;
+mod analytic;
 mod arrays;
+mod beam;
 pub mod examples;
 mod files;
 mod keys;
 mod moving;
+mod phase;
 mod pulses;
 mod samples;
 mod text;
@@ -51,11 +54,12 @@ use arrays::Arrays;
 use subaperture_describe::error::Found;
 use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::phase_history::{
-    Channel, Channels, Collection, InMemory, InputFile, PhaseHistory, ReadError,
+    Channel, Channels, Collection, InMemory, Inference, InputFile, PhaseHistory, ReadError,
 };
 
 use num_complex::Complex32;
 
+pub use phase::SignStated;
 pub use write::{Raw, WriteError, names, write};
 
 /// What is wrong, not yet in words.
@@ -74,6 +78,10 @@ pub struct Take {
     /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
     /// this, metres.
     pub bias_path_m: f64,
+    /// What the description says of the sign of the phase.
+    pub sign: SignStated,
+    /// Whether the order of I and Q is stated, or the file has none. One that is not stated is read as `iiqq`.
+    pub order_is_stated: bool,
 }
 
 impl Take {
@@ -101,8 +109,18 @@ impl Take {
             for (row, &n) in samples.chunks_exact_mut(width).zip(&own) {
                 self.history.read(n..n + 1, row)?;
             }
-            let history = (InMemory::new(part, samples)?.with_inputs(inputs.clone()))
-                .with_channels(vec![about.clone()]);
+            let mut history = (InMemory::new(part, samples)?.with_inputs(inputs.clone()))
+                .with_channels(vec![about.clone()])
+                .with_warnings(match c {
+                    0 => self.history.warnings(),
+                    _ => Vec::new(),
+                });
+            if count == 1 {
+                history = history.with_beam(self.history.beam());
+            }
+            if let [convention, ..] = *self.history.phase_conventions() {
+                history = history.with_convention(convention);
+            }
             Ok((about.clone(), Box::new(history) as Box<dyn PhaseHistory>))
         };
         let channels = self.channels.iter().enumerate().map(of_channel);
@@ -240,6 +258,7 @@ impl RecordingFile {
             memory_bytes,
         };
         let samples = samples::read(&top, &source).map_err(one)?;
+        let sign = samples.sign();
         let pulses = pulses::select(
             &top,
             &source,
@@ -248,6 +267,8 @@ impl RecordingFile {
         )
         .map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
+        let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
+            .with_beam(beam::stated(&pulses.antennas, &pulses.chosen));
         debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(Take {
             history,
@@ -260,7 +281,27 @@ impl RecordingFile {
                 .map(|channel| channel.about())
                 .collect(),
             bias_path_m: 2.0 * top.section("recording").number("range_bias"),
+            sign,
+            order_is_stated: !samples::order_is_unstated(top.section("recording")),
         })
+    }
+
+    /// Keys that the description leaves out and the samples decide, with their values: `recording.phase` and `recording.order` of the clearly
+    /// sharpest image. [`Self::history`] does not infer: it takes `minus` and `iiqq`.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`], naming the key, where the sign is missing and the samples do not decide; as [`Self::history`].
+    pub fn inferred(
+        &self,
+        inference: &Inference,
+        memory_bytes: u64,
+    ) -> Result<Vec<(&'static str, &'static str)>, ReadError> {
+        let take = self.take(memory_bytes, None)?;
+        if take.sign != SignStated::Unstated && take.order_is_stated {
+            return Ok(Vec::new());
+        }
+        let path = self.path.clone().unwrap_or_default();
+        Ok(phase::settle(self, &path, &take, Some(inference), memory_bytes)?.inferred)
     }
 
     /// The files read so far, the description first, with their checksums.
@@ -276,7 +317,8 @@ impl RecordingFile {
 }
 
 /// Opens the recording that the description at `path` makes with `settings` (keys and values) laid over it,
-/// holding at most `memory_bytes`.
+/// holding at most `memory_bytes`. A sign of the phase or an order of I and Q that it does not state is decided by `inference`, as
+/// [`RecordingFile::inferred`] does; without one it has to be stated.
 ///
 /// # Errors
 /// [`ReadError`].
@@ -284,8 +326,9 @@ pub fn open(
     path: &Path,
     settings: &[(String, String)],
     memory_bytes: u64,
+    inference: Option<&Inference>,
 ) -> Result<impl PhaseHistory + use<>, ReadError> {
-    Ok(take(path, settings, memory_bytes)?.history)
+    Ok(take(path, settings, memory_bytes, inference)?.history)
 }
 
 /// The same by channel, side by side, as [`RecordingFile::channels`].
@@ -296,11 +339,17 @@ pub fn open_channels(
     path: &Path,
     settings: &[(String, String)],
     memory_bytes: u64,
+    inference: Option<&Inference>,
 ) -> Result<Channels<'static>, ReadError> {
-    take(path, settings, memory_bytes)?.side_by_side()
+    take(path, settings, memory_bytes, inference)?.side_by_side()
 }
 
-fn take(path: &Path, settings: &[(String, String)], memory_bytes: u64) -> Result<Take, ReadError> {
+fn take(
+    path: &Path,
+    settings: &[(String, String)],
+    memory_bytes: u64,
+    inference: Option<&Inference>,
+) -> Result<Take, ReadError> {
     let mut file = RecordingFile::read(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
@@ -309,7 +358,16 @@ fn take(path: &Path, settings: &[(String, String)], memory_bytes: u64) -> Result
         file.set(key, value)?;
     }
     let mut take = file.take(memory_bytes, None)?;
-    take.history = (take.history.with_inputs(file.inputs()?)).with_channels(take.channels.clone());
+    let left_bytes = memory_bytes.saturating_sub(take.history.held_bytes());
+    let signed = phase::settle(&file, path, &take, inference, left_bytes)?;
+    if let Some(other) = signed.other {
+        drop(take);
+        take = other.take(memory_bytes, None)?;
+    }
+    take.history = (take.history.with_inputs(file.inputs()?))
+        .with_channels(take.channels.clone())
+        .with_convention(signed.convention)
+        .with_warnings(signed.warnings);
     Ok(take)
 }
 

@@ -11,11 +11,11 @@ use num_complex::Complex32;
 
 use super::pulses::Pulses;
 use subaperture_model::phase_history::ReadError;
-use subaperture_receive::{EchoCollection, Echoes, Held};
+use subaperture_receive::{EchoCollection, Echoes, StoredEchoes};
 
 /// Echoes held in memory, and the way of their antennas.
 pub(super) struct InMotion<'a> {
-    pub(super) held: Held,
+    pub(super) held: StoredEchoes,
     /// Whether the radar moves while a sweep lasts.
     pub(super) moves: bool,
     /// The reference point, if phases are referred to one.

@@ -10,7 +10,7 @@ use subaperture_model::phase_history;
 use subaperture_model::radar::Antenna;
 use subaperture_signal::phase::{cis, narrow};
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use num_complex::{Complex32, Complex64};
 
 /// Pulses that are used.
@@ -36,8 +36,8 @@ pub(super) struct Channel {
     /// Which of those that take turns, and which of those recorded, from 0.
     pub(super) transmitter: usize,
     pub(super) receiver: usize,
-    /// Their places on the body, body axes.
-    offsets_m: [DVec3; 2],
+    /// Their places on the body, body axes, and their patterns.
+    pub(super) antennas: [Antenna; 2],
     /// Time of the transmitter's sweep after the pulse's.
     after_s: f64,
     /// What takes off the phase and the level that they add.
@@ -54,13 +54,29 @@ impl Channel {
 }
 
 impl Antennas {
+    /// What the user has to know of the track.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.track.warnings
+    }
+
     /// Where those of a channel are.
     pub(super) fn at_m(&self, channel: usize, time_s: f64) -> [DVec3; 2] {
         let pose = self.track.body.pose(time_s);
         let receiver = self.track.receiver.as_ref();
         let receiver = receiver.map_or(pose, |body| body.pose(time_s));
-        let [transmitter_m, receiver_m] = self.channels[channel].offsets_m;
+        let [transmitter_m, receiver_m] =
+            (self.channels[channel].antennas.each_ref()).map(|antenna| antenna.offset_m);
         [pose.point_m(transmitter_m), receiver.point_m(receiver_m)]
+    }
+
+    /// Attitudes of the bodies that carry transmitter and receiver.
+    pub(super) fn attitudes(&self, time_s: f64) -> [DQuat; 2] {
+        let attitude = self.track.body.pose(time_s).attitude;
+        let receiver = self.track.receiver.as_ref();
+        [
+            attitude,
+            receiver.map_or(attitude, |body| body.pose(time_s).attitude),
+        ]
     }
 }
 
@@ -292,7 +308,7 @@ fn channels(
         names: [transmitter.name.clone(), receiver.name.clone()],
         transmitter: transmitter.number,
         receiver: receiver.number,
-        offsets_m: [transmitter.offset_m, receiver.offset_m],
+        antennas: [transmitter.antenna.clone(), receiver.antenna.clone()],
         after_s: interval_s * transmitter.number as f64,
         calibration: narrow(transmitter.calibration * receiver.calibration),
     };
@@ -307,7 +323,7 @@ struct Used {
     /// Among all of its kind, from 0.
     number: usize,
     name: String,
-    offset_m: DVec3,
+    antenna: Antenna,
     calibration: Complex64,
 }
 
@@ -344,7 +360,7 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
                 true => antennas[section].name.clone(),
                 false => format!("{letter}{}", number + 1),
             },
-            offset_m: antennas[section].offset_m,
+            antenna: antennas[section].clone(),
             calibration: cis(-phase_rad) * libm::pow(10.0, -level_db / 20.0),
         }
     };

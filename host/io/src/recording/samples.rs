@@ -1,9 +1,10 @@
 //! The samples of all pulses, from any format, pulse-major.
 //!
-//! `dca1000` is what a TI DCA1000 records of an xWR14xx, xWR16xx or xWR18xx over two LVDS lanes: int16, little-endian, two
-//! I then two Q; of every sweep the samples of one receiver after those of the other.
+//! `dca1000` is what a TI DCA1000 and most other capture programs record: int16, little-endian; of every sweep the samples of one receiver after those of
+//! the other. Their order ([`Order`]) is two I then two Q over two LVDS lanes (xWR16xx, xWR18xx), or I and Q in turn, or real numbers.
+//!
+//! Real samples of de-chirped sweeps are made complex: [`super::analytic`].
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,9 +12,12 @@ use std::sync::Arc;
 use num_complex::Complex32;
 
 use super::arrays::Source;
-use crate::npy::{Array, Values as Numbers};
+use super::phase::SignStated;
+use crate::input::open_file;
+use crate::npy::{Array, Range, Values as Numbers};
 use subaperture_describe::error::{ALLOW_MORE_MEMORY, Found};
 use subaperture_describe::values::Values;
+use subaperture_model::phase_history::PhaseSign;
 
 /// Samples as recorded: a row for every receiver of every sweep.
 pub(super) struct Samples {
@@ -25,8 +29,8 @@ pub(super) struct Samples {
     /// Values from sample to sample, and from row to row.
     sample_stride: usize,
     row_stride: usize,
-    /// Whether the sign of the phase is turned.
-    conjugate: bool,
+    /// The sign of the phase, if it is stated.
+    phase: Option<PhaseSign>,
     /// Whether they are real numbers.
     pub(super) real: bool,
 }
@@ -43,6 +47,15 @@ pub(super) struct Rows {
 }
 
 impl Samples {
+    /// What the description says of the sign of the phase.
+    pub(super) fn sign(&self) -> SignStated {
+        match (self.real, self.phase) {
+            (true, _) => SignStated::Real,
+            (false, Some(sign)) => SignStated::Stated(sign),
+            (false, None) => SignStated::Unstated,
+        }
+    }
+
     /// The mean of the rows of each pulse, one pulse after another.
     pub(super) fn of(&self, pulses: impl ExactSizeIterator<Item = Rows>) -> Vec<Complex32> {
         let mut samples = vec![Complex32::ZERO; pulses.len() * self.num_samples];
@@ -57,6 +70,17 @@ impl Samples {
         samples
     }
 
+    /// What real values are like as float32. (Of complex ones the reader has seen to it.)
+    fn range(&self) -> Range {
+        let mut range = Range::default();
+        for (array, _) in &self.pieces {
+            if let Numbers::Real(values) = &array.values {
+                values.iter().for_each(|value| range.take(&[*value]));
+            }
+        }
+        range
+    }
+
     fn add(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
         let piece = self.pieces.partition_point(|(_, before)| *before <= sweep) - 1;
         let (array, before) = &self.pieces[piece];
@@ -65,7 +89,7 @@ impl Samples {
         for (z, i) in row.iter_mut().zip(places) {
             *z += match &array.values {
                 Numbers::Real(values) => Complex32::new(values[i] as f32, 0.0),
-                Numbers::Complex(values) if self.conjugate => values[i].conj(),
+                Numbers::Complex(values) if self.phase == Some(PhaseSign::Plus) => values[i].conj(),
                 Numbers::Complex(values) => values[i],
             };
         }
@@ -75,17 +99,26 @@ impl Samples {
 /// Reads the samples that `[recording]` names.
 pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Found> {
     let recording = source.recording;
-    let conjugate = recording.text("phase") == "plus";
+    let phase = recording.optional_text("phase").map(|phase| match phase {
+        "plus" => PhaseSign::Plus,
+        _ => PhaseSign::Minus,
+    });
     let samples = match recording.text("format") {
-        "dca1000" => dca1000(source, conjugate)?,
-        _ => array(source, conjugate)?,
+        "dca1000" => dca1000(source, phase)?,
+        _ => array(source, phase)?,
     };
     let kind = top.section("radar").text("kind");
-    if samples.real && kind != "profiles" {
+    if samples.real && kind != "profiles" && kind != "fmcw" {
         return Err(recording.fault(
             "file",
-            format!("its samples are real, and of kind = \"{kind}\" they are complex"),
+            format!(
+                "its samples are real, and of kind = \"{kind}\" they are complex: save both parts, I + j Q. (Real samples are read of kind = \"profiles\" \
+                 and of kind = \"fmcw\", whose beats have one sign.)"
+            ),
         ));
+    }
+    if let Some(what) = samples.range().fault() {
+        return Err(recording.fault("file", what));
     }
     if samples.num_sweeps == 0 || samples.num_samples < 2 {
         return Err(recording.fault(
@@ -145,7 +178,7 @@ fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(us
     }
 }
 
-fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
+fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Found> {
     let recording = source.recording;
     let receivers = recording.count("receivers") as usize;
     let turned = recording.text("layout") == "samples-pulses";
@@ -216,23 +249,27 @@ fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
         num_samples,
         sample_stride: strides.0,
         row_stride: strides.1,
-        conjugate,
+        phase,
         real,
     })
 }
 
-fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
+fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Found> {
     let recording = source.recording;
     let samples = recording.count("samples") as usize;
     let receivers = recording.count("receivers") as usize;
     let sweep = samples * receivers;
+    let order = Order::of(recording);
     let mut pieces = Vec::new();
     for path in source.files()? {
         let fault = |what: String| recording.fault("file", what);
-        let read = |name: &(_, _), left| lanes(Path::new(&name.0), left);
-        let array = source
-            .arrays
-            .hold((path.clone(), None), source.memory_bytes, read);
+        let read = |name: &(_, _), left| lanes(Path::new(&name.0), order, left);
+        // One file in two orders is two arrays.
+        let name = (
+            path.clone(),
+            recording.optional_text("order").map(str::to_owned),
+        );
+        let array = source.arrays.hold(name, source.memory_bytes, read);
         let array = array.map_err(fault)?;
         let held = array.shape[0];
         if !held.is_multiple_of(sweep) {
@@ -257,8 +294,8 @@ fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
         num_samples: samples,
         sample_stride: 1,
         row_stride: samples,
-        conjugate,
-        real: false,
+        phase,
+        real: order == Order::Real,
     })
 }
 
@@ -287,28 +324,98 @@ fn others(held: usize, samples: usize, receivers: usize) -> String {
     words
 }
 
-/// All samples of a file of two I, two Q.
-fn lanes(path: &Path, memory_bytes: u64) -> Result<Array, String> {
+/// Whether the recording has an order of I and Q that its description leaves out.
+pub(super) fn order_is_unstated(recording: &Values) -> bool {
+    recording.text("format") == "dca1000" && recording.optional_text("order").is_none()
+}
+
+/// The order of a file's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    /// Two I, two Q.
+    Pairs,
+    /// I and Q in turn.
+    Turns,
+    /// Real numbers.
+    Real,
+}
+
+impl Order {
+    fn of(recording: &Values) -> Self {
+        match recording.optional_text("order") {
+            Some("iqiq") => Self::Turns,
+            Some("real") => Self::Real,
+            _ => Self::Pairs,
+        }
+    }
+
+    /// Bytes that are whole samples.
+    fn unit_bytes(self) -> u64 {
+        match self {
+            Self::Pairs => 8,
+            Self::Turns => 4,
+            Self::Real => 2,
+        }
+    }
+
+    /// Bytes that are held, of one of the file and with it.
+    fn held(self) -> u64 {
+        match self {
+            Self::Pairs | Self::Turns => 3,
+            Self::Real => 5,
+        }
+    }
+}
+
+/// All samples of a file of int16.
+fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> {
     let named = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
-    let mut file = File::open(path).map_err(named)?;
+    let file = open_file(path).map_err(named)?;
     let length = file.metadata().map_err(named)?.len();
-    if length == 0 || !length.is_multiple_of(8) {
+    let unit = order.unit_bytes();
+    if length == 0 || !length.is_multiple_of(unit) {
+        let what = match order {
+            Order::Pairs => "pairs of complex samples",
+            Order::Turns => "complex samples",
+            Order::Real => "real samples",
+        };
         return Err(format!(
-            "{}: {length} bytes are no pairs of complex samples, 8 bytes each",
+            "{}: {length} bytes are no {what}, {unit} bytes each",
             path.display()
         ));
     }
-    // Samples take twice the bytes of the file, which is held beside them.
-    if length.saturating_mul(3) > memory_bytes {
+    // Samples take twice or four times the bytes of the file, which is held beside them.
+    let needed = length.saturating_mul(order.held());
+    if needed > memory_bytes {
         return Err(format!(
             "{}: {} bytes of memory are needed and {memory_bytes} are left: {ALLOW_MORE_MEMORY}",
             path.display(),
-            length.saturating_mul(3)
+            needed
         ));
     }
     let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(named)?;
+    file.take(length).read_to_end(&mut bytes).map_err(named)?;
     let number = |pair: &[u8]| f32::from(i16::from_le_bytes([pair[0], pair[1]]));
+    if order == Order::Real {
+        let samples: Vec<f64> = bytes
+            .chunks_exact(2)
+            .map(|pair| f64::from(number(pair)))
+            .collect();
+        return Ok(Array {
+            shape: vec![samples.len()],
+            values: Numbers::Real(samples),
+        });
+    }
+    if order == Order::Turns {
+        let samples: Vec<Complex32> = bytes
+            .chunks_exact(4)
+            .map(|pair| Complex32::new(number(pair), number(&pair[2..])))
+            .collect();
+        return Ok(Array {
+            shape: vec![samples.len()],
+            values: Numbers::Complex(samples),
+        });
+    }
     let samples: Vec<Complex32> = bytes
         .chunks_exact(8)
         .flat_map(|pair| {

@@ -26,7 +26,7 @@ const SAME_PATH_M: f64 = 1e-8;
 /// The description, or why there is none. Numbers are written to the last digit.
 pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<String, String> {
     let mut text = format!(
-        "name = {}\n\n[recording]\nformat = \"npy\"\nfile = \"{}\"\ntimes = \"{}\"\n\n[scene]\n",
+        "name = {}\n\n[recording]\nformat = \"npy\"\nfile = \"{}\"\ntimes = \"{}\"\nphase = \"minus\"\n\n[scene]\n",
         quoted(&collection.name),
         facts.samples,
         facts.times

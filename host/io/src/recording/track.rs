@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 
 use super::arrays::Source;
 use crate::track_axes::TrackAxes;
-use crate::{motive, recorded_track, track_csv};
+use crate::{marker_swaps, motive, recorded_track, track_csv};
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
 use subaperture_model::geometry::SceneFrame;
@@ -30,6 +30,8 @@ pub(super) struct Track {
     pub(super) span_s: Option<(f64, f64)>,
     /// Stretches within, in which it is not known.
     pub(super) gaps_s: Vec<(f64, f64)>,
+    /// What the user has to know of it, a sentence each.
+    pub(super) warnings: Vec<String>,
 }
 
 impl Track {
@@ -66,6 +68,7 @@ pub(super) fn build(
         receiver: track.receiver.map(kept),
         span_s: track.span_s,
         gaps_s: track.gaps_s,
+        warnings: track.warnings,
     })
 }
 
@@ -92,6 +95,7 @@ fn way(
     times_s: (f64, f64),
     count: usize,
 ) -> Result<Track, Found> {
+    let mut warnings = Vec::new();
     let fixes = match values.text("kind") {
         "arrays" => arrays(values, source, "positions")?,
         "csv" => {
@@ -107,8 +111,13 @@ fn way(
         }
         "motive" => {
             let path = source.folder.join(values.text("file"));
-            motive::read(&path, values.optional_text("body"), axes(values)?)
-                .map_err(|error| values.fault("file", error.to_string()))?
+            let fixes = motive::read(&path, values.optional_text("body"), axes(values)?)
+                .map_err(|error| values.fault("file", error.to_string()))?;
+            let named = |what: String| format!("{}: {what}", path.display());
+            let (fixes, swapped) =
+                marker_swaps::without(fixes).map_err(|what| values.fault("file", named(what)))?;
+            warnings.extend(swapped.map(|swapped| named(swapped.to_string())));
+            fixes
         }
         kind => {
             let body: Arc<dyn Trajectory> = match kind {
@@ -125,6 +134,7 @@ fn way(
                 receiver: None,
                 span_s: None,
                 gaps_s: Vec::new(),
+                warnings: Vec::new(),
             });
         }
     };
@@ -132,7 +142,11 @@ fn way(
         "arrays" => "times",
         _ => "file",
     };
-    let track = SampledTrack::new(&fixes).map_err(|error| values.fault(key, error.to_string()))?;
+    let track = match values.text("kind") {
+        "motive" => SampledTrack::with_gaps(&fixes, LONGEST_GAP_S),
+        _ => SampledTrack::new(&fixes),
+    };
+    let track = track.map_err(|error| values.fault(key, error.to_string()))?;
     let receiver: Option<Arc<dyn Trajectory>> = match values.optional_text("receiver_positions") {
         Some(_) => {
             let fixes = arrays(values, source, "receiver_positions")?;
@@ -154,6 +168,7 @@ fn way(
             "motive" => gaps(&fixes),
             _ => Vec::new(),
         },
+        warnings,
     })
 }
 

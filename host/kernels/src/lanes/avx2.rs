@@ -1,22 +1,22 @@
-//! AVX2 and FMA on x86-64: 8 numbers in a register, 16 registers, values looked up in one of them at a time.
+//! AVX2 and FMA on x86-64: 8 lanes, 16 registers, table lookup in one register at a time.
 
 use std::arch::x86_64::*;
 
 use super::{Kernel, Lanes};
 
-/// Proof that both are there.
+/// Proof that the processor has AVX2 and FMA.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// If this processor has them.
+    /// `None` if this processor lacks them.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         let there = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         there.then_some(Self(()))
     }
 
-    /// Does `kernel`, compiled for these instructions.
+    /// Run `kernel`, compiled for these instructions.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[target_feature(enable = "avx2,fma")]
@@ -29,11 +29,11 @@ impl Avx2 {
 }
 
 impl Avx2 {
-    /// Of 16 values those that the lowest 4 bits of `at` count to.
+    /// Look up 16 values by the lowest 4 bits of `at`.
     #[inline(always)]
     fn of_16(self, [low, high]: [__m256; 2], at: __m256i) -> __m256 {
-        // SAFETY: `self` exists only where the processor has AVX2; the permutation takes the lowest 3 bits of an index, the blend
-        // what bit 3 was.
+        // SAFETY: `self` exists only where the processor has AVX2; the permutation uses the lowest 3 bits of an index, the blend
+        // bit 3.
         unsafe {
             let low = _mm256_permutevar8x32_ps(low, at);
             let high = _mm256_permutevar8x32_ps(high, at);
@@ -43,8 +43,8 @@ impl Avx2 {
     }
 }
 
-// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
-// is asserted.
+// SAFETY of each block below: `self` exists only where the processor has these instructions; reads and writes have the asserted
+// length.
 impl Lanes for Avx2 {
     type Numbers = __m256;
     type Narrow = [__m256; 2];
@@ -103,7 +103,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn unzip(self, a: __m256, b: __m256) -> [__m256; 2] {
-        // SAFETY: as above. Within halves of a register first: their middle quarters then change places.
+        // SAFETY: as above. Within register halves first; then the middle quarters are swapped.
         unsafe {
             let even = _mm256_castps_pd(_mm256_shuffle_ps::<0b10_00_10_00>(a, b));
             let odd = _mm256_castps_pd(_mm256_shuffle_ps::<0b11_01_11_01>(a, b));

@@ -1,15 +1,15 @@
-//! AVX-512 on x86-64: 16 numbers in a register, 32 registers, and values looked up in one of them or two.
+//! AVX-512 on x86-64: 16 lanes, 32 registers, table lookup in one or two registers.
 
 use std::arch::x86_64::*;
 
 use super::{Kernel, Lanes};
 
-/// Proof that F, BW, DQ and VL are there.
+/// Proof that the processor has AVX-512 F, BW, DQ and VL.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512(());
 
 impl Avx512 {
-    /// If this processor has them.
+    /// `None` if this processor lacks them.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         let there = is_x86_feature_detected!("avx512f")
@@ -21,7 +21,7 @@ impl Avx512 {
         there.then_some(Self(()))
     }
 
-    /// Does `kernel`, compiled for these instructions.
+    /// Run `kernel`, compiled for these instructions.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
@@ -33,8 +33,8 @@ impl Avx512 {
     }
 }
 
-// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
-// is asserted.
+// SAFETY of each block below: `self` exists only where the processor has these instructions; reads and writes have the asserted
+// length.
 impl Lanes for Avx512 {
     type Numbers = __m512;
     type Narrow = __m512;
@@ -122,7 +122,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn short(self, values: &[f32; 8]) -> __m512 {
-        // SAFETY: as above; 8 numbers are there. Twice, so that it does not matter what bit 3 of an index is.
+        // SAFETY: as above; 8 numbers are there. Loaded twice, so that bit 3 of an index has no effect.
         unsafe { _mm512_broadcast_f32x8(_mm256_loadu_ps(values.as_ptr())) }
     }
     #[inline(always)]

@@ -1,11 +1,11 @@
-//! Some float32 numbers at once, in the instructions that a processor has.
+//! SIMD lanes: portable vector operations on float32 with run-time selection of the instruction set.
 //!
-//! A kernel is written once, over `Lanes`, and compiled for each: with every operation rounded once, as IEEE 754 says, and
-//! products added without rounding between (`Lanes::mul_add`), its result is the same bits in all of them. `Portable` is plain
-//! Rust and the oracle of the others.
+//! A kernel is written once, over `Lanes`, and compiled for each instruction set. Every operation is rounded once (IEEE 754), and
+//! multiply-adds are fused (`Lanes::mul_add`), so that results are bit-identical in all of them. `Portable` is plain
+//! Rust and the test oracle of the others.
 //!
-//! What a processor has is asked once, at run time ([`Instructions::best`]); a value of a type in here that needs more than the
-//! least is made nowhere else, and so is itself the proof that its instructions are there.
+//! The processor is queried once, at run time ([`Instructions::best`]). A value of a lane type is created only
+//! by that query, so that it proves that its instructions are available.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -25,33 +25,33 @@ pub(crate) use avx512::Avx512;
 pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
 
-/// Numbers that kernels work on together, whatever the instructions: a multiple of what any of them takes.
+/// Group size of kernels: a multiple of the lane count of every instruction set.
 pub const GROUP: usize = 16;
 
-/// `COUNT` float32 numbers at once.
+/// Vector operations on `COUNT` float32 lanes.
 pub(crate) trait Lanes: Copy {
-    /// Such numbers.
+    /// Vector of `COUNT` numbers.
     type Numbers: Copy;
-    /// 16 values that are looked up, in registers if there are so many.
+    /// Lookup table of 16 values, in registers where possible.
     type Narrow: Copy;
-    /// 32 of them.
+    /// Lookup table of 32 values.
     type Wide: Copy;
-    /// 8 of them.
+    /// Lookup table of 8 values.
     type Short: Copy;
-    /// 4 of them.
+    /// Lookup table of 4 values.
     type Quarter: Copy;
-    /// How many: a divisor of [`GROUP`].
+    /// Number of lanes, a divisor of [`GROUP`].
     const COUNT: usize;
-    /// Whether values are looked up in registers.
+    /// Whether tables are in registers.
     const LOOKS_UP: bool = true;
-    /// Whether 4 or 8 values for the lanes of one register are looked up with less work than 16 for all of a [`GROUP`].
+    /// Whether lookup in 4 or 8 values per register is cheaper than in 16 for a whole [`GROUP`].
     const LIKES_SHORT: bool = false;
 
-    /// The same number in all lanes.
+    /// Broadcast a number to all lanes.
     fn splat(self, x: f32) -> Self::Numbers;
-    /// The first `COUNT` of `from`.
+    /// Load the first `COUNT` numbers of `from`.
     fn load(self, from: &[f32]) -> Self::Numbers;
-    /// Into the first `COUNT` of `to`.
+    /// Store to the first `COUNT` numbers of `to`.
     fn store(self, x: Self::Numbers, to: &mut [f32]);
     fn add(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
     fn sub(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
@@ -62,45 +62,45 @@ pub(crate) trait Lanes: Copy {
     fn mul_sub(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
     /// `c - a b`, rounded once.
     fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
-    /// The numbers at even places of `a` and then `b`, and those at odd places.
+    /// Deinterleave: even elements of `a` then `b`, and odd elements.
     fn unzip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2];
-    /// 16 values, ready to be looked up.
+    /// Load a table of 16 values.
     fn narrow(self, values: &[f32; 16]) -> Self::Narrow;
-    /// Of 16 values those that the lowest 4 bits of each lane's pattern count to.
+    /// Look up 16 values by the lowest 4 bits of each lane.
     fn of_narrow(self, values: Self::Narrow, at: Self::Numbers) -> Self::Numbers;
-    /// 32 values, ready to be looked up.
+    /// Load a table of 32 values.
     fn wide(self, values: &[f32; 32]) -> Self::Wide;
-    /// Of 32 values those that the lowest 5 bits of each lane's pattern count to.
+    /// Look up 32 values by the lowest 5 bits of each lane.
     fn of_wide(self, values: Self::Wide, at: Self::Numbers) -> Self::Numbers;
-    /// 8 values, ready to be looked up.
+    /// Load a table of 8 values.
     fn short(self, values: &[f32; 8]) -> Self::Short;
-    /// Of 8 values those that the lowest 3 bits of each lane's pattern count to.
+    /// Look up 8 values by the lowest 3 bits of each lane.
     fn of_short(self, values: Self::Short, at: Self::Numbers) -> Self::Numbers;
-    /// 4 values, ready to be looked up.
+    /// Load a table of 4 values.
     fn quarter(self, values: &[f32; 4]) -> Self::Quarter;
-    /// Of 4 values those that the lowest 2 bits of each lane's pattern count to.
+    /// Look up 4 values by the lowest 2 bits of each lane.
     fn of_quarter(self, values: Self::Quarter, at: Self::Numbers) -> Self::Numbers;
 }
 
-/// A set of instructions that kernels are compiled for.
+/// Instruction set of compiled kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Instructions {
-    /// Those that every processor has.
+    /// Baseline instructions of the target.
     Portable,
-    /// AVX2 and FMA, 8 numbers at once.
+    /// AVX2 and FMA, 8 lanes.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// AVX-512 (F, BW, DQ and VL), 16 numbers at once.
+    /// AVX-512 (F, BW, DQ and VL), 16 lanes.
     #[cfg(target_arch = "x86_64")]
     Avx512,
-    /// NEON, 4 numbers at once.
+    /// NEON, 4 lanes.
     #[cfg(target_arch = "aarch64")]
     Neon,
 }
 
 impl Instructions {
-    /// All that this processor has, [`Self::Portable`] first and the fastest last.
+    /// Instruction sets of this processor, [`Self::Portable`] first, the fastest last.
     pub fn available() -> Vec<Self> {
         let mut all = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
@@ -113,7 +113,7 @@ impl Instructions {
         all
     }
 
-    /// The fastest that this processor has.
+    /// Fastest instruction set of this processor.
     pub fn best() -> Self {
         #[cfg(target_arch = "x86_64")]
         if Avx512::new().is_some() {
@@ -128,7 +128,7 @@ impl Instructions {
         Self::Portable
     }
 
-    /// The name used in records.
+    /// Name in records.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Portable => "portable",
@@ -142,16 +142,16 @@ impl Instructions {
     }
 }
 
-/// Work that is written over [`Lanes`] and done in any of them.
+/// Computation written over [`Lanes`].
 pub(crate) trait Kernel {
-    /// What comes of it.
+    /// Result type.
     type Output;
-    /// Does it. To be marked `#[inline(always)]`, as all that it calls: only then is it compiled in the instructions of the lanes.
+    /// Run the kernel. Must be `#[inline(always)]`, as everything it calls, to be compiled for the lanes' instructions.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
 impl Instructions {
-    /// Does `kernel` in these instructions; portably, where this processor has not got them.
+    /// Run `kernel` in these instructions, or portably where this processor lacks them.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Self::Portable => kernel.run(Portable),

@@ -1,21 +1,21 @@
-//! NEON on aarch64: 4 numbers in a register, values looked up in four of them byte by byte.
+//! NEON on aarch64: 4 lanes, byte-wise table lookup in up to four registers.
 
 use std::arch::aarch64::*;
 
 use super::{Kernel, Lanes};
 
-/// Proof that it is there.
+/// Proof that the processor has NEON.
 #[derive(Clone, Copy)]
 pub(crate) struct Neon(());
 
 impl Neon {
-    /// If this processor has it.
+    /// `None` if this processor lacks it.
     #[inline]
     pub(crate) fn new() -> Option<Self> {
         std::arch::is_aarch64_feature_detected!("neon").then_some(Self(()))
     }
 
-    /// Does `kernel`, compiled for these instructions.
+    /// Run `kernel`, compiled for these instructions.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[target_feature(enable = "neon")]
@@ -28,11 +28,11 @@ impl Neon {
 }
 
 impl Neon {
-    /// The places, byte by byte, of the numbers that the bits of `at` under `mask` count to.
+    /// Byte indices of the numbers selected by the bits of `at` under `mask`.
     #[inline(always)]
     fn bytes(self, at: float32x4_t, mask: u32) -> uint8x16_t {
-        // SAFETY: `self` exists only where the processor has NEON. A number `i` stands in bytes `4 i` to `4 i + 3`: those of `4 i` four
-        // times, and 0 to 3.
+        // SAFETY: `self` exists only where the processor has NEON. Number `i` occupies bytes `4 i` to `4 i + 3`: four times `4 i`,
+        // plus 0 to 3.
         unsafe {
             let index = vandq_u32(vreinterpretq_u32_f32(at), vdupq_n_u32(mask));
             let first = vmulq_n_u32(index, 0x0404_0404);
@@ -40,7 +40,7 @@ impl Neon {
         }
     }
 
-    /// 16 numbers as bytes.
+    /// Table of 16 numbers as bytes.
     #[inline(always)]
     fn table(self, values: &[f32; 16]) -> uint8x16x4_t {
         // SAFETY: `self` exists only where the processor has NEON; 64 bytes are 16 numbers.
@@ -48,8 +48,8 @@ impl Neon {
     }
 }
 
-// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
-// is asserted.
+// SAFETY of each block below: `self` exists only where the processor has these instructions; reads and writes have the asserted
+// length.
 impl Lanes for Neon {
     type Numbers = float32x4_t;
     type Narrow = uint8x16x4_t;
@@ -129,8 +129,8 @@ impl Lanes for Neon {
     #[inline(always)]
     fn of_wide(self, [low, high]: [uint8x16x4_t; 2], at: float32x4_t) -> float32x4_t {
         let at = self.bytes(at, 31);
-        // SAFETY: as above. Places beyond 63 are none of the lower half, which gives 0
-        // there, and those below 64, less 64, are none of the upper, which leaves what was there.
+        // SAFETY: as above. Indices above 63 are outside the lower half, whose lookup gives 0
+        // there; indices below 64, minus 64, are outside the upper half, whose lookup keeps the previous value.
         unsafe {
             let values = vqtbl4q_u8(low, at);
             let at = vsubq_u8(at, vdupq_n_u8(64));

@@ -1,10 +1,10 @@
-//! Plain Rust: what the others are held to.
+//! Portable lanes in plain Rust, the test oracle of the others.
 
 use super::Lanes;
 
 const COUNT: usize = 4;
 
-/// Instructions that every processor has.
+/// Baseline instructions.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 

@@ -1,11 +1,11 @@
-//! Each operation alone, in all instructions that there are, against plain arithmetic on one number: on numbers of every kind, from
-//! and to any place in memory.
+//! Each operation in all available instruction sets against scalar arithmetic, on numbers of every kind and at any
+//! memory alignment.
 
 use std::panic::catch_unwind;
 
 use super::*;
 
-/// Of every kind: zeros, the ends of what is denormal and of what is finite, whole numbers whose patterns count places, none at all.
+/// Special values: zeros, limits of denormal and finite numbers, integers whose bit patterns are indices, infinities, NaN.
 const SPECIAL: [f32; 22] = [
     0.0,
     -0.0,
@@ -31,15 +31,15 @@ const SPECIAL: [f32; 22] = [
     f32::NAN,
 ];
 
-/// Numbers of every kind and patterns of any, so that those of three slices meet in many ways.
+/// Special values and random bit patterns, in many combinations over three slices.
 fn numbers(seed: u32) -> Vec<f32> {
     let mut state = seed;
     let mut bits = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        // The lowest bits of such a generator are worth little.
+        // The lowest bits of this generator are weak.
         (state >> 8) ^ state.rotate_left(13)
     };
-    // Miri takes a thousand times as long.
+    // Miri is a thousand times slower.
     let count = if cfg!(miri) { 320 } else { 4096 };
     (0..count)
         .map(|_| match bits() % 3 {
@@ -50,7 +50,7 @@ fn numbers(seed: u32) -> Vec<f32> {
         .collect()
 }
 
-/// The same number; which of those that are none is not laid down.
+/// Equal bits, or both NaN (NaN payloads are unspecified).
 fn same(a: f32, b: f32) -> bool {
     a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()
 }
@@ -75,7 +75,7 @@ impl Operation {
         Self::NegMulAdd,
     ];
 
-    /// On one number each, rounded once.
+    /// Scalar result, rounded once.
     fn of(self, a: f32, b: f32, c: f32) -> f32 {
         // Exact in float64.
         let product = f64::from(a) * f64::from(b);
@@ -90,12 +90,12 @@ impl Operation {
     }
 }
 
-/// `a + b`, rounded once: float64 with its last bit set wherever something was left out (rounding to odd) rounds to float32 as the exact
-/// sum does, for it has more than two bits to spare.
+/// `a + b` rounded once: float64 rounded to odd, then to float32, equals the correctly rounded
+/// sum, because float64 has more than two extra bits.
 fn rounded_sum(a: f64, b: f32) -> f32 {
     let b = f64::from(b);
     let sum = a + b;
-    // What was left out, exactly (Knuth's two-sum).
+    // Exact rounding error (Knuth's two-sum).
     let of_b = sum - a;
     let left_out = (a - (sum - of_b)) + (b - of_b);
     if !sum.is_finite() || left_out == 0.0 || sum.to_bits() % 2 == 1 {
@@ -110,7 +110,7 @@ fn rounded_sum(a: f64, b: f32) -> f32 {
     f64::from_bits(odd) as f32
 }
 
-/// Loads, an operation, stores: from `shift` numbers after the slices' beginnings, so at any place in memory.
+/// Load, operation, store at an offset of `shift` numbers, for any alignment.
 struct Each<'a> {
     operation: Operation,
     from: [&'a [f32]; 3],
@@ -124,7 +124,7 @@ impl Kernel for Each<'_> {
     fn run<L: Lanes>(self, lanes: L) -> Vec<f32> {
         let [a, b, c] = self.from.map(|from| &from[self.shift..]);
         let count = a.len() - a.len() % L::COUNT;
-        // Nothing but what is meant is written to.
+        // Other elements must not be written.
         let mut all = vec![7.0; self.shift + count + 1];
         for i in (0..count).step_by(L::COUNT) {
             let to = &mut all[self.shift + i..self.shift + i + L::COUNT];
@@ -150,7 +150,7 @@ impl Kernel for Each<'_> {
 }
 
 #[test]
-fn arithmetic_is_that_of_one_number() {
+fn vector_arithmetic_equals_scalar_arithmetic() {
     let [a, b, c] = [1, 2, 3].map(numbers);
     for instructions in all() {
         for operation in Operation::ALL {
@@ -177,7 +177,7 @@ fn arithmetic_is_that_of_one_number() {
     }
 }
 
-/// What moves numbers and computes nothing keeps every bit, of those that are none too.
+/// Data movement, which must keep all bits, NaN payloads included.
 struct Moved<'a> {
     numbers: &'a [f32],
     values: &'a [f32; 32],
@@ -226,7 +226,7 @@ impl Kernel for Moved<'_> {
 }
 
 #[test]
-fn numbers_are_moved_bit_for_bit() {
+fn data_movement_is_bit_exact() {
     let (places, values) = (numbers(4), numbers(5));
     let values: &[f32; 32] = values[..32].try_into().unwrap();
     let at = |count: u32, from: usize| {
@@ -251,7 +251,7 @@ fn numbers_are_moved_bit_for_bit() {
     }
 }
 
-/// Reads or writes one number fewer than there are lanes.
+/// Load or store with a slice that is one number too short.
 struct TooFew {
     is_read: bool,
 }
@@ -271,7 +271,7 @@ impl Kernel for TooFew {
 }
 
 #[test]
-fn beyond_a_slice_nothing_is_read_or_written() {
+fn short_slice_panics_without_access_beyond_it() {
     for instructions in all() {
         for is_read in [true, false] {
             let done = catch_unwind(|| instructions.run(TooFew { is_read }));
@@ -280,7 +280,7 @@ fn beyond_a_slice_nothing_is_read_or_written() {
     }
 }
 
-/// All that the processor has; says what of this architecture it has not.
+/// Available instruction sets; prints those of this architecture that are missing.
 fn all() -> Vec<Instructions> {
     let available = Instructions::available();
     #[cfg(target_arch = "x86_64")]
@@ -292,7 +292,7 @@ fn all() -> Vec<Instructions> {
     for instructions in known {
         if !available.contains(&instructions) {
             println!(
-                "skipped: kernels in {}: this processor has none",
+                "skipped: kernels in {}: not available on this processor",
                 instructions.name()
             );
         }

@@ -1,28 +1,28 @@
-//! The pulses of a call, one after another, onto all groups of a tile: what is compiled for each instruction set.
+//! Inner loop of tile backprojection: all pulses of a call onto all groups of a tile, compiled for each instruction set.
 
 use std::marker::PhantomData;
 
+use super::carrier_recurrence::{CarrierRecurrence, Path};
 use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use super::rows::Run;
 use super::shape::{QUARTER_REACH, SHORT_REACH, TURNED, Window};
-use super::turning::{Path, Turning};
 use crate::lanes::{GROUP, Kernel, Lanes};
 use crate::phasor::{Polynomials, ROUND_F64};
 
-/// What is compiled for each instruction set.
+/// Tile backprojection kernel.
 pub(super) struct Add<'a> {
     pub(super) layout: &'a Pieces,
     pub(super) pulses: &'a [TilePulse],
     pub(super) pieces: &'a [f32],
     pub(super) expansions: &'a [Expansion],
     pub(super) window: Window,
-    /// How fast paths change along the groups' axes at most, bins a pixel.
+    /// Largest path gradient along the groups' axes, bins per pixel.
     pub(super) slopes: [f64; 2],
     pub(super) tile: Groups,
-    /// The runs of a column, and how many of their groups share a window.
+    /// Blocks of groups of a column; `shared` groups use one lookup window.
     pub(super) runs: &'a mut [Run],
     pub(super) shared: usize,
     pub(super) sums: &'a mut [Sums],
@@ -44,7 +44,7 @@ impl Kernel for Add<'_> {
 impl Add<'_> {
     #[inline(always)]
     fn of_window<L: Lanes, const PLANES: usize>(self, lanes: L) {
-        // Where nothing is looked up in registers a window is worth nothing.
+        // Without register lookup, windows are useless.
         let window = if L::LOOKS_UP {
             self.window
         } else {
@@ -88,16 +88,16 @@ impl Add<'_> {
         let offsets = Offsets::new(shape);
         let phasors = Polynomials::new(lanes);
         let down = tile.counts[1];
-        // Sums of a column stay in the nearest cache while all pulses are added to them.
+        // Cache blocking: the sums of a column stay in L1 while all pulses are added.
         for (column, groups) in sums.chunks_exact_mut(down).enumerate() {
             let i = tile.middle(0, column);
             let each = pulses.iter().zip(expansions);
             for ((pulse, expansion), pieces) in each.zip(pieces.chunks_exact(layout.values())) {
-                let planes: [&[f32]; MOST_PLANES] = std::array::from_fn(|p| match p < 2 * PLANES {
+                let planes: [&[f32]; MAX_PLANES] = std::array::from_fn(|p| match p < 2 * PLANES {
                     true => &pieces[p * row..(p + 1) * row],
                     false => &[],
                 });
-                // The turn in which the tile's middle lies, and where in it.
+                // Profile period of the tile's centre, and the position within it.
                 let turns = layout.turn(expansion.at);
                 let first = turns * length + layout.shift() + layout.first();
                 let kappa = pulse.cycles_a_bin;
@@ -134,44 +134,44 @@ impl Add<'_> {
     }
 }
 
-/// What the groups of a column have in common.
+/// Data common to the groups of a column.
 struct Group<L: Lanes, R: Reading, const PLANES: usize> {
     lanes: L,
-    /// The first of the lanes that are worked on.
+    /// First lane of the current part.
     part: usize,
     reading: PhantomData<R>,
 }
 
-/// Where in the windows the pixels of a group lie.
+/// Positions of a group's pixels in the lookup window.
 #[derive(Clone, Copy)]
 struct Place<L: Lanes> {
-    /// Their pieces.
+    /// Spline piece, in the low bits.
     pattern: L::Numbers,
-    /// Where within them.
+    /// Position within the piece.
     within: L::Numbers,
 }
 
 impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
-    /// Adds to a run of groups, `N` at a time: those that share windows are whole `N`, but for the column's last.
+    /// Add to a block of groups, `N` at a time. Groups that share a window come in multiples of `N`, except at the column's end.
     ///
-    /// Places are found one step ahead: while one group waits for what it has looked up, the next ones' are worked on.
+    /// Positions are computed one step ahead, to overlap with the lookup latency of the current groups.
     #[inline(always)]
     fn add_run<const N: usize>(
         &self,
-        planes: &[&[f32]; MOST_PLANES],
+        planes: &[&[f32]; MAX_PLANES],
         run: &Run,
         shared: usize,
         groups: &mut [Sums],
     ) {
         let lanes = self.lanes;
-        let mut pixels = Turning::new(lanes, &run.start, self.part);
+        let mut pixels = CarrierRecurrence::new(lanes, &run.start, self.part);
         let mut ahead = [self.place(&mut pixels, run.at[0], run.round[0]); N];
         for (n, ahead) in ahead.iter_mut().enumerate().skip(1) {
             *ahead = self.place(&mut pixels, run.at[n], run.round[n]);
         }
         for (window, groups) in groups.chunks_mut(shared).enumerate() {
             let mut row = window * shared;
-            let mut values = [R::window(lanes, planes[0], run.base[row]); MOST_PLANES];
+            let mut values = [R::window(lanes, planes[0], run.base[row]); MAX_PLANES];
             for p in 1..2 * PLANES {
                 values[p] = R::window(lanes, planes[p], run.base[row]);
             }
@@ -179,7 +179,7 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
             for step in &mut steps {
                 let here = ahead;
                 for n in 0..N {
-                    // Beyond the last, places are found that nobody looks at.
+                    // Positions beyond the last group are computed and ignored.
                     let next = (row + N + n) % TURNED;
                     ahead[n] = self.place(&mut pixels, run.at[next], run.round[next]);
                     let turned = self.turned(&mut pixels, run, row + n);
@@ -194,15 +194,15 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
         }
     }
 
-    /// The same, each group from windows of its own.
+    /// As [`Self::add_run`], with a window per part of each group.
     #[inline(always)]
-    fn add_short(&self, planes: &[&[f32]; MOST_PLANES], run: &Run, groups: &mut [Sums]) {
+    fn add_short(&self, planes: &[&[f32]; MAX_PLANES], run: &Run, groups: &mut [Sums]) {
         let lanes = self.lanes;
-        let mut pixels = Turning::new(lanes, &run.start, self.part);
+        let mut pixels = CarrierRecurrence::new(lanes, &run.start, self.part);
         for (row, sums) in groups.iter_mut().enumerate().take(TURNED) {
             let place = self.place(&mut pixels, run.at[row], run.part_round[row]);
             let base = run.part_base[row];
-            let mut values = [R::window(lanes, planes[0], base); MOST_PLANES];
+            let mut values = [R::window(lanes, planes[0], base); MAX_PLANES];
             for p in 1..2 * PLANES {
                 values[p] = R::window(lanes, planes[p], base);
             }
@@ -211,9 +211,9 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
         }
     }
 
-    /// Of the next group, whose middle's place is given, and what rounds places there.
+    /// Positions of the next group from that of its centre; `round` is the rounding constant.
     #[inline(always)]
-    fn place(&self, pixels: &mut Turning<L>, at: f32, round: f32) -> Place<L> {
+    fn place(&self, pixels: &mut CarrierRecurrence<L>, at: f32, round: f32) -> Place<L> {
         let lanes = self.lanes;
         let (t, round) = (pixels.place(lanes, at), lanes.splat(round));
         let pattern = lanes.add(t, round);
@@ -223,9 +223,9 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
         }
     }
 
-    /// The carrier at the pixels of a group.
+    /// Carrier phasor at a group's pixels.
     #[inline(always)]
-    fn turned(&self, pixels: &mut Turning<L>, run: &Run, row: usize) -> [L::Numbers; 2] {
+    fn turned(&self, pixels: &mut CarrierRecurrence<L>, run: &Run, row: usize) -> [L::Numbers; 2] {
         let [cos, sin] = &run.turned;
         pixels.turned(self.lanes, [cos[row], sin[row]])
     }
@@ -235,7 +235,7 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
         &self,
         sums: &mut Sums,
         place: &Place<L>,
-        values: &[R::Values<'_, L>; MOST_PLANES],
+        values: &[R::Values<'_, L>; MAX_PLANES],
         [cos, sin]: [L::Numbers; 2],
     ) {
         let Self { lanes, part, .. } = *self;
@@ -256,19 +256,19 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
     }
 }
 
-/// How values are read from a plane.
+/// Lookup method of spline pieces.
 trait Reading {
-    /// The window's middle, from its first piece.
+    /// Offset of the window's centre from its first piece.
     const MIDDLE: u32;
-    /// Whether each part of a group that is worked on at once has a window of its own.
+    /// Whether each part of a group has its own window.
     const SHORT: bool = false;
-    /// A window, ready to be looked up.
+    /// Window loaded for lookup.
     type Values<'a, L: Lanes>: Copy;
     fn window<'a, L: Lanes>(lanes: L, plane: &'a [f32], base: u32) -> Self::Values<'a, L>;
     fn look_up<L: Lanes>(lanes: L, values: Self::Values<'_, L>, pattern: L::Numbers) -> L::Numbers;
 }
 
-/// The pieces of a window.
+/// Pieces of a window.
 #[inline(always)]
 fn pieces<const N: usize>(plane: &[f32], base: u32) -> &[f32; N] {
     let base = base as usize;
@@ -345,7 +345,7 @@ impl Reading for Wide {
 
 impl Reading for Any {
     const MIDDLE: u32 = 1 << 20;
-    /// A plane and where places are counted from.
+    /// Plane and base index.
     type Values<'a, L: Lanes> = (&'a [f32], u32);
 
     #[inline(always)]
@@ -363,7 +363,7 @@ impl Reading for Any {
         lanes.store(pattern, &mut places);
         let mut values = [0.0f32; GROUP];
         for (value, place) in values[..L::COUNT].iter_mut().zip(places) {
-            // The base is less than the place by the middle, modulo 2^32.
+            // The base is the position minus the centre, modulo 2^32.
             let at = base.wrapping_add(place.to_bits() & 0x003F_FFFF);
             *value = plane[at as usize];
         }
@@ -371,5 +371,5 @@ impl Reading for Any {
     }
 }
 
-/// Real and imaginary parts of a spline's pieces, of the highest degree.
-const MOST_PLANES: usize = 8;
+/// Largest number of planes: real and imaginary parts of all spline coefficients.
+const MAX_PLANES: usize = 8;

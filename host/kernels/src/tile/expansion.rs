@@ -1,4 +1,4 @@
-//! Paths from a pulse's antennas to the pixels of a tile: a polynomial of third degree.
+//! Third-degree Taylor expansion of paths from a pulse's antennas to the pixels of a tile.
 //!
 //! With `D` from an antenna to the tile's centre, `R = |D|`, and a pixel at `u` from the centre, `s = D.u / R`, `w = |u|^2 - s^2`:
 //!
@@ -6,36 +6,36 @@
 //! |D + u| = R + s + w / (2 R) - s w / (2 R^2) + ...,   u = i (step along a row) + j (step from row to row)
 //! ```
 //!
-//! The series is that of Gegenbauer's polynomials of order -1/2: its term of degree `n` is `R x^n C_n`, `x = |u| / R`, with `|C_4| <=
-//! 1/8` and `|C_n| <= 2 / (2 n - 1)`. So what the polynomial leaves is at most `R (x^4 / 8 + (2/9) x^5 / (1 - x))`
-//! ([`left_out_m`]); over the pixels of a square, whose corners are at `x`, the root of the mean of the first term's square is 0.23 of
+//! This is the series of Gegenbauer polynomials of order -1/2: its term of degree `n` is `R x^n C_n`, `x = |u| / R`, with `|C_4| <=
+//! 1/8` and `|C_n| <= 2 / (2 n - 1)`. The truncation error is at most `R (x^4 / 8 + (2/9) x^5 / (1 - x))`
+//! ([`left_out_m`]); the RMS of its first term over a square with corners at `x` is 0.23 of
 //! that.
 
 use crate::lanes::GROUP;
 use crate::paths::Antennas;
 
-/// Pixels on a parallelogram, evenly: where those of a tile lie.
+/// Pixel raster of a tile: regular on a parallelogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raster {
-    /// The point halfway between the first pixel and the last, metres.
+    /// Midpoint of the first and last pixel, metres.
     pub centre_m: [f64; 3],
-    /// From a pixel to the next of its row, metres.
+    /// Step along a row, metres.
     pub along_m: [f64; 3],
-    /// From a row to the next, metres.
+    /// Step from row to row, metres.
     pub across_m: [f64; 3],
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Pixels a row.
+    /// Pixels per row.
     pub columns: usize,
 }
 
 impl Raster {
-    /// Farthest that a pixel lies from the centre, metres.
+    /// Largest distance of a pixel from the centre, metres.
     pub fn radius_m(&self) -> f64 {
         self.farthest_m(0)
     }
 
-    /// The same with the pixels that fill up the last groups: farthest that anything is read for.
+    /// Largest distance from the centre including the padding of the last groups, metres.
     pub fn reach_m(&self) -> f64 {
         self.farthest_m(BEYOND)
     }
@@ -45,7 +45,7 @@ impl Raster {
         a.max(b)
     }
 
-    /// Two neighbouring corners from the centre; the other two are opposite.
+    /// Two adjacent corners relative to the centre; the others are opposite.
     fn corners_m(&self, beyond: usize) -> [[f64; 3]; 2] {
         let reach = |count: usize| (count.saturating_sub(1) as f64) / 2.0 + beyond as f64;
         let (i, j) = (reach(self.columns), reach(self.rows));
@@ -53,9 +53,9 @@ impl Raster {
             .map(|sign| std::array::from_fn(|d| self.along_m[d] * i + self.across_m[d] * j * sign))
     }
 
-    /// Bounds on the paths to its pixels less the datum, metres: the least and the largest.
+    /// Lower and upper bound of the paths to all pixels minus the datum, metres.
     ///
-    /// Paths are convex in the place: they lie above their tangent at the centre and below what they are at the farthest corner.
+    /// Paths are convex: above the tangent at the centre and below the value at the farthest corner.
     pub fn paths_m(&self, antennas: &Antennas) -> [f64; 2] {
         let [mut least, mut largest] = [-antennas.datum_m; 2];
         let [a, b] = self.corners_m(0);
@@ -81,11 +81,11 @@ impl Raster {
     }
 }
 
-/// Pixels by which a tile's last groups may reach beyond it.
+/// Largest padding of a tile's last groups, pixels.
 const BEYOND: usize = GROUP - 1;
 
-/// Bound on what the polynomial leaves out of one antenna's distance, metres, on a tile that reaches `radius_m` from its centre
-/// and whose centre is `distance_m` away: infinite where the antenna is no farther than the tile reaches.
+/// Bound on the truncation error of one antenna's distance, metres, for a tile of radius `radius_m` at the distance `distance_m`;
+/// infinite if the antenna is within the radius.
 pub fn left_out_m(distance_m: f64, radius_m: f64) -> f64 {
     let x = radius_m / distance_m;
     match x < 1.0 {
@@ -94,31 +94,31 @@ pub fn left_out_m(distance_m: f64, radius_m: f64) -> f64 {
     }
 }
 
-/// The polynomial's coefficients, in columns `i` and rows `j` from the centre.
+/// Coefficients of the expansion over columns `i` and rows `j` from the centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Expansion {
-    /// Distances of the antennas, metres.
+    /// Distances of transmitter and receiver, metres.
     pub(super) legs_m: [f64; 2],
-    /// At the centre.
+    /// Constant term.
     pub(super) at: f64,
-    /// Of `i` and `j`.
+    /// Coefficients of `i` and `j`.
     pub(super) first: [f64; 2],
-    /// Of `i i`, `i j` and `j j`.
+    /// Coefficients of `i i`, `i j` and `j j`.
     pub(super) second: [f64; 3],
-    /// Of `i i i`, `i i j`, `i j j` and `j j j`.
+    /// Coefficients of `i i i`, `i i j`, `i j j` and `j j j`.
     pub(super) third: [f64; 4],
 }
 
-/// The same along a column of groups: polynomials in `j`.
+/// Expansion along a column of groups: polynomials in `j`.
 #[derive(Clone, Copy)]
 pub(super) struct Column {
-    /// From the place of the tile's centre to those of groups' middles.
+    /// Position of group centres relative to the tile's centre.
     pub(super) place: [f64; 4],
-    /// Its change along a group.
+    /// Gradient along a group.
     pub(super) along: [f64; 3],
-    /// And across it; of a row of 16 half the change of the change along it.
+    /// Gradient across a group; for rows of 16, half the second derivative along it.
     pub(super) across: [f64; 3],
-    /// Of blocks, the terms of second degree within a group, which those rows have in their changes.
+    /// Second-degree terms within a block; rows of 16 have them in `across`.
     pub(super) bend: [f64; 3],
 }
 
@@ -127,7 +127,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 }
 
 impl Expansion {
-    /// Of paths less the datum, times `scale`.
+    /// Expansion of paths minus the datum, times `scale`.
     pub(super) fn new(antennas: &Antennas, raster: &Raster, scale: f64) -> Self {
         let squares = [
             dot(&raster.along_m, &raster.along_m),
@@ -150,7 +150,7 @@ impl Expansion {
         }
     }
 
-    /// The same with columns and rows in each other's place.
+    /// Exchange columns and rows.
     pub(super) fn transposed(&self) -> Self {
         let reversed = |mut values: [f64; 4]| {
             values.reverse();
@@ -165,8 +165,8 @@ impl Expansion {
         }
     }
 
-    /// Of the groups whose middles are `i` columns along; `line` is what of the cube of places along a row of 16 a straight line takes,
-    /// if they are such.
+    /// Expansion for groups with centres at column `i`. For rows of 16, `line` is the fraction of the cubic term along the row that a
+    /// straight line absorbs.
     #[inline(always)]
     pub(super) fn column(&self, i: f64, line: Option<f64>) -> Column {
         let ([c10, c01], [c20, c11, c02], [c30, c21, c12, c03]) =
@@ -195,7 +195,7 @@ impl Expansion {
         }
     }
 
-    /// Bound on how fast it changes with `i` and with `j` up to `i` and `j` from the centre.
+    /// Bound on the gradients over `i` and `j` within `i` and `j` of the centre.
     pub(super) fn steepest(&self, i: f64, j: f64) -> [f64; 2] {
         let ([a, b, c], [d, e, f, g]) = (self.second, self.third);
         let along = 2.0 * a.abs() * i + b.abs() * j + 3.0 * d.abs() * i * i;
@@ -206,7 +206,7 @@ impl Expansion {
         ]
     }
 
-    /// Largest magnitude it can have up to so many pixels from the centre along either axis.
+    /// Bound on the magnitude within `i` and `j` pixels of the centre.
     pub(super) fn bound(&self, [i, j]: [f64; 2]) -> f64 {
         let ([a, b], [c, d, e], [f, g, h, k]) = (self.first, self.second, self.third);
         let squares = c.abs() * i * i + d.abs() * i * j + e.abs() * j * j;
@@ -215,7 +215,7 @@ impl Expansion {
     }
 }
 
-/// One antenna's distance, metres, and its derivatives' coefficients.
+/// One antenna's distance, metres, and its Taylor coefficients.
 struct Leg {
     at: f64,
     first: [f64; 2],
@@ -255,7 +255,7 @@ mod tests {
     use crate::trial::Numbers;
 
     #[test]
-    fn what_the_polynomial_leaves_out_is_bounded() {
+    fn expansion_truncation_error_is_bounded() {
         let mut numbers = Numbers::new(3);
         let mut nearest = 0.0f64;
         for _ in 0..3000 {
@@ -272,7 +272,7 @@ mod tests {
                 receiver_m: at,
                 datum_m: 0.0,
             };
-            // The pixel at an end of a row of two.
+            // End pixel of a row of two.
             let raster = Raster {
                 centre_m: [0.0; 3],
                 along_m: u.map(|u| 2.0 * u * x * 100.0),

@@ -1,11 +1,11 @@
-//! A tile in groups of 16 pixels, and where these lie.
+//! Division of a tile into groups of 16 pixels.
 
 use num_complex::Complex32;
 
 use super::shape::Shape;
 use crate::lanes::{GROUP, Kernel, Lanes};
 
-/// Those of a group's pixels, in cache lines of their own.
+/// Sums of a group's pixels, aligned to cache lines.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct Sums {
@@ -20,18 +20,18 @@ impl Sums {
     };
 }
 
-/// A tile in groups of one shape, column by column of groups.
+/// Groups of a tile, by columns of groups.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Groups {
     pub(super) shape: Shape,
-    /// Pixels along the groups' first axis and their second.
+    /// Pixels along the groups' first and second axis.
     pub(super) sides: [usize; 2],
-    /// Groups along them.
+    /// Groups along both axes.
     pub(super) counts: [usize; 2],
 }
 
 impl Groups {
-    /// Of a tile of so many columns and rows.
+    /// Divide a tile of `sides` columns and rows.
     pub(super) fn new(shape: Shape, sides: [usize; 2]) -> Self {
         let sides = match shape.transposed {
             false => sides,
@@ -51,21 +51,21 @@ impl Groups {
         self.counts[0] * self.counts[1]
     }
 
-    /// From the tile's middle to that of the group at `index` of an axis, pixels.
+    /// Offset of group `index` of an axis from the tile's centre, pixels.
     #[inline(always)]
     pub(super) fn middle(&self, axis: usize, index: usize) -> f64 {
         let pixels = [self.shape.along, self.shape.across()][axis];
         (index * pixels) as f64 + (pixels as f64 - self.sides[axis] as f64) / 2.0
     }
 
-    /// Farthest from the tile's middle that a group reaches along the axes, pixels.
+    /// Largest offset of a group's pixel from the tile's centre along the axes, pixels.
     pub(super) fn extent(&self) -> [f64; 2] {
         let pixels = [self.shape.along, self.shape.across()];
         [0, 1].map(|axis| (self.counts[axis] * pixels[axis]) as f64 - self.sides[axis] as f64 / 2.0)
     }
 }
 
-/// Adds groups' sums to the pixels of their tile, row by row.
+/// Add the sums of groups to the pixels of the tile, row by row.
 pub(super) struct Deliver<'a> {
     pub(super) tile: Groups,
     pub(super) parts: &'a [Sums],
@@ -75,7 +75,7 @@ pub(super) struct Deliver<'a> {
 impl Kernel for Deliver<'_> {
     type Output = ();
 
-    /// Plain loops: what the lanes' instructions make of them.
+    /// Scalar loops, vectorised by the compiler.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { tile, parts, sums } = self;
@@ -103,13 +103,13 @@ impl Kernel for Deliver<'_> {
     }
 }
 
-/// Where the pixels of a group lie from its middle.
+/// Offsets of a group's pixels from its centre.
 pub(super) struct Offsets {
     pub(super) along: [f32; GROUP],
     pub(super) across: [f32; GROUP],
-    /// What changes across a group are times: of a row of 16 the square along it, of a block the offset across.
+    /// Factor of the gradient across a group: the squared offset along for rows of 16, the offset across for blocks.
     pub(super) second: [f32; GROUP],
-    /// What of the cube of `along` a straight line takes: in least squares.
+    /// Least-squares slope of the cube of `along`.
     pub(super) line: f64,
 }
 

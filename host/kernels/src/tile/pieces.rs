@@ -1,4 +1,4 @@
-//! A pulse's range profile as polynomials, a piece a bin.
+//! Range profile of a pulse as piecewise polynomials, one piece per bin.
 //!
 //! ```text
 //! value(t) = sum_i c[i] B(t - i),          B the cardinal B-spline of degree d, c of period L
@@ -6,10 +6,10 @@
 //! Q_k[n]   = weight P_k[n]
 //! ```
 //!
-//! Pieces run from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within a turn reads without wrapping: values repeat
-//! past the turn's ends. Of a part of the range only its pieces are made ([`Pieces::over`], [`Pieces::around`]).
+//! Pieces extend from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within the period is read without wrapping: values continue periodically
+//! past its ends. For a part of the range, only its pieces are computed ([`Pieces::over`], [`Pieces::around`]).
 //!
-//! Layout: planes of float32, `Q_0`'s real parts, its imaginary parts, `Q_1`'s, and so on.
+//! **Layout** float32 planes: real parts of `Q_0`, imaginary parts of `Q_0`, real parts of `Q_1`, and so on.
 
 use std::ops::Range;
 
@@ -18,55 +18,55 @@ use num_complex::Complex32;
 use super::expansion::Raster;
 use crate::lanes::{Instructions, Kernel, Lanes};
 
-/// Highest degree.
-pub const MOST_DEGREE: usize = 4;
-/// Taps of the highest.
-const MOST_TAPS: usize = MOST_DEGREE + 1;
-/// Pieces that are made together.
+/// Largest spline degree.
+pub const MAX_DEGREE: usize = 4;
+/// Taps of the largest degree.
+const MAX_TAPS: usize = MAX_DEGREE + 1;
+/// Pieces per block.
 const RUN: usize = 64;
 
-/// The layout of a pulse's pieces.
+/// Layout of a pulse's pieces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pieces {
     degree: usize,
     length: usize,
-    /// The bin of the first piece.
+    /// Bin of the first piece.
     first: i64,
     row: usize,
     /// Places are counted from here on, within a turn.
     from: f64,
-    /// What [`taps`] says of the degree.
-    taps: [[f32; MOST_TAPS]; MOST_TAPS],
+    /// Coefficients by [`taps`].
+    taps: [[f32; MAX_TAPS]; MAX_TAPS],
 }
 
 impl Pieces {
-    /// Of degree 1 to [`MOST_DEGREE`], of profiles of `length` bins, and `margin` pieces beyond either end.
+    /// Layout for degree 1 to [`MAX_DEGREE`], profiles of `length` bins, and `margin` pieces beyond either end.
     ///
     /// # Panics
-    /// If there are no such.
+    /// If degree, length or margin is not valid.
     pub fn new(degree: usize, length: usize, margin: usize) -> Self {
         let first = -((length / 2 + margin) as i64);
         let from = -(length.div_ceil(2) as f64);
         Self::part(degree, length, first, length + 2 * margin, from)
     }
 
-    /// Only those up to `reach` bins, [`Self::margin_for`] it, from a tile at whose centre all paths are 0.
+    /// Layout of the pieces within `reach` bins ([`Self::margin_for`]) of a tile at whose centre all paths are 0.
     ///
     /// # Panics
-    /// If there are no such.
+    /// If degree, length or reach is not valid.
     pub fn around(degree: usize, length: usize, reach: usize) -> Self {
         let from = -(length.div_ceil(2) as f64);
         Self::part(degree, length, -(reach as i64), 2 * reach, from)
     }
 
-    /// Only those about `places`, the bins between which all paths to tiles' centres and points lie; all where that is a turn or more.
+    /// Layout of the pieces about `places`, the range in bins of all paths to tile centres and points; all pieces if that is a period or more.
     ///
     /// # Panics
-    /// If there are no such.
+    /// If degree, length or margin is not valid.
     pub fn over(degree: usize, length: usize, places: &Range<f64>, margin: usize) -> Self {
-        // Rounding may move a path beyond the ends, and a point's piece is the next one.
+        // Rounding may move a path beyond the ends, and a point may use the next piece.
         let (low, high) = (places.start.floor() - 2.0, places.end.ceil() + 2.0);
-        // Far away whole bins are no longer told apart.
+        // Bins are not resolved by float64 beyond this.
         let near = low.abs().max(high.abs()) < 1e12;
         if !near || high - low >= length as f64 {
             return Self::new(degree, length, margin);
@@ -76,7 +76,7 @@ impl Pieces {
     }
 
     fn part(degree: usize, length: usize, first: i64, row: usize, from: f64) -> Self {
-        assert!((1..=MOST_DEGREE).contains(&degree) && length > 0);
+        assert!((1..=MAX_DEGREE).contains(&degree) && length > 0);
         Self {
             degree,
             length,
@@ -87,52 +87,52 @@ impl Pieces {
         }
     }
 
-    /// The margin that a tile takes on profiles of so many bins a metre of path.
+    /// Margin that a tile needs, for `bins_m` profile bins per metre of path.
     pub fn margin_for(raster: &Raster, bins_m: f64) -> usize {
-        // Paths change by twice the way at most; windows reach 16 further, and are counted from whole bins.
+        // Paths change by at most twice the distance; windows extend 16 further, and are counted from whole bins.
         (2.0 * raster.reach_m() * bins_m.abs()).ceil() as usize + 18
     }
 
-    /// Of the polynomials.
+    /// Degree of the polynomials.
     pub fn degree(&self) -> usize {
         self.degree
     }
 
-    /// Bins in a turn.
+    /// Bins per period.
     pub fn length(&self) -> usize {
         self.length
     }
 
-    /// Pieces in a plane.
+    /// Pieces per plane.
     pub fn row(&self) -> usize {
         self.row
     }
 
-    /// Numbers a pulse.
+    /// Length of a pulse's pieces, all planes.
     pub fn values(&self) -> usize {
         2 * (self.degree + 1) * self.row()
     }
 
-    /// Where pieces' middles lie from whole bins.
+    /// Offset of the pieces' centres from whole bins.
     pub(super) fn shift(&self) -> f64 {
         0.5 * (self.degree % 2) as f64
     }
 
-    /// The bin of the first piece.
+    /// Bin of the first piece.
     pub(super) fn first(&self) -> f64 {
         self.first as f64
     }
 
-    /// The turn in which a place lies, in bins.
+    /// Start of the period of a position, bins.
     #[inline(always)]
     pub(super) fn turn(&self, at: f64) -> f64 {
         ((at - self.from) / self.length as f64).floor()
     }
 
-    /// Makes the pieces of a profile, the spline's coefficients, into `pieces`.
+    /// Compute the pieces of a profile of spline coefficients into `pieces`.
     ///
     /// # Panics
-    /// If `profile` has not [`Self::length`] values, or there is no room for [`Self::values`].
+    /// If `profile` does not have [`Self::length`] values, or `pieces` is shorter than [`Self::values`].
     pub fn make(
         &self,
         instructions: Instructions,
@@ -150,12 +150,12 @@ impl Pieces {
     }
 }
 
-/// `[k][i]`: what tap `i`, counted from the first under the piece, has in the polynomial's coefficient of `f^k`.
-fn taps(degree: usize) -> [[f32; MOST_TAPS]; MOST_TAPS] {
+/// `[k][i]`: contribution of tap `i`, counted from the first under the piece, to the polynomial coefficient of `f^k`.
+fn taps(degree: usize) -> [[f32; MAX_TAPS]; MAX_TAPS] {
     let d = degree as i32;
     let choose = |n: i32, k: i32| (0..k).fold(1.0, |c, i| c * f64::from(n - i) / f64::from(i + 1));
     let factorial = (1..=d).fold(1.0, |product, i| product * f64::from(i));
-    let mut taps = [[0.0; MOST_TAPS]; MOST_TAPS];
+    let mut taps = [[0.0; MAX_TAPS]; MAX_TAPS];
     for (k, of_power) in (0..=d).zip(&mut taps) {
         for (i, tap) in (0..=d).zip(of_power.iter_mut()) {
             // B(x) = sum_m (-1)^m C(d + 1, m) (x + (d + 1) / 2 - m)^d / d! over the m whose bracket is positive, x = f + d / 2 - i.
@@ -180,7 +180,7 @@ struct Make<'a> {
 impl Kernel for Make<'_> {
     type Output = ();
 
-    /// Plain loops: what the lanes' instructions make of them.
+    /// Scalar loops, vectorised by the compiler.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         match self.layout.degree {
@@ -203,10 +203,10 @@ impl Make<'_> {
             taps,
             ..
         } = *self.layout;
-        // The profile's place under the first piece's first tap.
+        // Profile index of the first piece's first tap.
         let under = first - (degree / 2) as i64;
         let mut place = under.rem_euclid(length as i64) as usize;
-        let [mut under_re, mut under_im] = [[0.0f32; RUN + MOST_TAPS - 1]; 2];
+        let [mut under_re, mut under_im] = [[0.0f32; RUN + MAX_TAPS - 1]; 2];
         for first in (0..row).step_by(RUN) {
             let count = RUN.min(row - first);
             let taken = under_re.len();

@@ -1,4 +1,4 @@
-//! A pulse onto any points: places and phases in float64.
+//! Backprojection of a pulse onto arbitrary points: positions and phases in float64.
 
 use num_complex::Complex32;
 
@@ -8,16 +8,16 @@ use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::{Points, paths};
 use crate::phasor::Polynomials;
 
-/// Points whose paths are held at a time: 2 KiB.
+/// Points per block (2 KiB).
 const RUN: usize = 256;
 
-/// Adds a pulse to the sums of points, wherever they are. `pieces` are the pulse's, laid out as `layout`.
+/// Add a pulse to the sums of arbitrary points. `pieces` are those of the pulse, in the layout `layout`.
 ///
-/// Paths and phases are float64 up to the fraction of a bin and the reduced phase, which are float32, as all that follows: for
-/// values of magnitude 1 a term is good to 2e-6, mostly to 3e-7, whatever the path.
+/// Paths and phases are float64 up to the fraction of a bin and the reduced phase; the rest is float32. For
+/// values of magnitude 1 the error of a term is below 2e-6, mostly 3e-7, for any path.
 ///
 /// # Panics
-/// If there are not as many sums as points, or not [`Pieces::values`].
+/// If the numbers of sums and points differ, or `pieces` does not have [`Pieces::values`].
 pub fn add_points(
     instructions: Instructions,
     layout: &Pieces,

@@ -1,14 +1,14 @@
-//! A pulse, as tiles and points take it.
+//! Parameters of a pulse for backprojection onto tiles and points.
 
 use crate::paths::Antennas;
 
-/// What a pulse contributes with.
+/// Parameters of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TilePulse {
-    /// Where its paths are measured from.
+    /// Antenna positions and datum of the paths.
     pub antennas: Antennas,
-    /// Turns of the profile a metre of path: the step of frequency over the speed of light.
+    /// Profile periods per metre of path: frequency step over the speed of light.
     pub turns_m: f64,
-    /// Cycles of the carrier a bin of the profile.
+    /// Carrier cycles per profile bin.
     pub cycles_a_bin: f64,
 }

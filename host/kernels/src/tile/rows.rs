@@ -1,41 +1,41 @@
-//! The groups of a column, in runs: what their pixels' places and the carrier there follow from.
+//! Blocks of groups of a column: positions and carrier phasors of group centres.
 
+use super::carrier_recurrence::{Path, Start};
 use super::groups::{Groups, Offsets};
 use super::shape::TURNED;
-use super::turning::{Path, Start};
 use crate::lanes::Lanes;
 use crate::phasor::{Polynomials, ROUND, ROUND_F64};
 
-/// Windows have as many pieces before their middle as from it on, and places are rounded to the nearest: so their middle is the even
+/// Windows are symmetric about their centre and positions are rounded to nearest: the centre is the even
 /// piece nearest to half a piece behind that of the pixels.
 const LEAN: f64 = 0.5;
 
-/// A run of groups. Of the column's last, what lies beyond its groups is nobody's.
+/// Block of groups; the column's last block may have unused entries.
 #[derive(Clone)]
 #[repr(C, align(64))]
 pub(super) struct Run {
-    /// Where its pixels set out from.
+    /// Start of the pixel recurrences.
     pub(super) start: Start,
-    /// From the tile's middle to those of its groups, pixels; and to that of those that share a window.
+    /// Offsets of group centres from the tile's centre, pixels; and of the centres of groups that share a window.
     middle: [f64; TURNED],
     shared_middle: [f64; TURNED],
-    /// Place of the group's middle from the even piece nearest to it.
+    /// Position of the group's centre relative to the nearest even piece.
     pub(super) at: [f32; TURNED],
-    /// What rounds places that are counted from there to pieces of the window.
+    /// Rounding constant from such positions to window pieces.
     pub(super) round: [f32; TURNED],
-    /// The window's first piece.
+    /// First piece of the window.
     pub(super) base: [u32; TURNED],
-    /// The carrier at the group's middle: cosine and sine.
+    /// Carrier at the group's centre: cosine and sine.
     pub(super) turned: [[f32; TURNED]; 2],
-    /// Of some lanes ([`Self::of_part`]): as `round`,
+    /// As `round`, for a part of the lanes ([`Self::of_part`]).
     pub(super) part_round: [f32; TURNED],
-    /// and as `base`.
+    /// As `base`, for a part of the lanes.
     pub(super) part_base: [u32; TURNED],
-    /// Its groups.
+    /// Number of groups.
     count: usize,
 }
 
-/// The runs of a column, where `shared` groups share a window.
+/// Divide a column into blocks, where `shared` groups share a window.
 pub(super) fn runs(tile: &Groups, shared: usize, runs: &mut Vec<Run>) {
     let groups = tile.counts[1];
     runs.clear();
@@ -62,10 +62,10 @@ pub(super) fn runs(tile: &Groups, shared: usize, runs: &mut Vec<Run>) {
 }
 
 impl Run {
-    /// For a column. Windows begin `middle` pieces before the middle of those that share one, or each before its own if they are `alone`.
+    /// Set up for a column. Windows begin `middle` pieces before the centre of the groups that share one, or before each group's own centre if `alone`.
     ///
-    /// Places are counted from an even piece, and windows' middles are such: so places that lie on a half are rounded to the same piece,
-    /// whatever the window.
+    /// Positions are counted from an even piece, and window centres are even: positions at a half are rounded to the same piece
+    /// in any window.
     #[inline(always)]
     pub(super) fn of_column<L: Lanes>(
         &mut self,
@@ -81,7 +81,7 @@ impl Run {
         let [a0, a1, a2, a3] = path.column.place;
         let (place, middle) = (path.place, f64::from(middle));
         let zero = f64::from(ROUND) + middle;
-        // By themselves first: so loops are known to touch nothing twice.
+        // Copied first, so that the compiler sees no aliasing.
         let (middles, shared) = (self.middle, self.shared_middle);
         let [mut ats, mut rounds, mut cycles] = [[0.0f32; TURNED]; 3];
         let mut bases = [0u32; TURNED];
@@ -111,7 +111,7 @@ impl Run {
         }
     }
 
-    /// Of the lanes from the `first` to the `last`: pieces about the place of their middle, of which `middle` are before it.
+    /// Windows for lanes `first` to `last`: pieces about the position of their midpoint, `middle` of them before it.
     #[inline(always)]
     pub(super) fn of_part(&mut self, first: usize, last: usize, middle: f32) {
         let [begin, step] = self.start.middle(first, last);
@@ -125,7 +125,7 @@ impl Run {
     }
 }
 
-/// Groups of a run, counted.
+/// Indices of the groups of a block.
 const ROWS: [f32; TURNED] = [
     0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
 ];

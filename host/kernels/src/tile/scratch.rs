@@ -1,4 +1,4 @@
-//! A tile, the pulses that are added to it, and a thread's buffers for that.
+//! Backprojection of several pulses onto a tile, with the buffers of one thread.
 
 use num_complex::Complex32;
 
@@ -11,14 +11,14 @@ use super::rows::{Run, runs};
 use super::shape::{Shape, Window, steepest};
 use crate::lanes::Instructions;
 
-/// One thread's buffers, and how it sees some pulses from a tile.
+/// Buffers of one thread, and the geometry of pulses relative to a tile.
 #[derive(Default)]
 pub struct TileScratch {
     expansions: Vec<Expansion>,
     window: Window,
-    /// Groups that share a window.
+    /// Number of groups that share a window.
     run: usize,
-    /// How fast paths change along the groups' axes at most, bins a pixel.
+    /// Largest path gradient along the groups' axes, bins per pixel.
     slopes: [f64; 2],
     tile: Groups,
     sums: Vec<Sums>,
@@ -26,11 +26,11 @@ pub struct TileScratch {
 }
 
 impl TileScratch {
-    /// Looks at pulses from a tile, for profiles of `length` bins, and says by how much paths will be off, at most, metres: the root
-    /// of the mean square over the tile's pixels, of the worst pulse. To be followed by [`Self::add`] of the same.
+    /// Expand the paths of pulses about a tile, for profiles of `length` bins. Returns the bound on the path error, metres: RMS over
+    /// the tile's pixels, for the worst pulse. [`Self::add`] uses the same pulses.
     ///
-    /// What a polynomial of third degree leaves out grows at least with the fourth power from the middle, so that its RMS over a
-    /// rectangle is a third of that at the corners at most.
+    /// The truncation error of a third-degree polynomial grows at least with the fourth power of the distance, so that its RMS over a
+    /// rectangle is at most a third of that at the corners.
     pub fn look(&mut self, length: usize, pulses: &[TilePulse], raster: &Raster) -> f64 {
         self.expansions.clear();
         let bins = length as f64;
@@ -55,33 +55,33 @@ impl TileScratch {
             let legs_m = out_m + back_m;
             let off = lost.iter().zip(e.third).map(|(each, c)| each * c.abs());
             let off_m = legs_m + off.sum::<f64>() / (pulse.turns_m * bins).abs();
-            // Antennas that are nowhere are no tile's.
+            // NaN positions cannot be expanded.
             if off_m.is_nan() { f64::INFINITY } else { off_m }
         });
         each.fold(0.0, f64::max)
     }
 
-    /// The bins, before a tile's centre or behind it, from which pulses that were looked at are read at most: a margin that suffices where
+    /// Largest distance in bins from the tile's centre at which the pulses are read: a sufficient margin if
     /// all paths are 0 at the centre.
     pub fn reach(&self) -> usize {
         let extent = self.tile.extent();
         let each = self.expansions.iter().map(|e| e.bound(extent));
-        // Windows reach 16 further, and are counted from whole bins.
+        // Windows extend 16 further, and are counted from whole bins.
         each.fold(0.0, f64::max).ceil() as usize + 18
     }
 
-    /// How the pulses that were looked at will be added: the window of a group, and how many groups there are.
+    /// Grouping of the expanded pulses: lookup window, and number of groups.
     pub fn grouping(&self) -> (Window, usize) {
         (self.window, self.tile.count())
     }
 
-    /// Adds the pulses that were looked at to the pixels of the tile, row by row. `pieces` are those of all pulses, laid out as
+    /// Add the expanded pulses to the pixels of the tile, row by row. `pieces` are those of all pulses, in the layout
     /// `layout`.
     ///
-    /// The layout's margin must be [`Pieces::margin_for`] the tile at least.
+    /// The layout's margin must be at least [`Pieces::margin_for`] the tile.
     ///
     /// # Panics
-    /// If the splines are not of degree 2 or 3 ([`DEGREES`](super::DEGREES)), or if there are not as many pulses or pixels as were looked at, or not [`Pieces::values`] for each pulse.
+    /// If the spline degree is not 2 or 3 ([`DEGREES`](super::DEGREES)), the numbers of pulses or pixels differ from those of [`Self::look`], or `pieces` does not have [`Pieces::values`] for each pulse.
     pub fn add(
         &mut self,
         instructions: Instructions,

@@ -1,50 +1,50 @@
-//! How the pixels of a tile are taken 16 at a time.
+//! Shape of the groups of 16 pixels of a tile.
 //!
-//! A group reads its pixels' values from a window of bins, so its pixels should be seen at nearly the same range. Those of a row are,
-//! if the row lies across the beam; a block of 4 x 4 is from everywhere, less so. The shape is chosen for the pulses of a call together, from
-//! how fast their paths change over the tile.
+//! A group looks up its pixels' values in a window of bins, so its pixels should have nearly the same range. That holds for a row
+//! across the beam; a block of 4 x 4 is a compromise for any direction. One shape is chosen for all pulses of a call, from
+//! their path gradients over the tile.
 
 use super::expansion::Expansion;
 use crate::lanes::GROUP;
 
-/// A group's pixels: so many along one axis of the tile, and as many rows of them as make 16.
+/// Shape of a group: `along` pixels along one axis of the tile, and 16 / `along` rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Shape {
-    /// 16, 8 or 4.
+    /// Pixels along the first axis: 16, 8 or 4.
     pub(super) along: usize,
-    /// Whether that axis is the tile's columns' (pixels of a column), not its rows'.
+    /// Whether the first axis runs along the tile's columns instead of its rows.
     pub(super) transposed: bool,
 }
 
-/// Groups along which places and carriers are found from those before (`turning`): roundings add up to
+/// Length of the recurrences of positions and carriers (`turning`), groups; rounding accumulates to
 /// [`PHASOR_RMS`](super::PHASOR_RMS).
 pub(super) const TURNED: usize = 16;
 
-/// Groups that share a window, at most: more would save nothing.
-const MOST_RUN: usize = 16;
+/// Largest number of groups that share a window; more would save nothing.
+const MAX_RUN: usize = 16;
 
-/// Bins that pixels may lie from the middle of those that are worked on at once, so that 8 bins hold them, less the one that the middle is
-/// rounded by.
+/// Largest distance of pixels from the midpoint of a register's pixels for a window of 8 bins, less one bin for rounding
+/// of the midpoint.
 pub(super) const SHORT_REACH: f64 = 2.9;
 
-/// The same so that 4 bins hold them.
+/// As [`SHORT_REACH`], for a window of 4 bins.
 pub(super) const QUARTER_REACH: f64 = 0.9;
 
-/// Bins that a group of 16 pixels reads from.
+/// Lookup window of a group of 16 pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Window {
     #[default]
-    /// 16 bins, looked up in a register.
+    /// 16 bins in one register.
     Narrow,
-    /// 32 bins, in two.
+    /// 32 bins in two registers.
     Wide,
-    /// Any: each value is read from memory.
+    /// No window: each value is gathered from memory.
     Any,
 }
 
 impl Window {
-    /// Bins that a pixel may lie from the middle of its group, less the one that the middle is rounded by.
+    /// Largest distance of a pixel from its group's centre, less one bin for rounding of the centre.
     pub(super) fn reach(self) -> f64 {
         match self {
             Self::Narrow => 6.9,
@@ -55,7 +55,7 @@ impl Window {
 }
 
 impl Shape {
-    /// All of them, those first that take fewer operations.
+    /// All shapes, in ascending order of cost.
     const ALL: [Self; 6] = [
         Self::new(16, false),
         Self::new(16, true),
@@ -65,7 +65,7 @@ impl Shape {
         Self::new(4, true),
     ];
 
-    /// A row of 16.
+    /// Row of 16 pixels.
     #[cfg(test)]
     pub(super) const ROW: Self = Self::ALL[0];
 
@@ -73,25 +73,25 @@ impl Shape {
         Self { along, transposed }
     }
 
-    /// Rows of the group's pixels.
+    /// Number of rows of the group.
     pub(super) fn across(&self) -> usize {
         GROUP / self.along
     }
 
-    /// Farthest that a pixel lies from the group's middle along its axes.
+    /// Largest offset of a pixel from the group's centre along its axes, pixels.
     pub(super) fn half(&self) -> [f64; 2] {
         [self.along, self.across()].map(|count| (count - 1) as f64 / 2.0)
     }
 
-    /// Bins that a pixel may lie from the middle of the `lanes` pixels of a group that are worked on at once, where paths change at
-    /// most by so many bins along the shape's axes.
+    /// Largest distance in bins of a pixel from the midpoint of the `lanes` pixels in a register, for path gradients of
+    /// `slopes` bins along the shape's axes.
     pub(super) fn part_reach(&self, slopes: [f64; 2], lanes: usize) -> f64 {
         let along = lanes.min(self.along);
         let half = [along, lanes / along].map(|count| (count - 1) as f64 / 2.0);
         half[0] * slopes[0] + half[1] * slopes[1]
     }
 
-    /// Changes of paths a column and a row, along the shape's axes.
+    /// Path gradients per column and row, mapped to the shape's axes.
     pub(super) fn slopes(&self, steepest: [f64; 2]) -> [f64; 2] {
         match self.transposed {
             false => steepest,
@@ -99,8 +99,8 @@ impl Shape {
         }
     }
 
-    /// The shape of the least work for pulses whose paths change at most by so many bins a column and a row; the window
-    /// that it needs, and how many groups, one beside another across, can share one.
+    /// Cheapest shape for pulses with path gradients of at most `steepest` bins per column and row, its
+    /// window, and the number of adjacent groups that can share one.
     pub(super) fn of(steepest: [f64; 2]) -> (Self, Window, usize) {
         let reach = |shape: &Self| shape.part_reach(shape.slopes(steepest), GROUP);
         for window in [Window::Narrow, Window::Wide] {
@@ -108,8 +108,8 @@ impl Shape {
                 let left = window.reach() - reach(shape);
                 let each = shape.slopes(steepest)[1] * shape.across() as f64;
                 let run = (1.0 + 2.0 * left / each.max(1e-3)) as usize;
-                // They are worked on two by two.
-                let run = if run > 1 { run.min(MOST_RUN) & !1 } else { 1 };
+                // Groups are processed in pairs.
+                let run = if run > 1 { run.min(MAX_RUN) & !1 } else { 1 };
                 return (*shape, window, run);
             }
         }
@@ -117,7 +117,7 @@ impl Shape {
     }
 }
 
-/// Steepest change of paths over a tile of these sides, bins a column and a row.
+/// Largest path gradient over a tile of these sides, bins per column and per row.
 pub(super) fn steepest<'a>(
     expansions: impl Iterator<Item = &'a Expansion>,
     [columns, rows]: [usize; 2],
@@ -130,12 +130,12 @@ pub(super) fn steepest<'a>(
 }
 
 impl Shape {
-    /// What groups of this shape lose of the third degree, in a tile of so many rows of pixels: the root of the mean square, over its pixels, of
-    /// their places' error for each of its coefficients, whose magnitudes' errors add.
+    /// Error of the third-degree terms in groups of this shape, for a tile of `rows` rows: RMS over the pixels of the
+    /// position error per unit of each coefficient; the magnitudes add.
     ///
-    /// With a group's middle `j` rows from the tile's, and a pixel at `a` and `b` from that: a row of 16 follows all but the part of
-    /// `a^3` that no straight line takes; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`. Of
-    /// phases, runs of groups lose what of `j^2 (c12 a + 3 c03 b)` no straight line in `j` takes.
+    /// With a group's centre `j` rows from the tile's, and a pixel at `a` and `b` from it: a row of 16 loses only the part of
+    /// `a^3` that is not linear; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`. For
+    /// phases, blocks of groups lose the part of `j^2 (c12 a + 3 c03 b)` that is not linear in `j`.
     pub(super) fn left_out(&self, rows: usize) -> [f64; 4] {
         let ([a2, a4, a6], [b2, b4, b6]) = (even_moments(self.along), even_moments(self.across()));
         let [run2, run4, _] = even_moments(TURNED);
@@ -155,7 +155,7 @@ impl Shape {
     }
 }
 
-/// Means of the second, fourth and sixth power of `count` places a step apart, about their middle.
+/// Mean second, fourth and sixth power of `count` unit-spaced positions about their centre.
 fn even_moments(count: usize) -> [f64; 3] {
     let half = (count as f64 - 1.0) / 2.0;
     [2, 4, 6].map(|power| {
@@ -164,6 +164,6 @@ fn even_moments(count: usize) -> [f64; 3] {
     })
 }
 
-/// Root of the mean square error of a place, bins, where it is computed in float32: numbers up to 8, 1.4e-7 each, are rounded up to 16
-/// times on the way along a run.
+/// RMS error of a float32 position, bins: numbers up to 8, 1.4e-7 each, are rounded up to 16
+/// times along a block.
 pub const PLACE_RMS: f64 = 6e-7;

@@ -1,4 +1,4 @@
-//! Files read back by the letter of the formats; GDAL reads the command's (`tests/images/maps.rs`).
+//! Tests of COG files against the format specifications; GDAL reads the command's files (`tests/images/maps.rs`).
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -14,10 +14,10 @@ use subaperture_signal::window::Window;
 use super::*;
 use crate::Source;
 
-/// Fields of each directory: as many numbers as there are.
+/// Values of each field of a directory, by tag.
 type Fields = BTreeMap<u16, Vec<u64>>;
 
-/// A directory's fields, and where the next one is.
+/// Whether a file is BigTIFF, and its directories.
 fn read(file: &[u8]) -> (bool, Vec<Fields>) {
     let number = |at: u64, bytes: u64| {
         let mut number = [0; 8];
@@ -58,7 +58,7 @@ fn read(file: &[u8]) -> (bool, Vec<Fields>) {
     (big, directories)
 }
 
-/// A tile of float32, its predictor undone.
+/// Decode a float32 tile, predictor included.
 fn tile(file: &[u8], fields: &Fields, index: usize, bands: usize) -> Vec<f32> {
     let (at, bytes) = (fields[&324][index] as usize, fields[&325][index] as usize);
     assert_eq!(file[at - 4..at], (bytes as u32).to_le_bytes());
@@ -84,14 +84,14 @@ fn tile(file: &[u8], fields: &Fields, index: usize, bands: usize) -> Vec<f32> {
 }
 
 #[test]
-fn small_and_big_files_have_the_same_tiles_in_order() {
+fn classic_and_big_tiff_have_identical_tiles_in_cog_order() {
     let grid: ImageGrid = "x=0:60:0.1,y=0:52:0.1".parse().unwrap();
     let frame = SceneFrame::east_north_up(&Geodetic {
         latitude_deg: -33.9,
         longitude_deg: 151.2,
         height_m: 20.0,
     });
-    // Seen from the east, over a band and an angle that the pixels hold.
+    // Antennas in the east; bandwidth and aperture angle below the pixels' sampling rate.
     let looks = RecordedLooks {
         band_cells: 8,
         bands_hz: vec![[9.5e9, 9.9e9]],
@@ -133,7 +133,7 @@ fn small_and_big_files_have_the_same_tiles_in_order() {
         assert!(map[&34735].ends_with(&[3072, 0, 1, 32756, 3076, 0, 1, 9001]));
         let corner: Vec<f64> = map[&33922].iter().map(|&x| f64::from_bits(x)).collect();
         assert_eq!(corner, [0.0, 0.0, 0.0, raster.west, raster.north, 0.0]);
-        // Directories, the overview's data, the map's, each in order, to the end.
+        // Order: directories, overview tiles, full-resolution tiles, up to the end of the file.
         let places: Vec<u64> = [overview, map]
             .iter()
             .flat_map(|d| d[&324].clone())

@@ -1,4 +1,6 @@
-//! Against the defining sum at the map's own pixels, phase included.
+//! Tests of maps against the defining sum at the map's pixels, phase included.
+
+use std::f64::consts::TAU;
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -16,7 +18,7 @@ const BAND_HZ: [f64; 2] = [9.5e9, 9.8e9];
 const FREQUENCIES: usize = 16;
 const PULSES: usize = 15;
 
-/// Three points, metres in the scene frame; on the focusing plane or not.
+/// Three scatterers, on and off the focusing plane: position in the scene frame (metres) and amplitude.
 const POINTS: [([f64; 3], f64); 3] = [
     ([1.3, 0.4, 0.0], 1.0),
     ([-1.1, -2.0, 0.3], 0.6),
@@ -34,7 +36,7 @@ fn frequency(k: usize) -> f64 {
     BAND_HZ[0] + (k as f64 + 0.5) * (BAND_HZ[1] - BAND_HZ[0]) / FREQUENCIES as f64
 }
 
-/// The defining sum at a place of the scene.
+/// Defining sum at a point of the scene.
 fn exact(at: DVec3) -> Complex64 {
     let mut sum = Complex64::ZERO;
     for pulse in 0..PULSES {
@@ -61,7 +63,7 @@ fn looks() -> Looks {
     .unwrap()
 }
 
-/// A scene whose x points 0.4 rad from east, on a slope.
+/// Scene frame whose x axis is rotated by 0.4 rad from east.
 fn frame() -> SceneFrame {
     let place = Geodetic {
         latitude_deg: 52.1,
@@ -90,7 +92,7 @@ fn image(grid: &ImageGrid) -> Image {
     }
 }
 
-/// The same grid on hills of half a metre, 8 m from top to top, whose nodes are so fine that nothing is seen of them.
+/// Grid on a relief of half a metre, period 8 m, with nodes fine enough that their interpolation is negligible.
 fn on_hills(text: &str) -> ImageGrid {
     let axis = subaperture_model::geometry::Axis {
         start: -6.0,
@@ -105,7 +107,7 @@ fn on_hills(text: &str) -> ImageGrid {
     text.parse::<ImageGrid>().unwrap().on(relief)
 }
 
-/// The point of a grid's surface straight above or below a place of the map: by halving heights, of which the surface's is one.
+/// Surface point on the vertical of a map position, by bisection of the height.
 fn above(grid: &ImageGrid, frame: &SceneFrame, place: Geodetic) -> DVec3 {
     let normal = grid.x_axis.cross(grid.y_axis);
     let point = |height_m| frame.from_ecf_m(Geodetic { height_m, ..place }.to_ecf_m());
@@ -126,7 +128,7 @@ fn above(grid: &ImageGrid, frame: &SceneFrame, place: Geodetic) -> DVec3 {
     point(0.5 * (low + high))
 }
 
-/// Relative RMS difference, dB, from the sum at the map's pixels, of those well on the image.
+/// Relative RMS error against the sum at map pixels well inside the image, and the planned error; dB.
 fn error_db(
     grid: &ImageGrid,
     projection: fn(&Geodetic) -> Result<Projection, MapError>,
@@ -171,7 +173,7 @@ fn error_db(
 }
 
 #[test]
-fn values_on_the_map_are_those_of_the_sum_there() {
+fn map_values_agree_with_defining_sum() {
     let utm: fn(&Geodetic) -> Result<Projection, MapError> = Projection::utm;
     let geographic: fn(&Geodetic) -> Result<Projection, MapError> =
         |place| Ok(Projection::geographic(place));
@@ -180,7 +182,7 @@ fn values_on_the_map_are_those_of_the_sum_there() {
         (plane("x=-5:5:0.14,y=-5:5:0.13,z=0"), utm),
         (plane("x=-5:5:0.14,y=-5:5:0.13,z=0"), geographic),
         (plane("x=-5:5:0.12,y=-5:5:0.12,z=1,pitch=8,roll=-5"), utm),
-        // Around a pole 20 m away, its angles across the half turn.
+        // Polar grid about a pole 20 m away, angles across +-180 degrees.
         (plane("r=15:25:0.14,theta=165:195:0.35,cx=20"), utm),
         (on_hills("x=-5:5:0.12,y=-5:5:0.12,z=0"), utm),
         (
@@ -190,8 +192,8 @@ fn values_on_the_map_are_those_of_the_sum_there() {
     ] {
         let [error_db, planned_db] = error_db(&grid, projection);
         println!("{error_db:.1} dB, planned {planned_db:.1} dB");
-        // The plan is for a spectrum that fills its rectangle; this one fills a part of it, whose edges weigh more: 3 dB for that. Pixels
-        // and the phase taken off and put back are float32, some 1e-7 each: -120 dB.
+        // The planned error is for a spectrum that fills its rectangle; this one fills a part of it, whose edges weigh more: 3 dB. Pixels and
+        // carrier phasors are float32, some 1e-7 each: -120 dB.
         assert!(planned_db < -60.0, "{planned_db}");
         assert!(
             error_db < planned_db + 3.0,
@@ -201,7 +203,7 @@ fn values_on_the_map_are_those_of_the_sum_there() {
 }
 
 #[test]
-fn coarse_pixels_are_means_of_power() {
+fn coarse_map_pixels_average_power() {
     let grid: ImageGrid = "x=-5:5:0.14,y=-5:5:0.14,z=0".parse().unwrap();
     let (frame, looks) = (frame(), looks());
     let image = image(&grid);
@@ -213,7 +215,7 @@ fn coarse_pixels_are_means_of_power() {
     };
     let raster = Raster::covering(&grid, &frame, Projection::utm, Some(0.3)).unwrap();
     let ortho = Ortho::new(source, raster).unwrap();
-    // 0.3 m in parts of no more than 0.14 m: three a side.
+    // 0.3 m in samples of at most 0.14 m: three per side.
     assert_eq!(ortho.averaged(), 9);
     assert!(matches!(
         ortho.complex(&[0..1, 0..1]),
@@ -230,7 +232,7 @@ fn coarse_pixels_are_means_of_power() {
         })
     });
     let expected = powers.sum::<f64>() / 9.0;
-    // A value is wrong by 1e-3 of the image's RMS or less, which is less than the mean here.
+    // Interpolation error: at most 1e-3 of the image's RMS, which is less than the mean here.
     assert!(
         (f64::from(got) / expected - 1.0).abs() < 4e-3,
         "{got} {expected}"
@@ -238,7 +240,7 @@ fn coarse_pixels_are_means_of_power() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused() {
+fn raster_refuses_local_vertical_and_oversized_maps() {
     let looks = looks();
     let covering = |text: &str, frame: &SceneFrame, pixel_m| {
         let grid: ImageGrid = text.parse().unwrap();
@@ -258,7 +260,7 @@ fn what_cannot_be_shown_is_refused() {
         let refused = covering(grid, &frame(), Some(pixel_m));
         assert!(matches!(refused, Err(MapError::Size { .. })), "{pixel_m}");
     }
-    // 4 cycles a metre across fold where pixels are 0.3 m apart.
+    // 4 cycles per metre are undersampled by pixels of 0.3 m.
     let coarse: ImageGrid = "x=-5:5:0.3,y=-5:5:0.3".parse().unwrap();
     let folded = Carrier::of(&coarse, &looks);
     assert!(matches!(folded, Err(MapError::Folded { .. })), "{folded:?}");

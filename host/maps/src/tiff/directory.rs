@@ -1,21 +1,21 @@
-//! Image file directories, all of them before the data that they speak of.
+//! Image file directories (IFD), all before the image data.
 
-/// What a field holds.
+/// Value of a field.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
-    /// Text, to which a zero is added.
+    /// ASCII; a terminating zero is appended.
     Text(String),
-    /// 16-bit numbers.
+    /// `SHORT`.
     Short(Vec<u16>),
-    /// 32-bit numbers.
+    /// `LONG`.
     Long(Vec<u32>),
-    /// Places in the file: of 32 or 64 bits, as the file has them.
+    /// File offsets: 32 bits, or 64 bits in BigTIFF.
     Offsets(Vec<u64>),
-    /// Float64.
+    /// `DOUBLE`.
     Double(Vec<f64>),
 }
 
-/// A directory: fields by tag, ascending.
+/// Image file directory: fields in ascending order of tags.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Directory {
     fields: std::collections::BTreeMap<u16, Value>,
@@ -27,18 +27,18 @@ impl Directory {
     }
 }
 
-/// A file's head: its directories, one after another.
+/// Head of a file: header and all directories.
 #[derive(Clone, Debug)]
 pub(crate) struct File {
-    /// Whether offsets are of 64 bits.
+    /// Whether the file is BigTIFF (64-bit offsets).
     pub(crate) big: bool,
-    /// What stands between the header and the first directory.
+    /// Bytes between header and first directory.
     pub(crate) note: Vec<u8>,
     pub(crate) directories: Vec<Directory>,
 }
 
 impl File {
-    /// All of it, as bytes. Its length depends on the fields' lengths alone, not on what offsets there are.
+    /// Encode. The length depends on the lengths of the fields alone, not on the offsets.
     pub(crate) fn head(&self) -> Vec<u8> {
         let mut out = b"II".to_vec();
         match self.big {
@@ -131,7 +131,7 @@ impl File {
     }
 }
 
-/// Directories and what they point at begin at even places.
+/// Pad to a multiple of 8: directories and field values are aligned.
 fn align(out: &mut Vec<u8>) {
     out.resize(out.len().next_multiple_of(8), 0);
 }

@@ -1,4 +1,4 @@
-//! TIFF 6.0 and BigTIFF, as far as tiled rasters need them.
+//! Encoder of tiled TIFF 6.0 and BigTIFF.
 
 mod directory;
 mod predictor;

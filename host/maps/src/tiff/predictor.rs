@@ -1,4 +1,4 @@
-//! Predictors: what is written in place of samples, so that it packs better.
+//! TIFF predictors: differencing of samples before compression.
 
 /// Horizontal differencing of 8-bit samples (predictor 2, TIFF 6.0 section 14), one band.
 pub(crate) fn bytes_differenced(samples: &mut [u8], columns: usize) {
@@ -9,8 +9,8 @@ pub(crate) fn bytes_differenced(samples: &mut [u8], columns: usize) {
     }
 }
 
-/// Floating point (predictor 3, TIFF technical note 3): of each row the most significant bytes of all samples, then the next, and so on, then
-/// differences of bytes as far apart as there are bands, which lie pixel by pixel.
+/// Floating-point differencing (predictor 3, TIFF technical note 3): the bytes of a row ordered by significance, most significant first, then differences of
+/// bytes `bands` apart (bands interleaved by pixel).
 pub(crate) fn floats_differenced(samples: &[f32], columns: usize, bands: usize) -> Vec<u8> {
     let line = columns * bands;
     let mut bytes = vec![0; samples.len() * 4];
@@ -32,14 +32,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn differences_by_hand() {
+    fn predictors_agree_with_hand_computed_differences() {
         let mut bytes = [10, 12, 11, 5, 5, 255];
         bytes_differenced(&mut bytes, 3);
         assert_eq!(bytes, [10, 2, 255, 5, 0, 250]);
         // 1.0 is 3f 80 00 00, -2.5 is c0 20 00 00: 3f c0 80 20 0 0 0 0, and its differences.
         let one = floats_differenced(&[1.0, -2.5], 2, 1);
         assert_eq!(one, [0x3f, 0x81, 0xc0, 0xa0, 0xe0, 0, 0, 0]);
-        // Of two bands, byte less the one before last.
+        // Two bands: each byte minus the byte two before.
         let two = floats_differenced(&[1.0, -2.5], 1, 2);
         assert_eq!(two, [0x3f, 0xc0, 0x41, 0x60, 0x80, 0xe0, 0, 0]);
     }

@@ -1,4 +1,4 @@
-//! Tiles on their way: deflated, in files without a name, until it is known where each is to lie.
+//! Temporary store of compressed tiles, in anonymous files, until their final offsets are known.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -7,17 +7,17 @@ use std::path::Path;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 
-/// The tiles of one level, in the order in which they were made.
+/// Tiles of one level, in the order of computation.
 #[derive(Debug)]
 pub(crate) struct Spool {
     file: File,
     bytes: u64,
-    /// Of each tile, row by row, where it begins here and how long it is.
+    /// Offset in the spool and length of each tile, row by row, bytes.
     pub(crate) tiles: Vec<[u64; 2]>,
 }
 
 impl Spool {
-    /// A spool on the disk of `folder`.
+    /// Create a spool on the disk of `folder`.
     pub(crate) fn new(folder: &Path, tiles: usize) -> io::Result<Self> {
         Ok(Self {
             file: tempfile::tempfile_in(folder)?,
@@ -26,7 +26,7 @@ impl Spool {
         })
     }
 
-    /// Deflates a tile's bytes.
+    /// Compress and store a tile.
     pub(crate) fn put(&mut self, index: usize, bytes: &[u8]) -> io::Result<()> {
         let mut packer = ZlibEncoder::new(Vec::new(), Compression::default());
         packer.write_all(bytes)?;
@@ -37,12 +37,12 @@ impl Spool {
         Ok(())
     }
 
-    /// Bytes of all tiles, each between its size and its last bytes.
+    /// Size of all tiles with leaders and trailers, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.bytes + AROUND * self.tiles.len() as u64
     }
 
-    /// Where each tile begins, of those copied to `first` and on; row by row.
+    /// File offset of each tile, row by row, when [`Self::copy_to`] writes at `first`.
     pub(crate) fn offsets(&self, first: u64) -> Vec<u64> {
         let mut next = first + LEADER;
         let mut offsets = Vec::with_capacity(self.tiles.len());
@@ -53,8 +53,8 @@ impl Spool {
         offsets
     }
 
-    /// Copies the tiles row by row; before each stand its size, and after it its last four bytes once more, as GDAL has them, by which a reader
-    /// needs no second request to know how long a tile is.
+    /// Copy the tiles row by row, each with a leader (its size) and a trailer (its last four bytes repeated), as in GDAL's COG: a reader
+    /// needs no second request for a tile's length.
     pub(crate) fn copy_to(&mut self, out: &mut impl Write) -> io::Result<()> {
         let mut tile = Vec::new();
         for [at, bytes] in &self.tiles {
@@ -69,8 +69,8 @@ impl Spool {
     }
 }
 
-/// Bytes before a tile.
+/// Size of a tile's leader, bytes.
 const LEADER: u64 = 4;
-/// Bytes after it.
+/// Size of a tile's trailer, bytes.
 const TRAILER: u64 = 4;
 const AROUND: u64 = LEADER + TRAILER;

@@ -1,4 +1,4 @@
-//! Even steps along a line, and what may be wrong with those that are given.
+//! Uniformly spaced axis of a grid, and the error of an invalid grid.
 
 /// `start + i step` for `i < count`. Metres, or radians for an angle.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -7,7 +7,7 @@ pub struct Axis {
     pub start: f64,
     /// Step from element to element; positive.
     pub step: f64,
-    /// Number of elements.
+    /// Number of elements of the axis.
     pub count: usize,
 }
 
@@ -28,7 +28,7 @@ impl Axis {
             )));
         }
         let count = (steps - 1e-9).ceil().max(1.0);
-        if count > MOST_ELEMENTS {
+        if count > MAX_ELEMENTS {
             return Err(GridError(format!(
                 "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
             )));
@@ -41,10 +41,10 @@ impl Axis {
     }
 }
 
-/// What is wrong with a grid's description, and what to write instead.
+/// Error of an invalid grid description, with a remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("grid: {0}")]
 pub struct GridError(pub String);
 
 /// Most elements of an axis.
-pub(super) const MOST_ELEMENTS: f64 = 1e9;
+pub(super) const MAX_ELEMENTS: f64 = 1e9;

@@ -7,7 +7,7 @@ use super::Geodetic;
 /// Where the scene's origin and axes lie. `z = x cross y`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SceneFrame {
-    /// Axes of the recording's own; nothing is known of the Earth.
+    /// Local axes of the recording, without a position on the Earth.
     Local,
     /// Axes tied to the Earth, for example by a CPHD's `IARP`, `uIAX` and `uIAY`.
     Earth {
@@ -31,7 +31,7 @@ impl SceneFrame {
         }
     }
 
-    /// Where a scene position is on the Earth; none in a local frame.
+    /// Convert a scene position to geodetic coordinates; `None` in a local frame.
     pub fn geodetic(&self, position: DVec3) -> Option<Geodetic> {
         match self {
             Self::Local => None,

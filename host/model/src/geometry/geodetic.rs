@@ -7,8 +7,8 @@ pub(super) const SEMI_MAJOR_M: f64 = 6_378_137.0;
 pub(super) const FLATTENING: f64 = 1.0 / 298.257_223_563;
 pub(super) const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
 
-/// Steps of an iteration of which two are enough up to some hundred kilometres of height.
-const MOST_STEPS: usize = 20;
+/// Limit of Bowring iterations; two suffice up to some hundred kilometres of height.
+const MAX_STEPS: usize = 20;
 
 /// A place by latitude, longitude and height above the WGS 84 ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -39,7 +39,7 @@ impl Geodetic {
         };
         let mut reduced = unit(position.z, axis_m * (1.0 - FLATTENING));
         let mut latitude = [0.0, 1.0];
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let [sin, cos] = reduced;
             latitude = unit(
                 position.z + second * minor_m * sin * sin * sin,
@@ -57,7 +57,7 @@ impl Geodetic {
         Self {
             latitude_deg: libm::atan2(sin, cos).to_degrees(),
             longitude_deg: libm::atan2(position.y, position.x).to_degrees(),
-            // Along the normal, less what of it is within the ellipsoid.
+            // Along the normal, less its part within the ellipsoid.
             height_m: axis_m * cos + position.z * sin
                 - SEMI_MAJOR_M * (1.0 - ECCENTRICITY2 * sin * sin).sqrt(),
         }

@@ -11,7 +11,7 @@ use std::str::FromStr;
 
 use glam::{DQuat, DVec3, EulerRot};
 
-use super::axis::MOST_ELEMENTS;
+use super::axis::MAX_ELEMENTS;
 use super::{Axis, GridError, Relief};
 use crate::units::Dimension;
 
@@ -82,8 +82,8 @@ impl ImageGrid {
         !self.polar && self.relief.is_none()
     }
 
-    /// What keeps it from being a grid, if anything: axes that are not square to one another and of unit length,
-    /// axes without elements or of more than 1e9, a coordinate that is no number or farther than 1e9 m
+    /// Describe the fault of an invalid grid; `None` if it is valid. Faults: axes that are not square to one another and of unit length,
+    /// axes without elements or of more than 1e9, a coordinate that is NaN or farther than 1e9 m
     /// from the scene's origin (an angle: 1e9 rad).
     pub fn fault(&self) -> Option<GridError> {
         let (x, y) = (self.x_axis, self.y_axis);
@@ -98,8 +98,8 @@ impl ImageGrid {
             return Some(GridError(what));
         }
         for (name, axis) in [("columns", self.columns), ("rows", self.rows)] {
-            if axis.count == 0 || axis.count as f64 > MOST_ELEMENTS {
-                let what = format!("{} {name}; 1 to {MOST_ELEMENTS:e} are possible", axis.count);
+            if axis.count == 0 || axis.count as f64 > MAX_ELEMENTS {
+                let what = format!("{} {name}; 1 to {MAX_ELEMENTS:e} are possible", axis.count);
                 return Some(GridError(what));
             }
             let ends = [axis.start, axis.at(axis.count - 1)];
@@ -213,7 +213,7 @@ impl ImageGrid {
 }
 
 /// Farthest that a coordinate may lie from the scene's origin, metres: beyond any scene, yet float64
-/// still tells 1e-7 m apart there.
+/// still resolves 1e-7 m there.
 const FARTHEST_M: f64 = 1e9;
 
 /// Parses `x=START:STOP:STEP,y=START:STOP:STEP` or, with theta in degrees,

@@ -5,8 +5,8 @@
 //! Of a horizontal plane the normal is the vertical at the scene's origin.
 //!
 //! Heights are held at nodes, on a lattice of the plane's coordinates in metres, and bilinear between them; beyond the outermost nodes as at them.
-//! The nodes are the surface: whoever has them has the pixels' places to the last bit, and an image focused on them is exact there. How far
-//! they lie from what they were made of (a model of the ground, the ellipsoid) is with them ([`Relief::error_m`]).
+//! The nodes define the surface: they give the pixel positions to the last bit, and an image focused on them is exact there.
+//! [`Relief::error_m`] gives their distance from the source surface (terrain model, ellipsoid).
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use super::{Axis, GridError};
 const UNIT_M: f64 = 1e-4;
 
 /// Most nodes of a relief: 2 MiB, and at most 3.5 MB of text in records and plans.
-const MOST_NODES: u64 = Relief::MOST_NODES as u64;
+const MAX_NODES: u64 = Relief::MAX_NODES as u64;
 
 /// Highest that a surface may lie over its plane, or below it, metres.
 const HIGHEST_M: f64 = 1e6;
@@ -41,7 +41,7 @@ struct Nodes {
 
 impl Relief {
     /// Most nodes of a relief.
-    pub const MOST_NODES: usize = 1 << 18;
+    pub const MAX_NODES: usize = 1 << 18;
 
     /// Heights at nodes, row by row: `columns` along the plane's x axis, `rows` along its y axis, metres from the grid's origin, and at least two
     /// of each. `surface` says what it is; `error_m` how far from that it may be. Heights are rounded to 0.1 mm.
@@ -70,9 +70,9 @@ impl Relief {
             }
         }
         let count = rows.count as u64 * columns.count as u64;
-        if count > MOST_NODES || count != heights_m.len() as u64 {
+        if count > MAX_NODES || count != heights_m.len() as u64 {
             return Err(GridError(format!(
-                "the surface has {} x {} nodes and {} heights: as many heights as nodes, and at most {MOST_NODES}, are possible",
+                "the surface has {} x {} nodes and {} heights: as many heights as nodes, and at most {MAX_NODES}, are possible",
                 rows.count,
                 columns.count,
                 heights_m.len()
@@ -104,7 +104,7 @@ impl Relief {
         })))
     }
 
-    /// What surface it is, in words.
+    /// Description of the surface.
     pub fn surface(&self) -> &str {
         &self.0.surface
     }

@@ -12,7 +12,7 @@ use super::ImageGrid;
 /// Unit vectors this close are one: rounding of the turns by which a grid is described is 1e-16.
 const SAME: f64 = 1e-9;
 
-/// What a coordinate of a Cartesian grid is in the scene: `offset_m + sign * coordinate`.
+/// Scene coordinate of a Cartesian grid's axis: `offset_m + sign * coordinate`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneAxis {
     /// x, y or z of the scene; u or v of a turned grid.
@@ -74,8 +74,8 @@ fn place(point: DVec3) -> String {
 }
 
 impl ImageGrid {
-    /// What the coordinates of columns and rows are in the scene, of a Cartesian grid; of a polar one,
-    /// what the axes of `theta = 0` and `theta = pi / 2` are.
+    /// Scene axes of the columns and rows of a Cartesian grid; for a polar grid, of
+    /// `theta = 0` and `theta = pi / 2`.
     pub fn scene_axes(&self) -> [SceneAxis; 2] {
         [
             SceneAxis::new(self.origin_m, self.x_axis, "u"),

@@ -1,13 +1,13 @@
-//! The troposphere's delay: how much longer than a straight line is a path through the air, in metres of vacuum.
+//! Tropospheric delay as an extra path length, metres in vacuum.
 //!
 //! The exponential profile: refractivity `N(h) = N0 exp(-h / H)` at a height `h` above the ellipsoid, with `N0` units (parts in a million, some 313 at sea level in the
-//! mean) and `H = 7.35 km`. The extra path one way is
+//! mean) and `H = 7.35 km`. The one-way extra path is
 //!
 //! ```text
 //! 1e-6 integral of N(h(s)) ds      along the straight line from the one to the other
 //! ```
 //!
-//! 2.3 m to the zenith, over the sine of the elevation else, where the Earth's curvature does not yet tell. Neglected: bending, which lengthens the line by less than 1e-3 of that
+//! 2.3 m to the zenith, over the sine of the elevation else, as long as the Earth's curvature is negligible. Neglected: bending, which lengthens the line by less than 1e-3 of that
 //! above 10 degrees of elevation; weather, which changes `N0` by a tenth or two and the wet part more; the ionosphere.
 
 use glam::DVec3;
@@ -17,7 +17,7 @@ use super::{Geodetic, SceneFrame};
 /// Height in which refractivity falls to 1/e, metres.
 const SCALE_HEIGHT_M: f64 = 7350.0;
 
-/// Scale heights above the lower end beyond which there is nothing: 1e-8 of what is below.
+/// Upper limit of the integral above the lower end, scale heights; the neglected part is 1e-8 of the rest.
 const HIGHEST: f64 = 18.0;
 
 /// Panels of the integral, each by Gauss and Legendre's four nodes: of a scale height or so each, whose remainder is below 1e-9 of it.
@@ -45,7 +45,7 @@ impl Troposphere {
     /// Refractivity at sea level in the mean, parts in a million.
     pub const MEAN_REFRACTIVITY: f64 = 313.0;
 
-    /// Extra path one way between two points of a scene, metres; none in a local frame, in which nothing is known of heights.
+    /// One-way extra path between two points of a scene, metres; `None` in a local frame, which has no heights above the ellipsoid.
     pub fn extra_path_m(&self, frame: &SceneFrame, one_m: DVec3, other_m: DVec3) -> Option<f64> {
         let heights = [one_m, other_m].map(|p| frame.geodetic(p).map(|place| place.height_m));
         let [one, other] = [heights[0]?, heights[1]?];

@@ -2,7 +2,7 @@
 //!
 //! The transverse Mercator projection is the conformal one that is true to scale, up to a factor of 0.9996 here, along a meridian. By Krueger's series of sixth order in the third
 //! flattening, with the coefficients of C. F. F. Karney, "Transverse Mercator with an accuracy of a few nanometers", J. Geodesy 85 (2011), (7) to (15), (35) and (36): within
-//! 30 degrees of the meridian what is left out is less than 5 nm, and float64 rounds northings to 2 nm.
+//! 30 degrees of the meridian the truncation error is less than 5 nm, and float64 rounds northings to 2 nm.
 //!
 //! **Axes** easting and northing, metres; the meridian of the zone is at 500 km, and the equator at 0, of southern zones at 10 000 km.
 
@@ -16,7 +16,7 @@ const FALSE_EASTING_M: f64 = 500_000.0;
 /// Northing of the equator in southern zones, metres.
 const FALSE_NORTHING_M: f64 = 10_000_000.0;
 /// From a zone's meridian places are projected so far at the most, degrees of longitude: zones are 6 wide.
-const MOST_AWAY_DEG: f64 = 30.0;
+const MAX_AWAY_DEG: f64 = 30.0;
 
 /// A zone, north or south of the equator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub struct Zone {
 /// A place in a zone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Utm {
-    /// The zone.
+    /// Zone of the coordinates.
     pub zone: Zone,
     /// Easting, metres.
     pub easting_m: f64,
@@ -36,7 +36,7 @@ pub struct Utm {
     pub northing_m: f64,
 }
 
-/// Why a place has no such coordinates.
+/// Error of a conversion to UTM coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum UtmError {
@@ -45,7 +45,7 @@ pub enum UtmError {
     Latitude(f64),
     /// It is far from the zone.
     #[error(
-        "longitude {longitude_deg} degrees is more than {MOST_AWAY_DEG} degrees from the meridian of UTM zone {zone}"
+        "longitude {longitude_deg} degrees is more than {MAX_AWAY_DEG} degrees from the meridian of UTM zone {zone}"
     )]
     Away {
         /// Of the place.
@@ -53,7 +53,7 @@ pub enum UtmError {
         /// The zone.
         zone: Zone,
     },
-    /// There is none of that number.
+    /// The zone number is not 1 to 60.
     #[error("UTM zone {0}: zones are 1 to 60")]
     Zone(u8),
 }
@@ -130,7 +130,7 @@ impl Utm {
         Self::in_zone(place, Zone::of(place)?)
     }
 
-    /// A place's coordinates in a zone, which may be another than its own, as what lies on both sides of an edge has to be in one.
+    /// Project a point into `zone`, which may be a neighbour of its own zone, so that an area across a zone boundary has one set of axes.
     ///
     /// # Errors
     /// [`UtmError`].
@@ -140,7 +140,7 @@ impl Utm {
             return Err(UtmError::Latitude(latitude_deg));
         }
         let away_deg = wrapped(place.longitude_deg - zone.meridian_deg());
-        if away_deg.is_nan() || away_deg.abs() > MOST_AWAY_DEG {
+        if away_deg.is_nan() || away_deg.abs() > MAX_AWAY_DEG {
             return Err(UtmError::Away {
                 longitude_deg: place.longitude_deg,
                 zone,

@@ -4,7 +4,7 @@ use std::fmt;
 
 use num_complex::{Complex32, Complex64};
 
-use super::{Image, Parts, Place, power};
+use super::{Image, ImageSource, PixelBlock, power};
 
 /// An image `a` against a reference `b` of the same size; sums in float64. A figure that the images
 /// leave undefined (by a reference or image of zeros) is `None`. Ratios are in dB of amplitude,
@@ -27,7 +27,7 @@ pub struct Comparison {
     pub correlation: Option<f64>,
 }
 
-/// Why two images cannot be compared.
+/// Error of comparing two images.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ComparisonError {
@@ -77,18 +77,46 @@ impl Comparison {
     ///
     /// # Errors
     /// [`ComparisonError`].
-    pub fn by_parts(a: &dyn Parts, b: &dyn Parts) -> Result<Self, ComparisonError> {
+    pub fn by_parts(a: &dyn ImageSource, b: &dyn ImageSource) -> Result<Self, ComparisonError> {
+        Ok(Self::over(a, b, false)?.0)
+    }
+
+    /// The same over the pixels that both images have, and their number: a pixel that one of them does not have is NaN there.
+    ///
+    /// # Errors
+    /// [`ComparisonError`]; a pixel that is infinite is not finite.
+    pub fn on_common(
+        a: &dyn ImageSource,
+        b: &dyn ImageSource,
+    ) -> Result<(Self, u64), ComparisonError> {
+        Self::over(a, b, true)
+    }
+
+    /// Over all pixels, which have to be finite, or over those that both have.
+    fn over(
+        a: &dyn ImageSource,
+        b: &dyn ImageSource,
+        common: bool,
+    ) -> Result<(Self, u64), ComparisonError> {
         let (image, reference) = (a.size(), b.size());
         if image != reference {
             return Err(ComparisonError::Size { image, reference });
         }
+        let used = |u: Complex32, v: Complex32| !(common && (u.is_nan() || v.is_nan()));
+        let mut count = 0;
         let mut inner = Complex64::ZERO;
         let (mut a_power, mut b_power, mut b_peak, mut difference) = (0.0, 0.0, 0.0f64, 0.0);
         for place in a.places() {
             let (a, b) = read_both(a, b, &place)?;
-            check_finite(&a, "image", &place)?;
-            check_finite(&b, "reference", &place)?;
-            for (&u, &v) in a.pixels.iter().zip(&b.pixels) {
+            check_finite(&a, "image", &place, common)?;
+            check_finite(&b, "reference", &place, common)?;
+            for (&u, &v) in a
+                .pixels
+                .iter()
+                .zip(&b.pixels)
+                .filter(|&(&u, &v)| used(u, v))
+            {
+                count += 1;
                 a_power += power(u);
                 b_power += power(v);
                 b_peak = b_peak.max(power(v));
@@ -104,7 +132,12 @@ impl Comparison {
         let (mut scaled, mut peak_phase_error) = (0.0, 0.0f64);
         for place in a.places() {
             let (a, b) = read_both(a, b, &place)?;
-            for (&u, &v) in a.pixels.iter().zip(&b.pixels) {
+            for (&u, &v) in a
+                .pixels
+                .iter()
+                .zip(&b.pixels)
+                .filter(|&(&u, &v)| used(u, v))
+            {
                 scaled += (widen(u) * scale.unwrap_or_default() - widen(v)).norm_sqr();
                 if power(v) >= floor {
                     let error = match widen(u) * widen(v).conj() {
@@ -116,7 +149,7 @@ impl Comparison {
             }
         }
         let scaled_error_db = scale.and_then(|_| relative_db(scaled));
-        Ok(Self {
+        let comparison = Self {
             error_db: relative_db(difference),
             scaled_error_db,
             scale_db: turned.map(|s| 20.0 * s.norm().log10()),
@@ -124,17 +157,18 @@ impl Comparison {
             peak_phase_error_deg: (b_peak > 0.0).then(|| peak_phase_error.to_degrees()),
             correlation: (a_power > 0.0 && b_power > 0.0)
                 .then(|| inner.norm() / (a_power * b_power).sqrt()),
-        })
+        };
+        Ok((comparison, count))
     }
 }
 
 /// A part of both images.
 fn read_both(
-    a: &dyn Parts,
-    b: &dyn Parts,
-    place: &Place,
+    a: &dyn ImageSource,
+    b: &dyn ImageSource,
+    place: &PixelBlock,
 ) -> Result<(Image, Image), ComparisonError> {
-    let read = |image: &dyn Parts| {
+    let read = |image: &dyn ImageSource| {
         let window = image.window(place);
         window.map_err(|error| ComparisonError::Unreadable(error.to_string()))
     };
@@ -148,9 +182,11 @@ fn widen(z: Complex32) -> Complex64 {
 fn check_finite(
     image: &Image,
     which: &'static str,
-    [rows, columns]: &Place,
+    [rows, columns]: &PixelBlock,
+    common: bool,
 ) -> Result<(), ComparisonError> {
-    match image.pixels.iter().position(|z| !z.is_finite()) {
+    let fit = |z: &Complex32| z.is_finite() || (common && z.is_nan());
+    match image.pixels.iter().position(|z| !fit(z)) {
         None => Ok(()),
         Some(i) => Err(ComparisonError::NotFinite {
             which,

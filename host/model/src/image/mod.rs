@@ -1,4 +1,4 @@
-//! Complex images, and how far apart two of them are.
+//! Complex images and their comparison.
 
 mod comparison;
 mod parts;
@@ -7,7 +7,7 @@ mod tiling;
 use num_complex::Complex32;
 
 pub use comparison::{Comparison, ComparisonError};
-pub use parts::{Parts, PartsError, Place, bands, peak_of};
+pub use parts::{ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands, blocks, peak_of};
 pub use tiling::{Tiling, copy_common};
 
 /// A complex image, row-major. Row and column meaning is the grid's

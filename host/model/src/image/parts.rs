@@ -3,42 +3,75 @@
 use std::fmt::Debug;
 use std::ops::Range;
 
-use super::{Image, Peak, power};
+use super::{Image, Peak, Tiling, power};
 
 /// Rows and columns of an image.
-pub type Place = [Range<usize>; 2];
+pub type PixelBlock = [Range<usize>; 2];
 
-/// Why a part was not read.
-pub type PartsError = Box<dyn std::error::Error + Send + Sync>;
+/// Error of reading a part of an image.
+pub type ImageSourceError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Pixels of a part that is no tile, about.
+/// Most pixels of a place that images are read by.
 const PART_PIXELS: usize = 1 << 16;
 
+/// Pixels of a block, about.
+const BLOCK_PIXELS: usize = 1 << 18;
+/// Most columns of a block.
+const BLOCK_COLUMNS: usize = 4096;
+
 /// An image that is read part by part.
-pub trait Parts: Debug {
+pub trait ImageSource: Debug {
     /// Rows and columns.
     fn size(&self) -> (usize, usize);
 
-    /// Places that cover the image once and are read at the least cost.
-    fn places(&self) -> Vec<Place>;
+    /// Places that cover the image once, each of few pixels, in the order in which reading them costs least.
+    fn places(&self) -> PixelBlocks;
 
     /// Reads a place that lies within the image.
     ///
     /// # Errors
     /// If it cannot be read.
-    fn window(&self, place: &Place) -> Result<Image, PartsError>;
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError>;
 }
 
-impl Parts for Image {
+impl<P: ImageSource + ?Sized> ImageSource for Box<P> {
+    fn size(&self) -> (usize, usize) {
+        (**self).size()
+    }
+
+    fn places(&self) -> PixelBlocks {
+        (**self).places()
+    }
+
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
+        (**self).window(place)
+    }
+}
+
+impl<P: ImageSource + ?Sized> ImageSource for &P {
+    fn size(&self) -> (usize, usize) {
+        (**self).size()
+    }
+
+    fn places(&self) -> PixelBlocks {
+        (**self).places()
+    }
+
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
+        (**self).window(place)
+    }
+}
+
+impl ImageSource for Image {
     fn size(&self) -> (usize, usize) {
         (self.rows, self.columns)
     }
 
-    fn places(&self) -> Vec<Place> {
+    fn places(&self) -> PixelBlocks {
         bands(self.rows, self.columns)
     }
 
-    fn window(&self, [rows, columns]: &Place) -> Result<Image, PartsError> {
+    fn window(&self, [rows, columns]: &PixelBlock) -> Result<Image, ImageSourceError> {
         let row = |row: usize| &self.pixels[row * self.columns..][columns.clone()];
         Ok(Image {
             rows: rows.len(),
@@ -51,8 +84,8 @@ impl Parts for Image {
 /// The brightest pixel of an image that is read part by part, as [`Image::peak`].
 ///
 /// # Errors
-/// [`PartsError`] if a part cannot be read.
-pub fn peak_of(image: &dyn Parts) -> Result<Option<Peak>, PartsError> {
+/// [`ImageSourceError`] if a part cannot be read.
+pub fn peak_of(image: &dyn ImageSource) -> Result<Option<Peak>, ImageSourceError> {
     let columns = image.size().1;
     let mut best: Option<Peak> = None;
     for place in image.places() {
@@ -76,11 +109,156 @@ pub fn peak_of(image: &dyn Parts) -> Result<Option<Peak>, PartsError> {
     Ok(best)
 }
 
-/// Runs of whole rows, each of some ten thousand pixels.
-pub fn bands(rows: usize, columns: usize) -> Vec<Place> {
-    let height = (PART_PIXELS / columns.max(1)).max(1);
-    (0..rows)
-        .step_by(height)
-        .map(|first| [first..(first + height).min(rows), 0..columns])
-        .collect()
+/// Blocks of some hundred thousand pixels that cover an image, however long its rows are.
+pub fn blocks(rows: usize, columns: usize) -> PixelBlocks {
+    let width = columns.clamp(1, BLOCK_COLUMNS);
+    let image = [rows, columns];
+    PixelBlocks::of_size(Tiling { image, tile: image }, [BLOCK_PIXELS / width, width])
+}
+
+/// Bands of rows of some ten thousand pixels; longer rows are cut.
+pub fn bands(rows: usize, columns: usize) -> PixelBlocks {
+    let image = [rows, columns];
+    PixelBlocks::within_tiles(Tiling { image, tile: image })
+}
+
+/// Places that cover an image once, found one after another: their number needs no memory.
+///
+/// The image is a header's claim and may be larger than any disk: nothing is sized by it.
+#[derive(Clone, Debug)]
+pub struct PixelBlocks {
+    tiling: Tiling,
+    /// Rows and columns of a place.
+    part: [usize; 2],
+    /// The tile at hand, the place within it, and the tile at which they end.
+    tile: usize,
+    within: usize,
+    end: usize,
+}
+
+impl PixelBlocks {
+    /// Places tile by tile, each tile cut into bands of at most 65536 pixels.
+    pub fn within_tiles(tiling: Tiling) -> Self {
+        let columns = tiling.tile[1].clamp(1, PART_PIXELS);
+        Self::of_size(tiling, [(PART_PIXELS / columns).max(1), columns])
+    }
+
+    /// Those of [`Self::within_tiles`] in tile `index`.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn within_tile(tiling: Tiling, index: usize) -> Self {
+        assert!(index < tiling.count(), "no tile {index}");
+        Self {
+            tile: index,
+            end: index + 1,
+            ..Self::within_tiles(tiling)
+        }
+    }
+
+    /// Places tile by tile, each tile cut into places of at most `part` rows and columns.
+    pub fn of_size(tiling: Tiling, part: [usize; 2]) -> Self {
+        Self {
+            tiling,
+            part: part.map(|side| side.max(1)),
+            tile: 0,
+            within: 0,
+            // An image without pixels has no tiles, whatever their size.
+            end: match tiling.image.contains(&0) {
+                true => 0,
+                false => tiling.count(),
+            },
+        }
+    }
+}
+
+impl Iterator for PixelBlocks {
+    type Item = PixelBlock;
+
+    fn next(&mut self) -> Option<PixelBlock> {
+        if self.tile >= self.end {
+            return None;
+        }
+        let tile = self.tiling.place(self.tile);
+        let cut = Tiling {
+            image: [tile[0].len(), tile[1].len()],
+            tile: self.part,
+        };
+        let part = cut.place(self.within);
+        self.within += 1;
+        if self.within == cut.count() {
+            self.tile += 1;
+            self.within = 0;
+        }
+        let shifted = |i: usize| tile[i].start + part[i].start..tile[i].start + part[i].end;
+        Some([shifted(0), shifted(1)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How often each pixel is covered, and the most pixels of a place.
+    fn covered(places: PixelBlocks, [rows, columns]: [usize; 2]) -> (Vec<u8>, usize) {
+        let (mut seen, mut most) = (vec![0; rows * columns], 0);
+        for [down, across] in places {
+            most = most.max(down.len() * across.len());
+            for row in down {
+                across
+                    .clone()
+                    .for_each(|column| seen[row * columns + column] += 1);
+            }
+        }
+        (seen, most)
+    }
+
+    #[test]
+    fn places_cover_each_pixel_once_in_bounded_parts() {
+        for (image, tile) in [
+            ([5, 7], [2, 3]),
+            ([700, 300], [700, 300]),
+            ([3, 200_000], [3, 200_000]),
+            ([900, 400], [512, 400]),
+            ([1, 1], [1, 1]),
+        ] {
+            let (seen, most) = covered(PixelBlocks::within_tiles(Tiling { image, tile }), image);
+            assert!(seen.iter().all(|&count| count == 1), "{image:?}");
+            assert!(most <= PART_PIXELS, "{image:?}: {most}");
+        }
+        let tiling = Tiling {
+            image: [5, 7],
+            tile: [2, 3],
+        };
+        assert_eq!(
+            PixelBlocks::within_tile(tiling, 5).collect::<Vec<_>>(),
+            [[2..4, 6..7]]
+        );
+        let (seen, most) = covered(
+            PixelBlocks::of_size(
+                Tiling {
+                    image: [9, 9],
+                    tile: [9, 9],
+                },
+                [4, 2],
+            ),
+            [9, 9],
+        );
+        assert!(seen.iter().all(|&count| count == 1) && most == 8);
+        assert_eq!(bands(0, 5).count() + bands(5, 0).count(), 0);
+    }
+
+    #[test]
+    fn places_of_an_image_no_machine_holds_take_no_memory() {
+        let image = [1_000_000_000; 2];
+        let mut places = PixelBlocks::within_tiles(Tiling {
+            image,
+            tile: [1, 1],
+        });
+        assert_eq!(places.next(), Some([0..1, 0..1]));
+        assert_eq!(
+            bands(image[0], image[1]).nth(1),
+            Some([0..1, 65_536..131_072])
+        );
+    }
 }

@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 
-use super::Place;
+use super::PixelBlock;
 
 /// Sizes of an image and of its tiles, pixels: rows first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Tiling {
     ///
     /// # Panics
     /// If there is no such tile.
-    pub fn place(&self, index: usize) -> Place {
+    pub fn place(&self, index: usize) -> PixelBlock {
         let at = self.at(index);
         [0, 1].map(|i| {
             let first = at[i] * self.tile[i];
@@ -47,7 +47,7 @@ impl Tiling {
     }
 
     /// The tiles, ascending, that have pixels of `place`.
-    pub fn meeting(&self, [rows, columns]: &Place) -> impl Iterator<Item = usize> + use<> {
+    pub fn meeting(&self, [rows, columns]: &PixelBlock) -> impl Iterator<Item = usize> + use<> {
         let across = self.tiles()[1];
         let [height, width] = self.tile;
         let down = rows.start / height..rows.end.div_ceil(height);
@@ -60,7 +60,12 @@ impl Tiling {
 ///
 /// # Panics
 /// If there are not as many pixels as a place has.
-pub fn copy_common(to_place: &Place, to: &mut [Complex32], from_place: &Place, from: &[Complex32]) {
+pub fn copy_common(
+    to_place: &PixelBlock,
+    to: &mut [Complex32],
+    from_place: &PixelBlock,
+    from: &[Complex32],
+) {
     for (place, pixels) in [(to_place, to.len()), (from_place, from.len())] {
         assert_eq!(
             place[0].len() * place[1].len(),
@@ -74,7 +79,7 @@ pub fn copy_common(to_place: &Place, to: &mut [Complex32], from_place: &Place, f
     if columns.is_empty() {
         return;
     }
-    let first = |place: &Place, row: usize| {
+    let first = |place: &PixelBlock, row: usize| {
         (row - place[0].start) * place[1].len() + columns.start - place[1].start
     };
     for row in rows {

@@ -2,9 +2,9 @@
 //!
 //! **Shared pulses.** All channels of a [`Channels`] have the same number of pulses, in the order of time, and pulse `n`
 //! of each is of the same *turn*: what the radar did from one moment to the next. Receivers take the same echo, of one
-//! moment; transmitters that take turns follow one another within the turn. Where times are told, no pulse of a
-//! turn is later than any of the next. They share the scene frame. What they need not share is the
-//! antennas (that is what channels are for), the frequencies, the number of samples and the polarisation.
+//! moment; transmitters that take turns follow one another within the turn. In recordings with times, no pulse of a
+//! turn is later than any pulse of the next turn. They share the scene frame. They may differ in the
+//! antennas, the frequencies, the number of samples and the polarisation.
 //!
 //! So whatever compares channels (interferometry along the track, motion from several receivers, polarimetry) takes
 //! pulse `n` of one beside pulse `n` of another; image formers take one ([`Channels::channel`]), or the
@@ -12,11 +12,12 @@
 
 use std::collections::{HashMap, HashSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
 
 use super::joined::numbers;
-use super::{CoherentSum, Joined, PhaseHistory, ReadError};
+use super::{CoherentSum, Excluding, Joined, PhaseHistory, ReadError, misplaced};
 
-/// What a channel is.
+/// Description of a channel.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[non_exhaustive]
 pub struct Channel {
@@ -82,7 +83,7 @@ impl Channel {
     }
 }
 
-/// Why channels are not taken together.
+/// Error of selecting or combining channels.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChannelError {
@@ -98,7 +99,7 @@ pub enum ChannelError {
     /// None has that name.
     #[error("no channel '{wanted}'; choose one of: {}", listed(names))]
     Unknown {
-        /// What was asked for.
+        /// Requested channel.
         wanted: String,
         /// All there are.
         names: Vec<String>,
@@ -158,21 +159,23 @@ pub enum ChannelError {
         names: [String; 2],
     },
     /// Recordings that are to be joined have different channels.
-    #[error("a recording has channel '{name}' and another has not")]
+    #[error("{} has channel '{name}' and {} has not", recordings[0], recordings[1])]
     Missing {
         /// Its name.
         name: String,
+        /// The recording that has it, and one that has not: file names where they are known.
+        recordings: [String; 2],
     },
 }
 
 /// Names that a message lists.
-const MOST_NAMED: usize = 20;
+const MAX_NAMED: usize = 20;
 
 /// Names for a person; thousands are no help.
 fn listed(names: &[String]) -> String {
-    let first = names[..names.len().min(MOST_NAMED)].join(", ");
+    let first = names[..names.len().min(MAX_NAMED)].join(", ");
     match names.len() {
-        count if count > MOST_NAMED => format!("{first} and {} more", count - MOST_NAMED),
+        count if count > MAX_NAMED => format!("{first} and {} more", count - MAX_NAMED),
         _ => first,
     }
 }
@@ -236,7 +239,7 @@ impl<'a> Channels<'a> {
         self.0[0].1.collection().pulses.len()
     }
 
-    /// What the channels are.
+    /// Descriptions of the channels.
     pub fn about(&self) -> impl ExactSizeIterator<Item = &Channel> {
         self.0.iter().map(|(about, _)| about)
     }
@@ -302,12 +305,31 @@ impl<'a> Channels<'a> {
 }
 
 impl Channels<'static> {
+    /// Without pulses that are [misplaced](super::misplaced()) in any channel: they are left out of all, so that pulses stay side by side.
+    ///
+    /// # Errors
+    /// [`ReadError::Mismatch`] if no pulse is left.
+    pub fn without_misplaced(self) -> Result<Self, ReadError> {
+        let histories = self.iter().map(|(_, history)| history.collection());
+        let mut left_out: Vec<Range<usize>> = histories.flat_map(misplaced).collect();
+        if left_out.is_empty() {
+            return Ok(self);
+        }
+        left_out.sort_by_key(|run| run.start);
+        left_out.dedup();
+        let mut channels = Vec::with_capacity(self.len());
+        for (about, history) in self.into_inner() {
+            channels.push((about, Excluding::pulses(history, &left_out)?));
+        }
+        Ok(Self::new(channels)?)
+    }
+
     /// Bytes that [`Self::join`] takes at its peak beside what the recordings hold, at most.
     pub fn joining_bytes(recordings: &[Self]) -> u64 {
         let pulses = |channels: &Self| channels.len() as u64 * channels.num_pulses() as u64;
         match recordings {
             [one] if one.iter().all(|(_, history)| Joined::is_in_order(history)) => 0,
-            all => all.iter().map(pulses).sum::<u64>() * Joined::MOST_BYTES_A_PULSE,
+            all => all.iter().map(pulses).sum::<u64>() * Joined::MAX_BYTES_A_PULSE,
         }
     }
 
@@ -322,24 +344,34 @@ impl Channels<'static> {
         let first = recordings.next().ok_or(ChannelError::None)?;
         let mut all: Vec<(Channel, Vec<Box<dyn PhaseHistory>>)> =
             (first.0.into_iter().map(|(about, part)| (about, vec![part]))).collect();
-        let missing = |name: &str| ChannelError::Missing {
+        let label = |part: &dyn PhaseHistory| match part.path() {
+            Some(path) => path.display().to_string(),
+            None => part.collection().name.clone(),
+        };
+        let first_label = all
+            .first()
+            .map_or_else(String::new, |(_, parts)| label(&*parts[0]));
+        let missing = |name: &str, recordings: [&String; 2]| ChannelError::Missing {
             name: name.to_owned(),
+            recordings: recordings.map(Clone::clone),
         };
         let names = all.iter().enumerate();
         let places: HashMap<String, usize> = names
             .map(|(i, (about, _))| (about.name.clone(), i))
             .collect();
         for (number, recording) in (2..).zip(recordings) {
+            let own_label = label(recording.channel(0));
             for (about, part) in recording.0 {
                 let place = places.get(&about.name);
-                let (own, parts) = &mut all[*place.ok_or_else(|| missing(&about.name))?];
+                let (own, parts) = &mut all
+                    [*place.ok_or_else(|| missing(&about.name, [&own_label, &first_label]))?];
                 if !own.polarized_as(&about) {
                     return Err(polarizations(own, &about).into());
                 }
                 parts.push(part);
             }
             if let Some((about, _)) = all.iter().find(|(_, parts)| parts.len() < number) {
-                return Err(missing(&about.name).into());
+                return Err(missing(&about.name, [&first_label, &own_label]).into());
             }
         }
         let joined = all.into_iter().map(|(about, parts)| {
@@ -361,7 +393,7 @@ fn polarizations(a: &Channel, b: &Channel) -> ChannelError {
     }
 }
 
-/// Refuses two channels that have different numbers of pulses, or of which one tells times, or whose frames differ.
+/// Refuse two channels with different numbers of pulses, with times in only one, or with different frames.
 fn check_shared(a: &ChannelHistory, b: &ChannelHistory) -> Result<(), ChannelError> {
     let (of_a, of_b) = (a.1.collection(), b.1.collection());
     let counts = [of_a.pulses.len(), of_b.pulses.len()];
@@ -445,8 +477,7 @@ pub(super) fn check_summable(channels: &Channels) -> Result<(), ChannelError> {
     }
 }
 
-/// What tells one channel's antennas, times and bands from another's: a hash, which is the same of others once in 10^19
-/// times.
+/// Hash of a channel's antennas, times and bands; the collision probability is 1e-19.
 fn looks((_, history): &ChannelHistory) -> u64 {
     let mut hasher = DefaultHasher::new();
     for pulse in &history.collection().pulses {

@@ -1,4 +1,4 @@
-//! Channels summed coherently: what several receivers and transmitters see together (MIMO).
+//! Coherent sum of the channels of several receivers and transmitters (MIMO).
 //!
 //! Every term of the sum that formers compute has its own pulse's geometry and frequencies, so the image of all channels'
 //! pulses, taken for one collection, is the coherent sum of the channels' images: their mean, as the weights are normalised over
@@ -6,9 +6,9 @@
 //!
 //! **Order.** Channel after channel, each in the order of time. Formers take runs of pulses for stretches of a smooth track
 //! (sub-CPIs); with channels in turn, the antennas would jump at every pulse (sub-CPIs of 2 pulses instead of 15 in
-//! `tests/formers/channels.rs`). As it is there is one jump
+//! `tests/formers/channels.rs`). In this order there is one jump
 //! where the next channel begins, and formers break there as between recordings. Times fall back there;
-//! [`Collection::num_turns`](super::Collection::num_turns) tells, and slow-time windows weigh pulse `n` of every channel alike ([`Weights`](super::Weights)).
+//! [`Collection::num_turns`](super::Collection::num_turns) gives the pulses of each channel, and slow-time windows weigh pulse `n` of every channel alike ([`Weights`](super::Weights)).
 //!
 //! Channels that are no image together are refused: different polarisations, to which a scatterer answers differently,
 //! and channels that have the same antennas, times and band, which is how polarisations look that nobody named. Other
@@ -20,21 +20,24 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::channels::check_summable;
-use super::{Channel, ChannelError, Channels, Collection, InputFile, PhaseHistory, ReadError};
+use super::{
+    Beam, Channel, ChannelError, Channels, Collection, InputFile, PhaseConvention, PhaseHistory,
+    ReadError,
+};
 
-/// The pulses of several channels as one history.
+/// Phase history of the pulses of several channels.
 pub struct CoherentSum<'a> {
     channels: Channels<'a>,
     collection: Collection,
-    /// True positions, if all channels know them.
+    /// True antenna positions, if all channels have them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
 }
 
 /// Channels that a title names.
-const MOST_NAMED: usize = 4;
+const MAX_NAMED: usize = 4;
 
 impl<'a> CoherentSum<'a> {
-    /// Of these channels.
+    /// Sum `channels` coherently.
     ///
     /// # Errors
     /// [`ChannelError`] if they differ in samples a pulse or in polarisation, or two are the same look.
@@ -59,12 +62,12 @@ impl<'a> CoherentSum<'a> {
         })
     }
 
-    /// The channels, side by side.
+    /// The summed channels.
     pub fn side_by_side(&self) -> &Channels<'a> {
         &self.channels
     }
 
-    /// Bytes that the sum of `channels` holds beside them.
+    /// Memory that the sum of `channels` holds in addition to the channels, bytes.
     pub fn summing_bytes(channels: &Channels) -> u64 {
         let each = channels.iter().map(|(_, history)| {
             let truth = history.true_antennas().map_or(0, size_of_val);
@@ -84,7 +87,7 @@ fn name(channels: &Channels) -> String {
     // Readers end the name of a channel's collection in the channel's.
     let recording = first.strip_suffix(&format!(" channel {own}"));
     let mut named = vec![own];
-    named.extend(names.by_ref().take(MOST_NAMED - 1));
+    named.extend(names.by_ref().take(MAX_NAMED - 1));
     let more = match names.count() {
         0 => String::new(),
         count => format!(" and {count} more"),
@@ -132,6 +135,14 @@ impl PhaseHistory for CoherentSum<'_> {
 
     fn channels(&self) -> Vec<Channel> {
         self.channels.about().cloned().collect()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.channels.channel(0).beam()
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.channels.channel(0).phase_conventions()
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -1,22 +1,28 @@
-//! A phase history held whole in memory.
+//! Phase history held in memory.
 
 use std::ops::Range;
+use std::path::Path;
 
 use num_complex::Complex32;
 
-use super::{Channel, Collection, InputFile, PhaseHistory, ReadError, check_finite};
+use super::{
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError, check_finite,
+};
 
-/// Samples and geometry in memory: small recordings and tests.
+/// Phase history with samples and geometry in memory, for small recordings and tests.
 #[derive(Clone, Debug)]
 pub struct InMemory {
     collection: Collection,
     samples: Vec<Complex32>,
     inputs: Vec<InputFile>,
     channels: Vec<Channel>,
+    conventions: Vec<PhaseConvention>,
+    warnings: Vec<String>,
+    beam: Option<Beam>,
 }
 
 impl InMemory {
-    /// Takes `samples` as pulse-major, `collection.num_samples` each.
+    /// Create a history from pulse-major `samples`, `collection.num_samples` in each pulse.
     ///
     /// # Errors
     /// [`ReadError::Mismatch`] if there are no pulses or the lengths disagree;
@@ -46,17 +52,41 @@ impl InMemory {
             samples,
             inputs: Vec::new(),
             channels: Vec::new(),
+            conventions: Vec::new(),
+            warnings: Vec::new(),
+            beam: None,
         })
     }
 
-    /// Says which channels the pulses are of.
+    /// Set the channels to which the pulses belong.
     #[must_use]
     pub fn with_channels(mut self, channels: Vec<Channel>) -> Self {
         self.channels = channels;
         self
     }
 
-    /// Names the files that the samples came from.
+    /// Set the phase convention of the file.
+    #[must_use]
+    pub fn with_convention(mut self, convention: PhaseConvention) -> Self {
+        self.conventions = vec![convention];
+        self
+    }
+
+    /// Set the antenna beam.
+    #[must_use]
+    pub fn with_beam(mut self, beam: Option<Beam>) -> Self {
+        self.beam = beam;
+        self
+    }
+
+    /// Add warnings for the user.
+    #[must_use]
+    pub fn with_warnings(mut self, warnings: Vec<String>) -> Self {
+        self.warnings.extend(warnings);
+        self
+    }
+
+    /// Set the files from which the samples were read.
     #[must_use]
     pub fn with_inputs(mut self, inputs: Vec<InputFile>) -> Self {
         self.inputs = inputs;
@@ -85,6 +115,25 @@ impl PhaseHistory for InMemory {
 
     fn channels(&self) -> Vec<Channel> {
         self.channels.clone()
+    }
+
+    fn path(&self) -> Option<&Path> {
+        match self.inputs.as_slice() {
+            [file, ..] => Some(&file.path),
+            [] => None,
+        }
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.conventions.clone()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.beam
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
     }
 
     fn held_bytes(&self) -> u64 {

@@ -24,19 +24,21 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::order::travelled_angles;
-use super::{Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError};
+use super::{
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, Pulse, ReadError,
+};
 
-/// Recordings joined into one. One recording is the common case.
+/// Recordings joined into one aperture.
 pub struct Joined {
     /// That of all parts, unless it is that of the only one.
     whole: Option<Whole>,
     parts: Vec<Box<dyn PhaseHistory>>,
 }
 
-/// What several parts are together.
+/// Collection and pulse order of several joined parts.
 struct Whole {
     collection: Collection,
-    /// True positions, if all parts know them.
+    /// True antenna positions, if all parts have them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
     /// Pulses that follow one another in a part, in the order of the whole.
     runs: Vec<Run>,
@@ -52,17 +54,17 @@ struct Run {
     first: usize,
 }
 
-/// One of the recordings.
+/// Phase history of one of the joined recordings.
 type Part = Box<dyn PhaseHistory>;
 
 /// A pulse: its part and its index there.
 type Place = [u32; 2];
 
-/// Bytes a pulse that [`Joined::join`] takes for a while beside what it keeps.
+/// Temporary memory of [`Joined::join`], bytes per pulse.
 const SCRATCH_BYTES: usize = 2 * size_of::<Place>() + 2 * size_of::<u64>();
 
 impl Joined {
-    /// One history as it is, in whatever order its pulses are.
+    /// Wrap a single history; the order of its pulses is kept.
     pub fn alone(history: Box<dyn PhaseHistory>) -> Self {
         Self {
             whole: None,
@@ -71,10 +73,10 @@ impl Joined {
     }
 
     /// Bytes a pulse that [`Self::join`] takes, at most.
-    pub(super) const MOST_BYTES_A_PULSE: u64 =
+    pub(super) const MAX_BYTES_A_PULSE: u64 =
         (size_of::<Pulse>() + SCRATCH_BYTES + size_of::<[DVec3; 2]>()) as u64;
 
-    /// Whether the pulses of `history` are in the order of time, as far as it is told.
+    /// Whether the pulses of `history` are in time order; true without pulse times.
     pub(super) fn is_in_order(history: &dyn PhaseHistory) -> bool {
         let collection = history.collection();
         let in_order = (collection.pulses).is_sorted_by(|a, b| a.time_s <= b.time_s);
@@ -130,6 +132,15 @@ fn is_to_be_joined(parts: &[Part]) -> bool {
     }
 }
 
+/// Name of a part in a message: its collection's name, or its file if `other` has the same name.
+fn label(part: &Part, other: &Part) -> String {
+    let name = &part.collection().name;
+    match part.path() {
+        Some(path) if *name == other.collection().name => path.display().to_string(),
+        _ => name.clone(),
+    }
+}
+
 /// Refuses parts that are not of one mode and scene.
 fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
     let Some((first, rest)) = parts.split_first() else {
@@ -141,13 +152,17 @@ fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
         if next.num_samples != collection.num_samples {
             return Err(ReadError::Mismatch(format!(
                 "{} has {} samples a pulse and {} has {}: give files of one radar mode",
-                collection.name, collection.num_samples, next.name, next.num_samples
+                label(first, part),
+                collection.num_samples,
+                label(part, first),
+                next.num_samples
             )));
         }
         if !next.frame.agrees_with(&collection.frame) {
             return Err(ReadError::Mismatch(format!(
                 "{} and {} do not share a scene frame: focus them one at a time",
-                collection.name, next.name
+                label(first, part),
+                label(part, first)
             )));
         }
     }
@@ -161,7 +176,7 @@ pub(super) fn numbers(pulse: &Pulse) -> [f64; 8] {
     [t.x, t.y, t.z, r.x, r.y, r.z, start_hz, step_hz]
 }
 
-/// An order that depends on nothing but the pulses.
+/// Compare recordings by the antenna positions and frequencies of their pulses.
 fn by_positions(a: &[Pulse], b: &[Pulse]) -> Ordering {
     let first_unlike = a.iter().zip(b).find_map(|(a, b)| {
         let pairs = numbers(a).into_iter().zip(numbers(b));
@@ -171,7 +186,7 @@ fn by_positions(a: &[Pulse], b: &[Pulse]) -> Ordering {
     first_unlike.unwrap_or_else(|| a.len().cmp(&b.len()))
 }
 
-/// What to add to the times of each part, seconds, for all to be on one clock.
+/// Offset of each part's times to a common clock, seconds; `None` without a common clock.
 fn clock(parts: &[Part]) -> Option<Vec<f64>> {
     if !parts.iter().all(|part| part.collection().timed) {
         return None;
@@ -208,7 +223,8 @@ fn check_no_twins(parts: &[Part], clock: Option<&[f64]>) -> Result<(), ReadError
     let Some((a, b)) = twins.clone().min() else {
         return Ok(());
     };
-    let name = |place: Place| parts[place[0] as usize].collection().name.as_str();
+    let name =
+        |[part, _]: Place, [other, _]: Place| label(&parts[part as usize], &parts[other as usize]);
     let when = if clock.is_some() {
         "at the same time and "
     } else {
@@ -217,8 +233,8 @@ fn check_no_twins(parts: &[Part], clock: Option<&[f64]>) -> Result<(), ReadError
     Err(ReadError::Mismatch(format!(
         "{0} and {1} share {2} pulses: pulse {3} of {0} is pulse {4} of {1}, {when}from the same place in the \
          same band. A recording counts once, and channels or polarisations are focused one at a time",
-        name(a),
-        name(b),
+        name(a, b),
+        name(b, a),
         twins.count(),
         a[1],
         b[1]
@@ -362,6 +378,23 @@ impl PhaseHistory for Joined {
         for channel in self.parts.iter().flat_map(|part| part.channels()) {
             if !all.contains(&channel) {
                 all.push(channel);
+            }
+        }
+        all
+    }
+
+    /// That of all parts, if they have the same.
+    fn beam(&self) -> Option<Beam> {
+        let first = self.parts.first()?.beam()?;
+        let same = self.parts.iter().all(|part| part.beam() == Some(first));
+        same.then_some(first)
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        let mut all = Vec::new();
+        for convention in (self.parts.iter()).flat_map(|part| part.phase_conventions()) {
+            if !all.contains(&convention) {
+                all.push(convention);
             }
         }
         all

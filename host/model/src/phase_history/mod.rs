@@ -1,18 +1,22 @@
-//! Phase history: what every image former consumes and every reader delivers.
+//! Phase history: the input of every image former and the output of every reader.
 //!
 //! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
-//! 240 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
-//! file larger than memory is no obstacle.
+//! 240 bytes a pulse) and a method that reads the samples of any block of pulses. Samples are read on demand, so a
+//! file may be larger than memory.
 //!
 //! Sample `k` of pulse `n` for a unit scatterer at `p` is
 //! `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at `f = start_hz + k step_hz`
 //! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
 //! are those of the sample's moment: [`Sweep`].
 
+mod beam;
 mod channels;
 mod coherent_sum;
+pub mod convention;
 mod in_memory;
 mod joined;
+mod lit;
+mod misplaced;
 mod on_track;
 mod order;
 pub mod physical;
@@ -32,12 +36,16 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
+pub use beam::{Beam, BeamSource};
 pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
 pub use coherent_sum::CoherentSum;
+pub use convention::{Basis, Inference, PhaseConvention, PhaseReference, PhaseSign};
 pub use in_memory::InMemory;
 pub use joined::Joined;
+pub use lit::BlockIllumination;
+pub use misplaced::{Excluding, misplaced, named as named_pulses};
 pub use on_track::OnTrack;
-use order::ranks_by_angle;
+use order::{is_one_pass, ranks_by_angle};
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use through_air::ThroughAir;
@@ -55,15 +63,15 @@ pub struct Pulse {
     pub receiver_m: DVec3,
     /// Point to which the phase is compensated (CPHD's SRP).
     pub reference_m: DVec3,
-    /// Two-way path length to which the phase is compensated. Usually [`Pulse::path_m`] of `reference_m`, computed of
-    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]; a path stored beside
-    /// them was rounded on its own, from pulse to pulse, which is noise of phase.
+    /// Two-way path length to which the phase is compensated, metres. Usually [`Pulse::path_m`] of `reference_m`, computed from
+    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]. A path stored separately
+    /// is rounded independently in each pulse, which adds phase noise.
     pub reference_path_m: f64,
-    /// Frequency of sample 0.
+    /// Frequency of sample 0, hertz.
     pub start_hz: f64,
-    /// Frequency step from sample to sample; positive.
+    /// Frequency step from sample to sample, hertz; positive.
     pub step_hz: f64,
-    /// How the antennas move while the samples are taken.
+    /// Intra-pulse motion of the antennas.
     pub sweep: Sweep,
 }
 
@@ -87,21 +95,21 @@ impl Pulse {
     }
 }
 
-/// What a collection holds beside its samples.
+/// Geometry, frequencies and frame of a collection, without its samples.
 #[derive(Clone, Debug)]
 pub struct Collection {
     /// A name for titles and reports.
     pub name: String,
     /// Frequency samples in every pulse.
     pub num_samples: usize,
-    /// Every pulse, in the order of its samples.
+    /// Geometry of every pulse, in the order of the samples.
     pub pulses: Vec<Pulse>,
-    /// Where the scene frame lies.
+    /// Position and orientation of the scene frame.
     pub frame: SceneFrame,
-    /// The part of the scene the collection is meant for, if it says so.
+    /// Intended image area, if the recording states one.
     pub extent: Option<Extent>,
-    /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
-    /// recordings are in the order of time, or of angle where it tells none ([`Joined`]); of several channels
+    /// Whether the recording contains pulse times. Without them, pulse times are the pulse numbers in seconds. Pulses of several
+    /// recordings are ordered by time, or by angle without times ([`Joined`]). Pulses of several channels are ordered
     /// channel by channel ([`CoherentSum`]).
     pub timed: bool,
 }
@@ -113,7 +121,7 @@ pub struct Band {
     pub start_hz: f64,
     /// Step from sample to sample, hertz.
     pub step_hz: f64,
-    /// Number of samples.
+    /// Number of frequency samples in a pulse.
     pub count: usize,
 }
 
@@ -130,7 +138,7 @@ impl Band {
         self.frequency_hz(self.count / 2)
     }
 
-    /// Every frequency over the centre's: what Keystone scales slow time by.
+    /// Ratio of every frequency to the centre frequency: the slow-time scale factors of the Keystone transform.
     pub fn scales(&self) -> Vec<f64> {
         let ratio = |k| self.frequency_hz(k) / self.centre_hz();
         (0..self.count).map(ratio).collect()
@@ -148,7 +156,7 @@ impl Band {
 }
 
 impl Collection {
-    /// Whether antennas move from sample to sample of any pulse.
+    /// Whether any pulse has intra-pulse motion.
     #[inline]
     pub fn sweeps(&self) -> bool {
         self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
@@ -185,41 +193,41 @@ impl Collection {
     }
 }
 
-/// A file that went into a collection, for the record in an image's metadata.
+/// Input file of a collection, recorded in an image's metadata.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct InputFile {
-    /// Path as given by the user; in JSON with what is no UTF-8 replaced.
+    /// Path as given by the user. JSON replaces bytes that are not valid UTF-8.
     #[serde(serialize_with = "lossily")]
     pub path: PathBuf,
-    /// Size in bytes.
+    /// Size of the file, bytes.
     pub bytes: u64,
     /// CRC-32 (IEEE) of the whole file, in hexadecimal.
     pub crc32: String,
 }
 
-/// A path as text. A name that is no UTF-8 must not cost the image that it was recorded for.
+/// Write a path as text. Bytes that are not valid UTF-8 are replaced, so that the image can still be written.
 fn lossily<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&path.to_string_lossy())
 }
 
-/// Why pulses could not be read.
+/// Error of reading pulses.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The operating system refused.
+    /// The operating system reported an error.
     #[error("cannot read {path}: {source}")]
     Io {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
-        /// Cause.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file does not hold what its format promises.
+    /// The file violates its format.
     #[error("{path}: {what}")]
     Malformed {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
-        /// What is wrong, where, and what to do about it.
+        /// Description of the fault, its place and the remedy.
         what: String,
     },
     /// A sample is NaN or infinite.
@@ -227,38 +235,38 @@ pub enum ReadError {
         "{name}: sample {sample} of pulse {pulse} is not a finite number; repair or drop that pulse"
     )]
     NotFinite {
-        /// Collection or file.
+        /// Name of the collection or file.
         name: String,
         /// Pulse index, from 0.
         pulse: usize,
         /// Sample index, from 0.
         sample: usize,
     },
-    /// What has to be held does not fit the memory allowed.
+    /// The data to be held exceed the memory limit.
     #[error(
         "{} needs {} of memory and {} are left",
         path.display(), bytes((*needed_bytes).into()), bytes((*allowed_bytes).into())
     )]
     Memory {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
-        /// Bytes needed.
+        /// Memory needed, bytes.
         needed_bytes: u64,
-        /// Bytes left for it.
+        /// Memory still available under the limit, bytes.
         allowed_bytes: u64,
     },
     /// A file was written to while it was read.
     #[error("{} was changed while it was read ({how}): start again when it is whole", path.display())]
     Changed {
-        /// File concerned.
+        /// Path of the file that failed.
         path: PathBuf,
-        /// How that shows.
+        /// Evidence of the change.
         how: String,
     },
-    /// A recording's description does not make sense, or not with its files.
+    /// A recording's description is invalid or contradicts its files.
     #[error(transparent)]
     Description(Box<dyn std::error::Error + Send + Sync>),
-    /// Channels that are not there, or do not belong together.
+    /// Channels are absent or cannot be combined.
     #[error(transparent)]
     Channels(Box<ChannelError>),
     /// Inputs that cannot form one aperture.
@@ -272,12 +280,12 @@ impl From<ChannelError> for ReadError {
     }
 }
 
-/// A collection whose samples can be read, any run of pulses at a time.
+/// Collection with random access to the samples of its pulses.
 pub trait PhaseHistory: Sync + Send {
-    /// Geometry and frequencies.
+    /// Geometry and frequencies of every pulse.
     fn collection(&self) -> &Collection;
 
-    /// Reads pulses `pulses` into `samples`: pulse `n`, sample `k` at
+    /// Read pulses `pulses` into `samples`: pulse `n`, sample `k` at
     /// `[(n - pulses.start) * num_samples + k]`, in the sign convention of this module, every value
     /// finite.
     ///
@@ -285,7 +293,7 @@ pub trait PhaseHistory: Sync + Send {
     /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
-    /// The same samples, where they lie in memory anyway.
+    /// Samples of `pulses` without a copy; `None` if they are not held in memory.
     ///
     /// # Panics
     /// If `pulses.end` is past the last pulse.
@@ -294,39 +302,55 @@ pub trait PhaseHistory: Sync + Send {
         None
     }
 
-    /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
-    /// known: simulations know it, and [`Pulse`] holds what was measured.
+    /// True positions of transmitter and receiver in every pulse, metres in the scene frame. Only simulations have them;
+    /// [`Pulse`] holds the measured positions.
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         None
     }
 
-    /// When time zero was, nanoseconds since the beginning of 1970 (UTC), if the recording says.
+    /// UTC of time zero, nanoseconds since 1970-01-01, if the recording states it.
     fn start_ns(&self) -> Option<i64> {
         None
     }
 
-    /// The channels of the recording that its pulses are of, where it names them.
+    /// Channels to which the pulses belong; empty if the recording does not name them.
     fn channels(&self) -> Vec<Channel> {
         Vec::new()
     }
 
-    /// What its user has to know before trusting an image of it, a sentence each.
+    /// File from which the pulses are read, if there is a single one.
+    fn path(&self) -> Option<&Path> {
+        None
+    }
+
+    /// Distinct phase conventions of the files from which the samples were read; empty without files.
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        Vec::new()
+    }
+
+    /// Antenna beam at a fixed angle to the track, if the recording describes one. `None` for steered antennas and for
+    /// beams that are not described.
+    fn beam(&self) -> Option<Beam> {
+        None
+    }
+
+    /// Warnings about the quality of an image formed from this history, one sentence each.
     fn warnings(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Bytes held in memory for as long as this lives: at least the geometry of all pulses.
+    /// Memory held during the lifetime of this history, bytes: at least the geometry of all pulses.
     fn held_bytes(&self) -> u64 {
         size_of_val(self.collection().pulses.as_slice()) as u64
     }
 
-    /// The files behind this collection; computing their checksums reads them whole.
+    /// Input files with checksums. Every file is read completely.
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         Ok(Vec::new())
     }
 }
 
-/// Fails with [`ReadError::NotFinite`] if a sample is NaN or infinite. `first_pulse` is the index
+/// Fail with [`ReadError::NotFinite`] if a sample is NaN or infinite. `first_pulse` is the index
 /// of the pulse that `samples` starts with.
 pub fn check_finite(
     name: &str,

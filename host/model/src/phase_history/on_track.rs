@@ -1,18 +1,18 @@
-//! A recording as a radar on another track made it: the same samples, the antennas elsewhere.
+//! Phase history with its antenna positions replaced by those of another track.
 
 use std::ops::Range;
 
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use super::{Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError};
 use crate::track::Trajectory;
 
-/// A phase history whose antennas are where a track carries them.
+/// Phase history whose antenna positions are taken from a track.
 ///
-/// Phases stay compensated to the paths that the recording says, whatever its positions were: [`Pulse::reference_path_m`](super::Pulse::reference_path_m) is
-/// a number of the samples. Where samples are taken one after another the antennas go on as the recording says
-/// ([`Sweep`](super::Sweep)): what the tracks differ by within a pulse is neglected.
+/// Phases remain compensated to the recorded reference paths: [`Pulse::reference_path_m`](super::Pulse::reference_path_m) is
+/// a property of the samples. Intra-pulse motion stays as recorded ([`Sweep`](super::Sweep)): the difference
+/// between the tracks within a pulse is neglected.
 ///
 /// Memory: a copy of the geometry, 240 bytes a pulse.
 pub struct OnTrack<'a> {
@@ -95,6 +95,14 @@ impl PhaseHistory for OnTrack<'_> {
         self.history.channels()
     }
 
+    fn beam(&self) -> Option<Beam> {
+        self.history.beam()
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.history.phase_conventions()
+    }
+
     fn warnings(&self) -> Vec<String> {
         self.history.warnings()
     }
@@ -159,7 +167,7 @@ mod tests {
             let at = DVec3::Y * (2.0 * f64::from(n));
             assert!(pulse.transmitter_m.distance(at + DVec3::Y) < 1e-12);
             assert!(pulse.receiver_m.distance(at - DVec3::X) < 1e-12);
-            // What the samples were compensated to stays.
+            // The reference path of the samples is unchanged.
             assert_eq!(pulse.reference_path_m, 100.0 + f64::from(n));
         }
         let mut got = [Complex32::ZERO; 4];

@@ -1,4 +1,4 @@
-//! Angles under which antennas go around a scene: the order of pulses whose times nobody knows.
+//! Order of pulses without times, by the angle of the antennas about the scene.
 
 use std::f64::consts::TAU;
 
@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::Pulse;
 
 /// Area swept, of the arms' squares summed, below which it is rounding.
-const LEAST_SWEPT: f64 = 1e-12;
+const MIN_SWEPT: f64 = 1e-12;
 
 /// From the point that a pulse refers to, to the middle of its antennas.
 fn arm(pulse: &Pulse) -> DVec3 {
@@ -29,10 +29,10 @@ fn axis(runs: &[&[Pulse]]) -> Option<DVec3> {
     }
     let largest = |a: &DVec3, b: &DVec3| if b.length() > a.length() { *b } else { *a };
     let side = areas.iter().copied().reduce(|a, b| largest(&a, &b))?;
-    // Ways there and back share a plane, though their areas cancel.
+    // Opposite passes share a plane, although their areas cancel.
     let aligned = |area: &DVec3| if area.dot(side) < 0.0 { -*area } else { *area };
     let sum: DVec3 = areas.iter().map(aligned).sum();
-    if sum.length().is_nan() || sum.length() <= LEAST_SWEPT * square {
+    if sum.length().is_nan() || sum.length() <= MIN_SWEPT * square {
         return None;
     }
     let normal = sum.normalize();
@@ -67,6 +67,46 @@ pub(super) fn travelled_angles(runs: &[&[Pulse]]) -> Option<Vec<f64>> {
         *angle = (*angle - start_rad).rem_euclid(TAU);
     }
     Some(angles)
+}
+
+/// Usual steps from pulse to pulse above which one is a jump.
+const JUMP_STEPS: f64 = 8.0;
+/// Mean step in the order of the pulses, over that in the order of their angles, above which they are in no track's order. A track that goes
+/// there and back has 2.
+const MAX_DISORDER: f64 = 4.0;
+
+/// Whether the antennas go along one track in the order of the pulses: no jump but straight ahead (pulses that were dropped), and no
+/// disorder.
+pub(crate) fn is_one_pass(pulses: &[Pulse]) -> bool {
+    let centre = |pulse: &Pulse| pulse.transmitter_m.midpoint(pulse.receiver_m);
+    let steps: Vec<DVec3> = (pulses.windows(2))
+        .map(|pair| centre(&pair[1]) - centre(&pair[0]))
+        .collect();
+    let lengths = || steps.iter().map(|step| step.length());
+    let mut sorted: Vec<f64> = lengths().filter(|length| *length > 0.0).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(&usual_m) = sorted.get(sorted.len() / 2) else {
+        return true;
+    };
+    let is_jump = |n: usize| steps[n].length() > JUMP_STEPS * usual_m;
+    let is_ahead = |n: usize| {
+        let along = |other: Option<&DVec3>| other.is_none_or(|other| other.dot(steps[n]) >= 0.0);
+        along(n.checked_sub(1).map(|before| &steps[before])) && along(steps.get(n + 1))
+    };
+    if (0..steps.len()).any(|n| is_jump(n) && !is_ahead(n)) {
+        return false;
+    }
+    let Some(ranks) = ranks_by_angle(pulses) else {
+        return true;
+    };
+    let mut by_angle = vec![DVec3::ZERO; pulses.len()];
+    for (rank, pulse) in ranks.into_iter().zip(pulses) {
+        by_angle[rank] = centre(pulse);
+    }
+    let around_m: f64 = (by_angle.windows(2))
+        .map(|pair| pair[0].distance(pair[1]))
+        .sum();
+    lengths().sum::<f64>() <= MAX_DISORDER * around_m
 }
 
 /// Place of every pulse in the order of its angle; pulses of one angle as they come. `None` as

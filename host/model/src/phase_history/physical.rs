@@ -1,5 +1,5 @@
-//! What numbers of a recording can be at all. Readers refuse what lies beyond: no radar measured it, and sums
-//! over it are not finite.
+//! Physical limits of the numbers in a recording. Readers refuse numbers outside these limits: no radar measures them, and sums
+//! over them are not finite.
 //!
 //! | number | limits | the widest known use |
 //! |---|---|---|
@@ -12,34 +12,34 @@ use glam::DVec3;
 
 use super::Pulse;
 
-/// Least frequency, hertz.
-const LEAST_HZ: f64 = 1e3;
-/// Greatest frequency, hertz.
-const MOST_HZ: f64 = 1e15;
+/// Lower limit of a frequency, hertz.
+const MIN_HZ: f64 = 1e3;
+/// Upper limit of a frequency, hertz.
+const MAX_HZ: f64 = 1e15;
 /// Least step from one frequency to the next, hertz.
-const LEAST_STEP_HZ: f64 = 1e-6;
+const MIN_STEP_HZ: f64 = 1e-6;
 /// Greatest magnitude of a coordinate, metres.
 const FARTHEST_M: f64 = 1e10;
 /// Greatest magnitude of a time, seconds.
 const LONGEST_S: f64 = 1e11;
 
-/// What is wrong with a band of `count` frequencies, if anything.
+/// Describe the fault of a band of `count` frequencies; `None` if it is valid.
 pub fn band_fault(start_hz: f64, step_hz: f64, count: usize) -> Option<String> {
     let last_hz = start_hz + step_hz * count.saturating_sub(1) as f64;
-    if !(LEAST_STEP_HZ..=MOST_HZ).contains(&step_hz) {
+    if !(MIN_STEP_HZ..=MAX_HZ).contains(&step_hz) {
         return Some(format!(
-            "its frequencies are {step_hz:e} Hz apart, and steps of {LEAST_STEP_HZ:e} to {MOST_HZ:e} Hz can be"
+            "its frequencies are {step_hz:e} Hz apart, and steps of {MIN_STEP_HZ:e} to {MAX_HZ:e} Hz can be"
         ));
     }
     [start_hz, last_hz]
         .into_iter()
-        .find(|hz| !(LEAST_HZ..=MOST_HZ).contains(hz))
+        .find(|hz| !(MIN_HZ..=MAX_HZ).contains(hz))
         .map(|hz| {
-            format!("a frequency of {hz:e} Hz is none of a radar, {LEAST_HZ:e} to {MOST_HZ:e} Hz")
+            format!("a frequency of {hz:e} Hz is none of a radar, {MIN_HZ:e} to {MAX_HZ:e} Hz")
         })
 }
 
-/// What is wrong with a position or vector of the scene frame, if anything.
+/// Describe the fault of a position or vector of the scene frame; `None` if it is valid.
 pub fn position_fault(name: &str, position_m: DVec3) -> Option<String> {
     let within = position_m.abs().max_element() <= FARTHEST_M && position_m.is_finite();
     (!within).then(|| {
@@ -48,15 +48,15 @@ pub fn position_fault(name: &str, position_m: DVec3) -> Option<String> {
     })
 }
 
-/// What is wrong with a time, if anything.
+/// Describe the fault of a time; `None` if it is valid.
 pub fn time_fault(time_s: f64) -> Option<String> {
     (time_s.is_nan() || time_s.abs() > LONGEST_S)
         .then(|| format!("its time {time_s:e} s is not within {LONGEST_S:e} s: give seconds"))
 }
 
 impl Pulse {
-    /// What of this pulse of `num_samples` no radar can have measured, if anything: a number that is not
-    /// finite, or out of all measure.
+    /// Describe the first number of this pulse of `num_samples` that is not finite or is outside the physical limits;
+    /// `None` if all are valid.
     pub fn fault(&self, num_samples: usize) -> Option<String> {
         let path_m = self.reference_path_m;
         band_fault(self.start_hz, self.step_hz, num_samples)

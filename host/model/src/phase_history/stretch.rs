@@ -1,12 +1,12 @@
-//! A run of pulses of a phase history.
+//! Block of consecutive pulses of a phase history.
 
 use std::ops::Range;
 
 use num_complex::Complex32;
 
-use super::{Collection, PhaseHistory, ReadError};
+use super::{Beam, Collection, PhaseHistory, ReadError};
 
-/// Some pulses of a history, one after another, as a history of their own.
+/// Consecutive pulses of a phase history, presented as a phase history.
 pub struct Stretch<'a> {
     history: &'a dyn PhaseHistory,
     collection: Collection,
@@ -14,10 +14,10 @@ pub struct Stretch<'a> {
 }
 
 impl<'a> Stretch<'a> {
-    /// The pulses `pulses` of `history`.
+    /// Select the pulses `pulses` of `history`.
     ///
     /// # Panics
-    /// If it has not so many.
+    /// If `pulses` ends past the last pulse of `history`.
     pub fn new(history: &'a dyn PhaseHistory, pulses: Range<usize>) -> Self {
         let whole = history.collection();
         let first = pulses.start;
@@ -32,12 +32,12 @@ impl<'a> Stretch<'a> {
         }
     }
 
-    /// Which pulses of the history they are.
+    /// Indices of the selected pulses in the whole history.
     pub fn pulses(&self) -> Range<usize> {
         self.first..self.first + self.collection.pulses.len()
     }
 
-    /// Pulses of the history that some of these are.
+    /// Convert indices of selected pulses into indices of the whole history.
     fn within(&self, pulses: Range<usize>) -> Range<usize> {
         self.first + pulses.start..self.first + pulses.end
     }
@@ -54,6 +54,10 @@ impl PhaseHistory for Stretch<'_> {
 
     fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
         self.history.at_hand(self.within(pulses))
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.history.beam()
     }
 
     fn held_bytes(&self) -> u64 {

@@ -11,7 +11,7 @@
 //! so that the path to `p` at that sample is `|p - T(s)| + |p - R(s)|`. Phases are referred to the reference
 //! point at the sample's own moment ([`Sweep::reference_m_s`]) or to one path for all samples.
 //!
-//! **What it does.** With `r'` and `r''` the derivatives of the relative path by `k` and `d = k - K/2`, the phase
+//! **Effect.** With `r'` and `r''` the derivatives of the relative path by `k` and `d = k - K/2`, the phase
 //! of a scatterer is, in turns,
 //!
 //! ```text

@@ -5,10 +5,10 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use super::{Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError};
 use crate::geometry::{ImageGrid, Troposphere};
 
-/// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by what the air makes of the pulse's reference
+/// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by the tropospheric excess of the pulse's reference
 /// point. Recorded reference paths are taken as geometric ones, as CPHD has them.
 ///
 /// Neglected is how much the extra path of other places differs from that of the reference point ([`Self::left_m`]).
@@ -61,7 +61,7 @@ impl<'a> ThroughAir<'a> {
         }
     }
 
-    /// The most by which the two-way extra path at the corners of a grid differs from what is taken away, in the first, the middle and the last pulse, metres.
+    /// Largest difference, metres, between the two-way extra path at the corners of a grid and the compensated extra path, over the first, the middle and the last pulse.
     pub fn left_m(&self, grid: &ImageGrid) -> f64 {
         let last = self.collection.pulses.len().saturating_sub(1);
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
@@ -112,6 +112,14 @@ impl PhaseHistory for ThroughAir<'_> {
 
     fn channels(&self) -> Vec<Channel> {
         self.history.channels()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        self.history.beam()
+    }
+
+    fn phase_conventions(&self) -> Vec<PhaseConvention> {
+        self.history.phase_conventions()
     }
 
     fn warnings(&self) -> Vec<String> {

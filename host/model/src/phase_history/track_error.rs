@@ -1,18 +1,18 @@
-//! How far the recorded positions are from the true ones.
+//! Errors of the recorded antenna positions.
 
 use super::PhaseHistory;
 
-/// Distances between recorded and true positions of the antennas, over all pulses, both antennas.
+/// Distances between recorded and true antenna positions, over all pulses and both antennas.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TrackError {
     /// Root of the mean square, metres.
     pub rms_m: f64,
-    /// The largest, metres.
+    /// Largest distance between recorded and true position, metres.
     pub max_m: f64,
 }
 
 impl TrackError {
-    /// Of a history that knows the truth; `None` if it does not, or has no pulses.
+    /// Compare recorded with true positions of `history`; `None` without true positions or pulses.
     pub fn of(history: &dyn PhaseHistory) -> Option<Self> {
         let pulses = &history.collection().pulses;
         let truth = history.true_antennas()?;

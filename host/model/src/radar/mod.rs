@@ -1,4 +1,4 @@
-//! What transmits and receives.
+//! Radar: waveform, antennas and receiver.
 
 mod pattern;
 mod shape;
@@ -8,10 +8,10 @@ use glam::DVec3;
 
 use crate::phase_history::Band;
 
-/// A radar.
+/// Radar with its waveform, antennas and receiver.
 #[derive(Clone, Debug)]
 pub struct Radar {
-    /// What it transmits and how it samples the echo.
+    /// Transmitted waveform and sampling of the echo.
     pub waveform: Waveform,
     /// Number of pulses (sweeps, steps' cycles).
     pub num_pulses: usize,
@@ -23,34 +23,34 @@ pub struct Radar {
     pub transmitters: Vec<Antenna>,
     /// Antennas that receive, all of them every pulse.
     pub receivers: Vec<Antenna>,
-    /// Whether anything moves while a pulse or sweep lasts.
+    /// Model of intra-pulse motion.
     pub motion: Motion,
     /// Whether echoes weaken with range, `R0^2 / (R_tx R_rx)` in amplitude, with `R0^2` the product of the reference
     /// point's ranges in the middle pulse, number `P/2` of `P` from 0.
     pub spreading: bool,
-    /// What the receiver adds to the echoes.
+    /// Noise, interference and quantisation of the receiver.
     pub receiver: Receiver,
 }
 
-/// What moves while a pulse lasts.
+/// Model of intra-pulse motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Motion {
-    /// Nothing: the radar stands still until the echo has come, then goes on.
+    /// Stop-and-go approximation: the radar is at rest until the echo has arrived.
     #[default]
     StopAndGo,
-    /// Everything: sample `k` is what the antennas and scatterers were at the moment it was taken and the
-    /// wave had left and met them.
+    /// Intra-pulse motion without the stop-and-go approximation: each sample uses the positions of the antennas and scatterers at the moments of
+    /// transmission, scattering and reception.
     True,
 }
 
-/// What is transmitted, and what of the echo is sampled.
+/// Transmitted waveform and receive window.
 ///
 /// Phases follow the project's sign: a delay `tau` at frequency `f` gives `exp(-j 2 pi f tau)`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Waveform {
     /// Phase history as the definition has it, flat over the band: no echo, no receiver window.
     Ideal {
-        /// Its frequencies.
+        /// Frequency axis of the samples.
         band: Band,
     },
     /// A pulse of any shape, sampled at baseband about `centre_hz`; kept as echoes before the matched
@@ -60,11 +60,11 @@ pub enum Waveform {
         centre_hz: f64,
         /// Complex samples a second.
         sample_rate_hz: f64,
-        /// Samples an echo.
+        /// Number of samples per echo.
         num_samples: usize,
         /// Delay of sample 0 after the pulse's start, seconds.
         window_start_s: f64,
-        /// The pulse.
+        /// Baseband pulse shape.
         shape: PulseShape,
     },
     /// A linear sweep mixed with the echo (de-chirp on receive): the beat, with its residual video
@@ -85,7 +85,7 @@ pub enum Waveform {
         chirp_hz_s: f64,
         /// Complex samples a second.
         sample_rate_hz: f64,
-        /// Samples a sweep.
+        /// Number of samples per sweep.
         num_samples: usize,
         /// Delay of the copy that the echo is mixed with, seconds; 0 for a plain homodyne radar.
         mixer_delay_s: f64,
@@ -161,7 +161,7 @@ pub enum Pattern {
     },
 }
 
-/// What a receiver adds. All powers relate to the echo of 1 m² at the scene's reference point.
+/// Noise, interference and quantisation of a receiver. All powers relate to the echo of 1 m² at the scene's reference point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
     /// Thermal noise; none if not given.
@@ -248,7 +248,7 @@ pub struct Converter {
     pub full_scale_db: f64,
 }
 
-/// What phases and amplitudes are referred to.
+/// Reference of phases and amplitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reference {
     /// A point of the scene: phases are compensated to it with the measured track, pulse by pulse.

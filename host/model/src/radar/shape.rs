@@ -1,4 +1,4 @@
-//! Pulses at baseband.
+//! Baseband pulse shapes.
 //!
 //! A sweep is `exp(j pi (B / T) t (t - T))` for `0 <= t < T`, sampled: its frequency runs from `-B/2` to
 //! `B/2`, or backwards if it falls. A phase code is band-limited to the sampling rate, so its spectrum
@@ -15,7 +15,7 @@ use super::PulseShape;
 use subaperture_signal::phase::{cis, phasor};
 
 impl PulseShape {
-    /// Length, seconds.
+    /// Duration of the pulse, seconds.
     pub fn duration_s(&self) -> f64 {
         match self {
             Self::Lfm { duration_s, .. } => *duration_s,
@@ -23,7 +23,7 @@ impl PulseShape {
         }
     }
 
-    /// Width of the band that is used: what is swept, or the inverse of a chip.
+    /// Bandwidth, hertz: the swept band, or the inverse of the chip duration.
     pub fn bandwidth_hz(&self) -> f64 {
         match self {
             Self::Lfm { bandwidth_hz, .. } => *bandwidth_hz,
@@ -32,7 +32,7 @@ impl PulseShape {
     }
 
     /// The discrete Fourier transform, unscaled, of the pulse followed by zeros, `count` samples at
-    /// `rate_hz` in all. What is longer than that folds.
+    /// `rate_hz` in all. A longer pulse wraps around.
     pub fn spectrum(&self, rate_hz: f64, count: usize) -> Vec<Complex64> {
         match self {
             Self::Lfm {

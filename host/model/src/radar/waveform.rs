@@ -1,4 +1,4 @@
-//! What follows from a waveform: how many samples, when, at which frequencies.
+//! Sample count, sample times and frequencies of a waveform.
 
 use super::Waveform;
 
@@ -64,8 +64,8 @@ impl Waveform {
         }
     }
 
-    /// What a radar transmits and samples whose clock is fast by a part `offset`: frequencies larger,
-    /// times shorter. A pulse's shape in samples stays what it is.
+    /// Waveform of a radar whose clock is fast by the relative `offset`: higher frequencies,
+    /// shorter times. The pulse shape in samples is unchanged.
     #[must_use]
     pub fn with_clock_offset(&self, offset: f64) -> Self {
         let rate = 1.0 + offset;

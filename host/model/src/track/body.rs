@@ -1,10 +1,10 @@
-//! A rigid body in motion: what carries the antennas, and what moves through the scene.
+//! Moving rigid body: carrier of the antennas or moving target.
 
 use std::fmt::Debug;
 
 use glam::{DQuat, DVec3};
 
-/// Where a body is and how it is turned.
+/// Position and attitude of a body.
 ///
 /// Body axes: x forward, y left, z up. An attitude of identity lays them along the scene's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ impl Pose {
     }
 }
 
-/// How a body moves.
+/// Motion of a body as a function of time.
 pub trait Trajectory: Debug + Send + Sync {
     /// The pose at a time, seconds from the collection's start. Defined for every finite time:
     /// recorded tracks go on at their ends with the speed they had.

@@ -9,10 +9,10 @@
 //!
 //! All are continuous: a jump of position would be a jump of the echo's phase, `4 pi / lambda` radians a metre,
 //! that no real track has. Every pose is a function of time alone, so it can be asked for at any time, in
-//! any order and from any thread. No accuracy is lost far from the start beyond float64's: a microsecond of
-//! time is told apart up to 1e9 s.
+//! any order and from any thread. Accuracy far from the start is that of float64: a microsecond of
+//! time is resolved up to 1e9 s.
 //!
-//! Where nothing else is said, a body heads where it goes: its x axis follows the velocity, its y axis
+//! By default a body heads along its velocity: its x axis follows the velocity, its y axis
 //! stays level ([`heading`]). Angles of roll, pitch and yaw are right-handed about x, y and z of the body
 //! ([`turned`]); as y is left, positive pitch is nose down.
 
@@ -25,9 +25,12 @@ mod profile;
 mod rail;
 mod sampled_track;
 mod spline;
+mod strays;
 mod waypoints;
 
 use glam::{DQuat, DVec3, EulerRot};
+
+use crate::SPEED_OF_LIGHT_M_S;
 
 pub use arc::Arc;
 pub use body::{Pose, Trajectory};
@@ -37,9 +40,11 @@ pub use profile::Profile;
 pub use rail::Rail;
 pub use sampled_track::{Fix, SampledTrack};
 pub use spline::Spline;
+pub(crate) use strays::joined;
+pub use strays::strays;
 pub use waypoints::Waypoints;
 
-/// What is wrong with a track's description, and what to give instead.
+/// Error of an invalid track description, with a remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("track: {0}")]
 pub struct TrackError(pub String);
@@ -59,7 +64,13 @@ pub fn turned(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad)
 }
 
-/// Checks that times are finite and ascend, and positions are finite, as many, and at least two.
+/// Largest time, seconds, and coordinate, metres: squares of these are far from overflow.
+const LARGEST: f64 = 1e15;
+
+/// Least time between points, seconds: light goes 30 cm in it.
+const MIN_STEP_S: f64 = 1e-9;
+
+/// Checks that times are finite and ascend by [`MIN_STEP_S`] or more, that positions are finite, as many, at least two, and that no light is faster.
 fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError> {
     if times_s.len() != positions_m.len() || times_s.len() < 2 {
         return Err(TrackError(format!(
@@ -68,10 +79,12 @@ fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError>
             positions_m.len()
         )));
     }
-    let finite = |(t, p): (&f64, &DVec3)| t.is_finite() && p.is_finite();
+    let finite = |(t, p): (&f64, &DVec3)| {
+        t.abs() <= LARGEST && p.abs().max_element() <= LARGEST && !p.is_nan()
+    };
     if let Some(n) = times_s.iter().zip(positions_m).position(|x| !finite(x)) {
         return Err(TrackError(format!(
-            "point {} is at {} s, {} m; all have to be finite",
+            "point {} is at {:e} s, {} m; all have to be finite and at most {LARGEST:e}",
             n + 1,
             times_s[n],
             positions_m[n]
@@ -84,7 +97,27 @@ fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError>
             times_s[n + 1],
             times_s[n]
         ))),
+        None => check_speeds(times_s, positions_m),
+    }
+}
+
+/// Check that no speed exceeds that of light and that times differ by [`MIN_STEP_S`] or more.
+fn check_speeds(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError> {
+    let faster = |n: &usize| {
+        let step_s = times_s[n + 1] - times_s[*n];
+        let way_m = positions_m[*n].distance(positions_m[n + 1]);
+        step_s < MIN_STEP_S || way_m > SPEED_OF_LIGHT_M_S * step_s
+    };
+    match (0..times_s.len() - 1).find(faster) {
         None => Ok(()),
+        Some(n) => Err(TrackError(format!(
+            "points {} and {} are {:.3e} s and {:.3e} m apart: closer in time than {MIN_STEP_S:e} s, or faster than light; correct the \
+             unit of times, or leave one out",
+            n + 1,
+            n + 2,
+            times_s[n + 1] - times_s[n],
+            positions_m[n].distance(positions_m[n + 1])
+        ))),
     }
 }
 
@@ -133,7 +166,12 @@ mod tests {
         assert!(message(&[0.0], &p(1)).contains("at least two"));
         assert!(message(&[0.0, 1.0], &p(3)).contains("2 times and 3 positions"));
         assert!(message(&[0.0, f64::NAN], &p(2)).contains("point 2"));
+        assert!(message(&[0.0, 1e300], &p(2)).contains("at most 1e15"));
         assert!(message(&[0.0, 1.0, 1.0], &p(3)).contains("point 3 is at 1 s"));
+        assert!(message(&[0.0, 1.0, 1.0 + 1e-12], &p(3)).contains("points 2 and 3 are"));
+        let far = [DVec3::ZERO, DVec3::X * 1e6];
+        assert!(message(&[0.0, 1e-3], &far).contains("faster than light"));
+        assert!(message(&[0.0, 5e-324], &p(2)).contains("points 1 and 2"));
         assert!(check_knots(&[0.0, 1.0], &p(2)).is_ok());
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::cubic::Cubic;
-use super::{Spline, TrackError};
+use super::{Spline, TrackError, strays};
 use crate::track::{Pose, Trajectory};
 
 /// A moment of a recorded track.
@@ -32,12 +32,23 @@ impl SampledTrack {
     /// A track through `fixes`, whose times ascend.
     ///
     /// # Errors
-    /// [`TrackError`] for fewer than two fixes, times that do not ascend, values that are not finite, attitudes
-    /// that only some have, or that turn by more than 90 degrees from one to the next.
+    /// [`TrackError`] for fewer than two fixes, times that do not ascend, values that are not finite, positions that
+    /// jump away and back as no vehicle does ([`strays`]), attitudes that only some have, or that turn by more than
+    /// 90 degrees from one to the next.
     pub fn new(fixes: &[Fix]) -> Result<Self, TrackError> {
+        Self::with_gaps(fixes, f64::INFINITY)
+    }
+
+    /// As [`Self::new`]; the attitude may turn by more than 90 degrees from one fix to the next where they are more than `longest_s` apart. The track is
+    /// not known in such a gap.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_gaps(fixes: &[Fix], longest_s: f64) -> Result<Self, TrackError> {
         let times: Vec<f64> = fixes.iter().map(|f| f.time_s).collect();
         let positions: Vec<DVec3> = fixes.iter().map(|f| f.position_m).collect();
         let way = Spline::new(times.clone(), &positions)?;
+        check_strays(&times, &positions)?;
         let attitudes: Vec<DQuat> = fixes.iter().filter_map(|f| f.attitude).collect();
         if attitudes.is_empty() {
             return Ok(Self {
@@ -69,10 +80,15 @@ impl SampledTrack {
                 attitude
             };
             // The turn's half-angle has this cosine.
-            if near.dot(previous) < std::f64::consts::FRAC_1_SQRT_2 {
+            let gap = n > 0 && times[n] - times[n - 1] > longest_s;
+            if near.dot(previous) < std::f64::consts::FRAC_1_SQRT_2 && !gap {
+                let step_s = times[n] - times[n - 1];
+                let advice = match step_s < SOON_S {
+                    true => "no vehicle turns so fast: leave out or correct one of them",
+                    false => "give fixes closer in time",
+                };
                 return Err(TrackError(format!(
-                    "the attitude turns by more than 90 degrees from fix {n} to fix {} ({} s); give fixes \
-                     closer in time",
+                    "the attitude turns by more than 90 degrees from fix {n} to fix {} ({} s, {step_s:e} s later); {advice}",
                     n + 1,
                     times[n]
                 )));
@@ -85,6 +101,34 @@ impl SampledTrack {
             attitude: Some(Cubic::new(times, parts)),
         })
     }
+}
+
+/// Time in which no vehicle turns by 90 degrees, seconds.
+const SOON_S: f64 = 0.1;
+
+/// Step up to which no position jumps, metres.
+const FLOOR_M: f64 = 1.0;
+
+fn check_strays(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError> {
+    let found = strays(Some(times_s), positions_m, FLOOR_M);
+    let Some(first) = found.first() else {
+        return Ok(());
+    };
+    let count: usize = found.iter().map(ExactSizeIterator::len).sum();
+    let (n, place) = (first.start, positions_m[first.start]);
+    let beside = positions_m[if n > 0 { n - 1 } else { first.end }];
+    Err(TrackError(format!(
+        "{count} of {} fixes are where no vehicle can be: fix {} ({} s) is at {:.1}, {:.1}, {:.1} m, {:.1} m from the one beside it, and the track goes on \
+         where it was; leave out or correct {}",
+        positions_m.len(),
+        n + 1,
+        times_s[n],
+        place.x,
+        place.y,
+        place.z,
+        place.distance(beside),
+        if count == 1 { "this one" } else { "these" }
+    )))
 }
 
 impl Trajectory for SampledTrack {
@@ -146,6 +190,21 @@ mod tests {
     }
 
     #[test]
+    fn positions_where_no_vehicle_can_be_are_refused_by_number() {
+        let mut fixes = fixes(40);
+        fixes[12].position_m = DVec3::ZERO;
+        let error = SampledTrack::new(&fixes).unwrap_err().to_string();
+        assert!(
+            error.contains("1 of 40 fixes") && error.contains("fix 13 (3 s)"),
+            "{error}"
+        );
+        fixes[12].position_m = DVec3::new(3.0, 5000.0, 5.0);
+        assert!(SampledTrack::new(&fixes).is_err());
+        fixes[12].position_m = DVec3::new(3.0, 0.0, 5.0);
+        assert!(SampledTrack::new(&fixes).is_ok());
+    }
+
+    #[test]
     fn attitudes_that_cannot_be_followed_are_refused() {
         let message = |fixes: &[Fix]| SampledTrack::new(fixes).unwrap_err().to_string();
         let mut some = fixes(4);
@@ -154,6 +213,14 @@ mod tests {
         let mut wild = fixes(4);
         wild[2].attitude = Some(rolling(0.5) * DQuat::from_rotation_x(2.0));
         assert!(message(&wild).contains("from fix 2 to fix 3"));
+        assert!(SampledTrack::with_gaps(&wild, 0.2).is_ok());
+        assert!(SampledTrack::with_gaps(&wild, 0.3).is_err());
+        let mut swapped = fixes(4);
+        for fix in &mut swapped {
+            fix.time_s *= 0.01;
+        }
+        swapped[2].attitude = wild[2].attitude;
+        assert!(message(&swapped).contains("no vehicle turns so fast"));
         let mut long = fixes(4);
         long[1].attitude = Some(rolling(0.0) * 1.5);
         assert!(message(&long).contains("unit length"));

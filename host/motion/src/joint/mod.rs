@@ -1,108 +1,109 @@
-//! Poses and targets together, by least squares.
+//! Least squares of poses and targets together.
 //!
 //! ```text
 //! sum over pulses n, their targets i and measured numbers c:  rho((measured - model_c(pose_n, target_i)) / sigma)^2
 //! ```
 //!
-//! by Levenberg and Marquardt's steps, `rho` Huber's: what is off by more than [`HUBER`] standard deviations counts by its distance alone. No measured number
-//! knows two poses, so that poses are eliminated one by one (the Schur complement), and what is left is a system of all targets: time
-//! grows with the pulses, and with the cube of the targets. A pulse that will not be looked at again becomes part of what is
-//! known of the targets ([`Known`]), about where it was last looked at.
+//! by Levenberg-Marquardt steps. `rho` is Huber's function: residuals beyond [`HUBER`] standard deviations count linearly. No measurement depends on two poses: the normal equations are an arrowhead (bordered
+//! block-diagonal) system, in which poses are eliminated one by one (Schur complement). What remains is a system of the targets: time grows with the number of pulses, and with the cube of the targets. A pulse that
+//! leaves the window is marginalised into a prior of the targets ([`Known`]), linearised at its last estimate.
 //!
-//! **What is held.** Nothing that is measured tells where the first pose lies, nor how everything together is turned about it. So the first
-//! pose's place is held, and the direction from it to the first target; the first heading is found as the others are. (With the first heading held instead,
-//! an error of its angles of arrival would turn the whole track, on an arc that straight steps cannot follow.) Where headings are known ([`Heading::Held`]) they
-//! are those of the frame, stay as the estimate has them, and nothing else is held but the first place: angles of arrival tell directions.
+//! **Gauge.** Measurements determine neither the first position nor the orientation of the whole. The first position is held, and the direction from it to the first target; the first heading is estimated like the
+//! others. (With the first heading held instead, an error of its directions of arrival would turn the whole track along an arc that linear steps cannot follow.) Known headings ([`Heading::Held`]) are those of the frame
+//! and stay as given; then only the first position is held, as directions of arrival determine the orientation.
 //!
-//! Phases must be without wraps: [`crate::tracker`] takes care of that.
+//! Phases must be unwrapped: see [`crate::tracker`].
 
 mod covariances;
-mod known;
+mod prior;
 
 use glam::{DMat3, DVec3};
 use subaperture_signal::dense::Factor;
 
-use crate::LEAST_PIVOT;
+use crate::MIN_PIVOT;
 use crate::increment::Heading;
 use crate::model::{Array, Line, Pose, Sighting, Target};
 
-pub use covariances::{Covariances, covariances};
-pub use known::Known;
+pub use covariances::{Covariances, Datum, LaidCovariance, covariances};
+pub use prior::Known;
 
-/// Standard deviations up to which errors are taken for Gaussian.
+/// Residual in standard deviations beyond which it is taken for an outlier.
 pub const HUBER: f64 = 4.0;
 
-/// Steps at most.
-const MOST_STEPS: usize = 100;
-/// A step that promises less of the sum of squares is the last: it moves nothing by more than a three-hundredth of its standard deviation.
+/// Largest number of steps.
+const MAX_STEPS: usize = 100;
+/// Promised decrease of the sum of squares below which the iteration ends: no unknown moves by more than 1/300 of its standard deviation.
 const ENOUGH: f64 = 1e-5;
-/// How much diagonals are enlarged: nothing to speak of where steps do not overshoot, and at most.
+/// Relative damping of the diagonal: negligible where steps do not overshoot, and largest.
 const DAMPING: f64 = 1e-9;
-const MOST_DAMPING: f64 = 1e8;
+const MAX_DAMPING: f64 = 1e8;
 
-/// Information of what is held: a micrometre.
+/// Information of a held coordinate, 1/m^2: a standard deviation of a micrometre.
 const HELD: f64 = 1e12;
 
-/// Where everything is.
+/// Estimate of all poses and targets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimate {
-    /// One a pulse.
+    /// Pose of each pulse.
     pub poses: Vec<Pose>,
-    /// Of all that is seen, by number.
+    /// Targets, by number.
     pub targets: Vec<Target>,
-    /// Whether headings are found, or known and stay as the poses have them.
+    /// Whether headings are estimated, or known and kept.
     pub heading: Heading,
 }
 
-/// Why there is no estimate.
+/// Reason why there is no estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoEstimate {
-    /// A pulse does not tell its pose.
+    /// A pulse does not determine its pose.
     #[error(
-        "pulse {0} sees too little to tell where it was: two targets in different directions, or more, are needed"
+        "pulse {0} has too few targets for a pose: two or more in different directions are needed"
     )]
     Pose(usize),
-    /// The places of targets do not follow.
-    #[error("what is seen does not tell where the targets are")]
+    /// Sightings do not determine the targets.
+    #[error("the sightings do not determine the positions of the targets")]
     Targets,
-    /// A step leads nowhere.
-    #[error("the least squares lead nowhere: what is measured is beyond what can be computed with")]
+    /// A step is not finite.
+    #[error(
+        "the least squares diverge: measured values exceed the range of floating-point numbers"
+    )]
     Nowhere,
 }
 
-/// How far the least squares came.
+/// Result of the least squares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solved {
-    /// The sum of squares, in standard deviations, of these pulses.
+    /// Sum of squared residuals of these pulses, in standard deviations.
     pub sum: f64,
-    /// Whether further steps would change nothing: not so where little is seen as yet, or targets are confused, or phases wrapped.
+    /// Whether the iteration converged. It does not where few targets are seen, targets are confused, or phases wrapped.
     pub settled: bool,
 }
 
-/// A pulse's part of the normal equations.
+/// Contribution of a pulse to the normal equations.
+#[derive(Clone, Debug, PartialEq)]
 struct Own {
-    /// Of its pose's matrix.
+    /// Inverse of the pose's block.
     inverse: DMat3,
     right: DVec3,
-    /// Pose by target.
+    /// Blocks of pose by target.
     with: Vec<(usize, DMat3)>,
 }
 
-/// The normal equations about an estimate.
+/// Normal equations at an estimate.
 struct Normal {
     pulses: Vec<Own>,
-    /// Targets by targets, poses eliminated, row by row.
+    /// Targets by targets after elimination of the poses, row by row.
     matrix: Vec<f64>,
     right: Vec<f64>,
-    /// The sum of squares of these pulses.
+    /// Sum of squared residuals of these pulses.
     sum: f64,
-    /// By how much targets displease what is known, but for a constant.
-    displeased: f64,
-    /// How much diagonals are enlarged.
+    /// Squared residual of the prior, up to a constant.
+    prior_cost: f64,
+    /// Relative damping of the diagonal.
     damping: f64,
 }
 
-/// Adds a block of a target by a target.
+/// Add a block of target by target.
 fn add(matrix: &mut [f64], size: usize, [row, column]: [usize; 2], block: DMat3) {
     for (j, values) in block.to_cols_array_2d().into_iter().enumerate() {
         for (i, value) in values.into_iter().enumerate() {
@@ -111,7 +112,7 @@ fn add(matrix: &mut [f64], size: usize, [row, column]: [usize; 2], block: DMat3)
     }
 }
 
-/// A block of a target by a target.
+/// Block of target by target.
 fn block(matrix: &[f64], size: usize, [row, column]: [usize; 2]) -> DMat3 {
     let at = |i: usize, j: usize| matrix[(3 * row + i) * size + 3 * column + j];
     DMat3::from_cols_array_2d(&[0, 1, 2].map(|j| [0, 1, 2].map(|i| at(i, j))))
@@ -122,7 +123,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// Weight of an error of so many standard deviations, and its square as it counts.
+/// Huber weight of a residual in standard deviations, and its cost.
 fn huber(error: f64) -> (f64, f64) {
     let size = error.abs();
     match size <= HUBER {
@@ -131,7 +132,7 @@ fn huber(error: f64) -> (f64, f64) {
     }
 }
 
-/// The numbers of a sighting with their standard deviations, as the model has them.
+/// Measurements of a sighting with their standard deviations and model values.
 fn measured<'a>(
     array: &Array,
     pose: &Pose,
@@ -151,32 +152,32 @@ fn measured<'a>(
 }
 
 impl Normal {
-    /// Of nothing yet, for systems of this size.
+    /// Empty equations of this size.
     fn empty(size: usize, damping: f64) -> Self {
         Self {
             pulses: Vec::new(),
             matrix: vec![0.0; size * size],
             right: vec![0.0; size],
             sum: 0.0,
-            displeased: 0.0,
+            prior_cost: 0.0,
             damping,
         }
     }
 
-    /// Of pulses from number `first` on.
+    /// Equations of the pulses from number `first` on.
     fn new(
         array: &Array,
         pulses: &[Vec<Sighting>],
         first: usize,
         estimate: &Estimate,
-        known: &Known,
+        prior: &Known,
         damping: f64,
     ) -> Result<Self, NoEstimate> {
         let size = 3 * estimate.targets.len();
         let mut normal = Self::empty(size, damping);
-        normal.add_known(known, &estimate.targets);
+        normal.add_prior(prior, &estimate.targets);
         if let (Some(target), Heading::Found) = (estimate.targets.first(), estimate.heading) {
-            // Across the direction in which it is seen from the first pose, which is the origin.
+            // Across the direction from the first pose, which is the origin.
             let across = target.at_m.perp().normalize_or_zero().extend(0.0);
             add(
                 &mut normal.matrix,
@@ -192,19 +193,19 @@ impl Normal {
         Ok(normal)
     }
 
-    fn add_known(&mut self, known: &Known, targets: &[Target]) {
+    fn add_prior(&mut self, prior: &Known, targets: &[Target]) {
         let size = self.right.len();
-        let before = known.vector.len();
+        let before = prior.vector.len();
         let at: Vec<f64> = targets.iter().flat_map(values).collect();
-        for (i, row) in known.information.chunks_exact(before.max(1)).enumerate() {
-            let mut pull = known.vector[i];
+        for (i, row) in prior.information.chunks_exact(before.max(1)).enumerate() {
+            let mut pull = prior.vector[i];
             for (j, value) in row.iter().enumerate() {
                 self.matrix[i * size + j] += value;
                 pull -= value * at[j];
             }
             self.matrix[i * size + i] += self.damping * row[i];
             self.right[i] += pull;
-            self.displeased -= at[i] * (known.vector[i] + pull);
+            self.prior_cost -= at[i] * (prior.vector[i] + pull);
         }
     }
 
@@ -251,13 +252,13 @@ impl Normal {
         }
         if heading == Heading::Held {
             enlarged.z += HELD;
-            // Nothing pulls at what is known.
+            // A known heading is not corrected.
             own_right.z = 0.0;
         }
         own += DMat3::from_diagonal(enlarged);
         // Symmetric, so that rows are columns.
         let factor =
-            Factor::new(3, &own.to_cols_array(), LEAST_PIVOT).ok_or(NoEstimate::Pose(number))?;
+            Factor::new(3, &own.to_cols_array(), MIN_PIVOT).ok_or(NoEstimate::Pose(number))?;
         let inverse = DMat3::from_cols_slice(&factor.inverse());
         let pose_alone = inverse * own_right;
         for (target, both) in &with {
@@ -285,10 +286,10 @@ fn diagonal(matrix: DMat3) -> DVec3 {
 }
 
 impl Normal {
-    /// The estimate after a step from `at`, and how much of the sum of squares that promises to take.
+    /// Estimate after a step from `at`, and the decrease of the sum of squares that the linear model promises.
     fn step(&self, at: &Estimate) -> Result<(Estimate, f64), NoEstimate> {
         let factor =
-            Factor::new(self.right.len(), &self.matrix, LEAST_PIVOT).ok_or(NoEstimate::Targets)?;
+            Factor::new(self.right.len(), &self.matrix, MIN_PIVOT).ok_or(NoEstimate::Targets)?;
         let mut step = self.right.clone();
         factor.solve(&mut step);
         let mut promised: f64 = step.iter().zip(&self.right).map(|(a, b)| a * b).sum();
@@ -299,7 +300,7 @@ impl Normal {
             target.phase_rad += step[2];
         }
         for (pose, own) in next.poses.iter_mut().zip(&self.pulses) {
-            // What elimination left to targets is in their step.
+            // The part of the poses alone; the targets' part is in their step.
             promised += own.right.dot(own.inverse * own.right);
             let follow = own
                 .with
@@ -322,32 +323,32 @@ fn values(target: &Target) -> [f64; 3] {
     [target.at_m.x, target.at_m.y, target.phase_rad]
 }
 
-/// Brings an estimate to the least sum of squares, of pulses from number `first` on.
+/// Minimise the sum of squares over the pulses from number `first` on, starting from `estimate`.
 ///
 /// # Errors
 /// [`NoEstimate`].
 ///
 /// # Panics
-/// If there are not as many poses as pulses, or a sighting is of no target or not of all channels.
+/// If there are not as many poses as pulses, or a sighting has an unknown target or not one phase a channel.
 pub fn solve(
     array: &Array,
     pulses: &[Vec<Sighting>],
     first: usize,
     estimate: &mut Estimate,
-    known: &Known,
+    prior: &Known,
 ) -> Result<Solved, NoEstimate> {
     assert_eq!(pulses.len(), estimate.poses.len());
     let mut damping = DAMPING;
-    let normal = |at: &Estimate, damping| Normal::new(array, pulses, first, at, known, damping);
+    let normal = |at: &Estimate, damping| Normal::new(array, pulses, first, at, prior, damping);
     let mut now = normal(estimate, damping)?;
     let mut settled = false;
-    for _ in 0..MOST_STEPS {
+    for _ in 0..MAX_STEPS {
         let (next, promised) = now.step(estimate)?;
         settled = promised < ENOUGH;
         let then = normal(&next, damping)?;
-        // Of large numbers that nearly cancel, their rounding is no increase.
-        let rounding = 1e-13 * now.displeased.abs();
-        if then.sum + then.displeased <= now.sum + now.displeased + rounding {
+        // Large numbers nearly cancel: their rounding is no increase.
+        let rounding = 1e-13 * now.prior_cost.abs();
+        if then.sum + then.prior_cost <= now.sum + now.prior_cost + rounding {
             (*estimate, now) = (next, then);
             if damping == DAMPING {
                 match settled {
@@ -359,8 +360,8 @@ pub fn solve(
         } else if !settled {
             damping *= 10.0;
         }
-        // What is not settled and cannot be made smaller will not be.
-        if settled || damping > MOST_DAMPING {
+        // Neither converged nor decreasing: give up.
+        if settled || damping > MAX_DAMPING {
             break;
         }
         now = normal(estimate, damping)?;

@@ -1,25 +1,25 @@
-//! What a stretch of pulses says of each target, and which of them agree with one motion of the radar.
+//! Change of each target over a segment of pulses, and the group that agrees with one motion of the radar.
 
 use std::collections::BTreeSet;
 
 use glam::{DMat3, DVec2, DVec3};
 use subaperture_signal::dense::Factor;
 
-use crate::LEAST_PIVOT;
+use crate::MIN_PIVOT;
 use crate::model::Array;
 use crate::series::{Series, line, unit};
 
-/// Squared error of a target's two numbers that one in ten thousand that stand still exceeds.
+/// Quantile 0.9999 of the squared residual of a standing target, two degrees of freedom.
 pub(super) const USUAL: f64 = 18.4;
-/// The same of pairs that tell the motion by themselves, and badly.
+/// The same for motions that follow from a pair alone, which are uncertain.
 const FAR: f64 = 5.0 * USUAL;
 
-/// A target in a stretch of pulses.
+/// Change of a target over a segment.
 pub(crate) struct Change {
     pub(crate) name: usize,
     u: DVec2,
     range_m: f64,
-    /// Of its range, and its direction.
+    /// Changes of range (metres) and of direction (radians).
     by: [f64; 2],
     /// Standard deviations of both, and of the mean direction.
     sigma: [f64; 3],
@@ -59,13 +59,13 @@ impl Change {
         }
     }
 
-    /// How its numbers follow from the motion and turn.
+    /// Derivatives of both changes by motion and turn.
     fn lines(&self) -> [DVec3; 2] {
         let across = self.u.perp() / -self.range_m;
         [(-self.u).extend(0.0), across.extend(-1.0)]
     }
 
-    /// Its errors in standard deviations, if it stands still.
+    /// Residuals in standard deviations, for a standing target.
     pub(super) fn errors(&self, motion: DVec3) -> [f64; 2] {
         let sigma = self.sigmas(motion);
         let lines = self.lines();
@@ -82,10 +82,10 @@ impl Change {
     }
 }
 
-/// The motion that some targets tell; none if it does not follow of them.
+/// Motion by least squares over some targets; `None` if they do not determine it.
 pub(super) fn motion<'a>(some: impl Iterator<Item = &'a Change> + Clone) -> Option<DVec3> {
     let mut motion = DVec3::ZERO;
-    // What directions err makes the weights follow the motion.
+    // Errors of directions make the weights depend on the motion.
     for _ in 0..3 {
         let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
         for change in some.clone() {
@@ -96,7 +96,7 @@ pub(super) fn motion<'a>(some: impl Iterator<Item = &'a Change> + Clone) -> Opti
                 right += weighed * by;
             }
         }
-        let factor = Factor::new(3, &matrix.to_cols_array(), LEAST_PIVOT)?;
+        let factor = Factor::new(3, &matrix.to_cols_array(), MIN_PIVOT)?;
         let mut solved = right.to_array();
         factor.solve(&mut solved);
         motion = DVec3::from_array(solved);
@@ -104,7 +104,7 @@ pub(super) fn motion<'a>(some: impl Iterator<Item = &'a Change> + Clone) -> Opti
     motion.is_finite().then_some(motion)
 }
 
-/// The largest group of these that agree with one motion, and that motion.
+/// Largest group that agrees with one motion, and that motion.
 pub(super) fn group(changes: &[&Change]) -> Option<(BTreeSet<usize>, DVec3)> {
     let mut best: Option<(BTreeSet<usize>, DVec3, f64)> = None;
     for i in 0..changes.len() {
@@ -118,7 +118,7 @@ pub(super) fn group(changes: &[&Change]) -> Option<(BTreeSet<usize>, DVec3)> {
             };
             let mut found = near(FAR, start);
             let mut by = start;
-            // Those that are off go, the worst first.
+            // Remove outliers, the worst first.
             while found.len() >= 3 {
                 let some = found.iter().map(|&c| changes[c]);
                 let Some(told) = motion(some) else { break };

@@ -1,26 +1,25 @@
-//! Targets that move (C 1.2.4): which, and how fast.
+//! Moving targets among standing ones (C 1.2.4), and their velocities.
 //!
-//! **Which.** Through a stretch of pulses each target's range changes by what its phases tell, `dr`, and the direction in which it is seen by `dw`. Of targets that stand still
+//! **Classification.** Over a segment of pulses, phases give the change `dr` of each target's range, and directions of arrival their change `dw`. Standing targets obey
 //!
 //! ```text
 //! dr_i = -u_i . D        dw_i = -Phi - across(u_i) . D / range_i
 //! ```
 //!
-//! with one motion `D` of the array's middle and one turn `Phi`, in the frame of the stretch's mean heading, and `u_i` the mean direction (to the third order in `D / range`).
-//! `D` is good to the error of the mean direction times itself, so that of a motion of some centimetres a tenth of a millimetre is left: what moves by more is
-//! seen to. Two targets agree with any motion; the largest group of three or more that agree with one is taken to stand still. What is a little off in each
-//! stretch, always to the same side, is found by the sum of its errors.
+//! with one motion `D` of the array's centre and one turn `Phi`, in the frame of the segment's mean heading, and `u_i` the mean direction (to the third order in `D / range`). `D` has the relative error of the mean
+//! directions: for a motion of some centimetres it is a tenth of a millimetre, and targets that move by more are detected. Two targets agree with any motion: the largest group of three or more that agree with one is
+//! taken to stand still. A small error of constant sign in each segment is detected by its sum.
 //!
-//! **How fast.** The track being found of the others, a place and a velocity that does not change are found by least squares of the mover's phases and ranges.
+//! **Velocity.** With the track known from standing targets, least squares of a mover's phases and ranges give its position and its constant velocity.
 //!
-//! **What cannot be told.** Only relative motion is measured. If all that is seen moves alike, the radar seems to move the other way; if more targets move alike
-//! than stand still, they are taken for those that stand; if as many, [`Doubt::Divided`] says so. A target that moves along a circle about the radar changes no
-//! range: its direction tells it, a hundred times less surely.
+//! **Limits.** Only relative motion is measured. If all targets move alike, the radar seems to move the opposite way. If more targets move alike than stand still, they are taken for standing ones; if as many,
+//! [`Doubt::Divided`] is reported. A target that circles the radar keeps its range: its direction reveals it with a hundredth of the sensitivity.
 //!
-//! **Units** metres, radians, seconds. **Cost** the cube of the targets a stretch. **Accuracy** `tests/movers.rs`.
+//! **Units** metres, radians, seconds. **Cost** the cube of the targets a segment. **Accuracy** `tests/movers.rs`.
 
 mod change;
-mod told;
+mod classify;
+
 mod velocity;
 
 use crate::check::MotionError;
@@ -28,48 +27,48 @@ use crate::model::{Array, Sighting};
 use crate::series::Series;
 use crate::tracker::{Track, track};
 
-pub use told::{Doubt, Sorted, sort};
-pub(crate) use told::{LEAST_STRETCH, Told, stretch};
-pub use velocity::Mover;
+pub use classify::{Doubt, Sorted, sort};
+pub(crate) use classify::{MIN_STRETCH, Record, stretch};
 pub(crate) use velocity::velocity;
+pub use velocity::{Mover, velocities};
 
-/// A track among targets that move.
+/// Track among moving targets.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// By targets that stand still.
+    /// Track from standing targets.
     pub track: Track,
-    /// The others, in its frame.
+    /// Moving targets, in the track's frame.
     pub movers: Vec<Mover>,
-    /// Which are which.
+    /// Classification of all targets.
     pub sorted: Sorted,
 }
 
-/// Why there is no such track.
+/// Reason why there is no track.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoScene {
-    /// A pulse is wrong, or tells nothing.
+    /// A pulse is invalid, or does not determine its pose.
     #[error("pulse {pulse}: {error}")]
     Motion {
-        /// Which.
+        /// Number of the pulse.
         pulse: usize,
-        /// What is wrong.
+        /// Reason.
         error: MotionError,
     },
-    /// There is not a time of each pulse.
-    #[error("{times} times are given of {pulses} pulses, or they do not grow")]
+    /// There is not one ascending finite time a pulse.
+    #[error("expected {pulses} ascending finite times, one a pulse, got {times}")]
     Times {
-        /// Times.
+        /// Number of times.
         times: usize,
-        /// Pulses.
+        /// Number of pulses.
         pulses: usize,
     },
-    /// It is not told which targets stand still.
+    /// Standing and moving targets cannot be separated.
     #[error("{0}")]
     Doubt(Doubt),
 }
 
-/// The track of a radar that saw this, by what stands still, and the velocities of what does not. Stretches and window count pulses: see [`sort`], [`track`].
+/// Estimate the track from standing targets and the velocities of the others. `stretch` and `window` are numbers of pulses: see [`sort`] and [`track`].
 ///
 /// # Errors
 /// [`NoScene`].

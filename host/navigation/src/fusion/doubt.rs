@@ -1,18 +1,17 @@
-//! Increments that are far off from their neighbours.
+//! Detection of outliers among increments.
 //!
-//! A phase that wrapped, or a target that was taken for another, moves the radar by a part of a wavelength within a pulse. Least squares over all would
-//! believe that, as an increment is stated to micrometres and all the rest to millimetres; the vehicle's inertia tells. An increment is doubted if its velocity or
-//! rate of turn is more than [`Model::doubted`] standard deviations from the median of up to [`REACH`] on either side: those of its own noise, of theirs, and of what the
-//! [`Model`] has of accelerations within that time. It is left out, and the millisecond bridged, which costs micrometres.
+//! A phase slip or a target mistaken for another moves the radar by a fraction of a wavelength within a pulse. Least squares would accept that, as the standard deviations of increments are micrometres and those of other
+//! measurements millimetres; the inertia of the vehicle excludes it. An increment is an outlier if its velocity or rate of turn is more than [`Model::doubted`] standard deviations from the median of up to [`REACH`] neighbours on
+//! either side. The standard deviation combines its own noise, that of the neighbours, and the [`Model`]'s accelerations within that time. Outliers are left out, and the gap of milliseconds is bridged at a cost of micrometres.
 
 use super::{Increment, Model};
 
-/// Increments on either side.
+/// Neighbours on either side.
 const REACH: usize = 3;
-/// With fewer than this of neighbours nothing is doubted.
+/// With fewer neighbours no outlier is declared.
 const FEWEST: usize = 4;
 
-/// Numbers of those that are doubted, ascending.
+/// Indices of the outliers, ascending.
 pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
     let Some(most) = model.doubted else {
         return Vec::new();

@@ -1,33 +1,32 @@
-//! The track between the moments at which the state was found.
+//! Interpolation of the track between estimated states.
 //!
-//! Where the radar measured, its own way from one moment to the next is kept, and what the two states disagree with it is made up where it
-//! was least sure. In the axes at the first moment, with `C_k` the covariance of its motion up to k, `F` from k to the end n, and `e` the disagreement,
+//! Between two states the radar's own motion is kept, and its disagreement with the states is distributed by its uncertainty. In the axes at the first state, with `C_k` the covariance of its motion up to k, `F` the transition from
+//! k to the end n, and `e` the disagreement,
 //!
 //! ```text
 //! motion_k + C_k F' C_n^-1 e,      covariance C_k - C_k F' C_n^-1 F C_k'  besides that of the ends
 //! ```
 //!
-//! which is what a smoother at every increment would say of them. What lies along the body's own z, and all where the radar did not measure or is not
-//! believed, is the curve of third degree through places and velocities of both moments: of an acceleration that is noise it is the mean, and its variance
-//! `q^2 dt^3 u^3 (1 - u)^3 / 3` at the share u of the time.
+//! as a smoother over every increment would yield. Motion along the body's own z, and all motion where the radar did not measure or was an outlier, is the cubic through positions and velocities of both states: the mean for
+//! white acceleration, with variance `q^2 dt^3 u^3 (1 - u)^3 / 3` at the fraction u of the time.
 
 use glam::{DQuat, DVec3};
 
-use super::LEAST_PIVOT;
+use super::MIN_PIVOT;
 use super::bundle::{Bundle, turn_of};
 use super::solve::{Known, Solved};
 use super::terms::{OWN, P, PSI, Problem, S, V, vector, wrapped};
 use super::{Basis, Sample};
 use subaperture_signal::dense::fixed::{Matrix, factor, inverse, less, plus, times, transposed};
 
-/// Rows and columns of place and heading.
+/// Rows and columns of position and heading.
 const PLACE: [usize; 4] = [P, P + 1, P + 2, PSI];
 
 fn attitude(problem: &Problem<'_>, moment: usize, heading_rad: f64) -> DQuat {
     DQuat::from_mat3(&problem.axes(moment, heading_rad)).normalize()
 }
 
-/// The track at every moment and every edge of an increment.
+/// Track at every state and every edge of an increment.
 pub(super) fn fill(
     problem: &Problem<'_>,
     solved: &Solved,
@@ -67,7 +66,7 @@ pub(super) fn fill(
     samples
 }
 
-/// From one moment to the next.
+/// Between two states.
 struct Stretch<'a> {
     problem: &'a Problem<'a>,
     i: usize,
@@ -76,13 +75,13 @@ struct Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    /// At the edges of increments within, by the radar's motion or without.
+    /// At the edges of increments in between, with or without the radar's motion.
     fn between(&self, range: std::ops::Range<usize>, whole: Option<&Bundle>) -> Vec<Sample> {
         let [x, y] = self.ends;
         let increments = &self.problem.inputs.increments[range];
         let axes = self.problem.axes(self.i, x[PSI]);
         let made_up = whole.and_then(|whole| {
-            let inverse = inverse(&factor(&whole.covariance, LEAST_PIVOT)?);
+            let inverse = inverse(&factor(&whole.covariance, MIN_PIVOT)?);
             let off = self.problem.disagreement(self.i, whole, x, y);
             Some((whole, inverse, off.map(|value| [value])))
         });
@@ -109,7 +108,7 @@ impl Stretch<'_> {
         samples
     }
 
-    /// By places and velocities of both moments alone.
+    /// From positions and velocities of both states alone.
     fn curve(&self, time_s: f64) -> Sample {
         let [x, y] = self.ends;
         let times_s = &self.problem.timeline.times_s[self.i..self.i + 2];
@@ -153,7 +152,7 @@ impl Stretch<'_> {
         }
     }
 
-    /// The covariance of place in the plane and heading: of the ends, and of the motion between.
+    /// Covariance of position in the plane and heading, from both states and the motion between.
     fn spread(
         &self,
         sample: &mut Sample,
@@ -163,7 +162,7 @@ impl Stretch<'_> {
         onward: &Matrix<3, 3>,
     ) {
         let (sin, cos) = libm::sincos(self.ends[0][PSI]);
-        // Into the axes at the first moment, seen from above.
+        // To the axes at the first state, in plan view.
         let level = [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]];
         let part = |matrix: &Matrix<OWN, OWN>| -> Matrix<3, 3> {
             let at = [P, P + 1, PSI];

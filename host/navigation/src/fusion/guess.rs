@@ -1,8 +1,7 @@
-//! Where the least squares begin.
+//! Initial estimate of the least squares.
 //!
-//! Headings are those of the inertial solution where it is near, and go on by the radar's turns where it is not; without any, the radar's own way is
-//! turned such that it fits the positions. Places and velocities are those measured, straight in between: given headings the sum of squares is one of a
-//! parabola, which one step solves.
+//! Headings are those of the inertial solution where it is near in time, and continue by the radar's turns elsewhere. Without any, the radar's own track is rotated to fit the positions. Positions and velocities are interpolated
+//! linearly: given the headings, the sum of squares is quadratic, and one step solves it.
 
 use glam::{DMat3, DVec3};
 
@@ -11,10 +10,10 @@ use super::bundle::Bundle;
 use super::terms::{OWN, P, PSI, V, wrapped};
 use super::timeline::Timeline;
 
-/// An inertial heading is near within this time, seconds.
+/// Largest time to an inertial heading, seconds.
 const NEAR_S: f64 = 0.2;
 
-/// A place at each moment, of those measured: straight in between, and no farther at the ends.
+/// Positions at each state, interpolated linearly between measurements and constant beyond.
 fn places(times_s: &[f64], known: &[(f64, DVec3)]) -> Vec<DVec3> {
     let at = |&time_s: &f64| {
         let after = known.partition_point(|one| one.0 <= time_s);
@@ -28,7 +27,7 @@ fn places(times_s: &[f64], known: &[(f64, DVec3)]) -> Vec<DVec3> {
     times_s.iter().map(at).collect()
 }
 
-/// A first state of each moment.
+/// Initial estimate of each state.
 pub(super) fn guess(
     inputs: &Inputs<'_>,
     timeline: &Timeline,
@@ -52,7 +51,7 @@ pub(super) fn guess(
     let places = places(times_s, &known);
     let headings = headings(inputs, timeline, bundles, &places, squint_rad);
     let velocity = |i: usize| {
-        // Over a second or so.
+        // Over about a second.
         let (from, to) = (times_s[i] - 0.5, times_s[i] + 0.5);
         let a = times_s.partition_point(|&t| t < from).min(i);
         let b = times_s
@@ -105,7 +104,7 @@ fn headings(
         if let Some(stated) = stated[i] {
             let away = wrapped(stated - headings[i]);
             let near = timeline.times_s[i] - timeline.times_s[last] < NEAR_S;
-            // After a while without one, the radar's own turns were the best there was; what it lacks is made up evenly.
+            // After a gap the radar's turns were the best estimate; their error is distributed evenly.
             if !near {
                 let seconds = timeline.times_s[i] - timeline.times_s[last];
                 let from_s = timeline.times_s[last];
@@ -121,7 +120,7 @@ fn headings(
     headings
 }
 
-/// The radar's own way, turned such that it fits the places: the turn that brings two clouds of points nearest.
+/// Rotation of the radar's own track to the positions: the least-squares rotation between two point sets.
 fn by_fit(bundles: &[Option<Bundle>], places: &[DVec3]) -> Vec<f64> {
     let mut at = DVec3::ZERO;
     let mut heading: f64 = 0.0;

@@ -1,113 +1,111 @@
-//! What is fused: increments of the radar, positions of a receiver, and an inertial solution; and what is assumed of them.
+//! Input of the fusion: increments of the radar, positions of a receiver, an inertial solution, and the model.
 
 use glam::{DMat3, DVec3};
 
 use subaperture_signal::dense::fixed::factor;
 
-use super::{FusionError, LEAST_PIVOT};
+use super::{FusionError, MIN_PIVOT};
 
-/// How the radar moved from one moment to another, by its own measurement.
+/// Motion of the radar between two times, by its own measurement.
 ///
-/// In the body's axes at `from_s`: x and y span the plane in which it measures (x along the array), and the heading is that of x, against the clock seen
-/// from above.
+/// In the body's axes at `from_s`: x (along the array) and y span the plane of measurement, and the heading is that of x, counterclockwise from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Increment {
-    /// From when, seconds of the radar's clock.
+    /// Start, seconds of the radar's clock.
     pub from_s: f64,
-    /// To when.
+    /// End, seconds of the radar's clock.
     pub to_s: f64,
-    /// How far along x and y, metres.
+    /// Motion along x and y, metres.
     pub moved_m: [f64; 2],
-    /// By how much it turned, radians.
+    /// Turn, radians.
     pub turned_rad: f64,
-    /// Covariance of the three: x, y, turn. Increments are taken for independent of one another.
+    /// Covariance of x, y and turn. Increments are taken for independent.
     pub covariance: DMat3,
 }
 
-/// A position that is right on average, of a receiver of GNSS.
+/// Unbiased position of a GNSS receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Position {
-    /// When, seconds of the receiver's clock.
+    /// Time, seconds of the receiver's clock.
     pub time_s: f64,
-    /// Where, metres.
+    /// Position, metres.
     pub position_m: DVec3,
-    /// Standard deviation of x, y and z, metres.
+    /// Standard deviations of x, y and z, metres.
     pub sigma_m: DVec3,
-    /// Velocity and its standard deviation, metres a second.
+    /// Velocity with standard deviations, m/s.
     pub velocity_m_s: Option<[DVec3; 2]>,
 }
 
-/// A moment of an inertial solution, whose errors drift.
+/// State of an inertial solution, whose errors drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertial {
-    /// When, seconds of its clock.
+    /// Time, seconds of its clock.
     pub time_s: f64,
-    /// Where and its standard deviation from one moment to the next, without what drifts, metres.
+    /// Position with standard deviations from one state to the next, without drift, metres.
     pub position_m: Option<[DVec3; 2]>,
-    /// The same of the velocity, metres a second.
+    /// Velocity with the same standard deviations, m/s.
     pub velocity_m_s: Option<[DVec3; 2]>,
-    /// The same of the heading of its x axis, radians, from the frame's x against the clock.
+    /// Heading of its x axis with the same standard deviation, radians, counterclockwise from the frame's x.
     pub heading_rad: Option<[f64; 2]>,
-    /// Roll and pitch, radians, as tracks have them ([`subaperture_model::track::turned`]).
+    /// Roll and pitch, radians ([`subaperture_model::track::turned`]).
     pub roll_pitch_rad: [f64; 2],
 }
 
-/// All that is fused, each in the order of time.
+/// All measurements, each kind in the order of time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Inputs<'a> {
-    /// Of the radar.
+    /// Increments of the radar.
     pub increments: &'a [Increment],
-    /// Of a receiver.
+    /// Positions of a receiver.
     pub positions: &'a [Position],
-    /// Of an inertial solution.
+    /// States of an inertial solution.
     pub inertial: &'a [Inertial],
 }
 
-/// A number that is assumed, and how well it is known.
+/// Parameter with its prior.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Assumed<T> {
-    /// Most likely.
+    /// Prior mean.
     pub value: T,
-    /// Standard deviation; 0 of what is held.
+    /// Prior standard deviation; 0 holds the parameter.
     pub sigma: T,
 }
 
-/// What is assumed of sensors and vehicle.
+/// Model of sensors and vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
-    /// How far accelerations in the plane go, as noise of this density: metres a second by the root of a second. A vehicle that changes its velocity by
-    /// 1 m/s within a second has 1.
+    /// Density of horizontal acceleration noise, m/s a root second: a vehicle that changes its velocity by 1 m/s within a second has 1.
     pub acceleration: f64,
-    /// The same upwards.
+    /// Density of vertical acceleration noise, m/s a root second.
     pub acceleration_up: f64,
-    /// How the heading wanders where the radar does not measure it, radians by the root of a second.
+    /// Random walk of the heading where the radar does not measure it, radians a root second.
     pub turning: f64,
-    /// The inertial solution's constant error at first, metres, and how it wanders besides what its velocity's error makes of it, metres by the root of a second.
+    /// Initial position error of the inertial solution, metres, and its random walk beyond that of its velocity error, metres a root second.
     pub inertial_position: [f64; 2],
-    /// The same of its velocity, metres a second, and by the root of a second.
+    /// The same of its velocity, m/s, and m/s a root second.
     pub inertial_velocity: [f64; 2],
-    /// How its heading's error wanders, radians by the root of a second. What is constant is `squint`.
+    /// Random walk of its heading error, radians a root second. The constant part is `squint`.
     pub inertial_heading: f64,
-    /// Increments that are off their neighbours by more standard deviations are left out; none where all are to be believed.
+    /// Standard deviations from its neighbours beyond which an increment is an outlier; `None` accepts all.
     pub doubted: Option<f64>,
-    /// By which share the radar's x may be too long, standard deviation; 0 if it is right.
+    /// Standard deviation of the relative scale error of the radar's x; 0 for none.
     pub scale: f64,
-    /// Seconds after which that is another.
+    /// Correlation time of the scale error, seconds.
     pub scale_time_s: f64,
-    /// By how much the receiver's clock is ahead of the radar's, seconds.
+    /// Advance of the receiver's clock over the radar's, seconds.
     pub receiver_clock_s: Assumed<f64>,
-    /// By how much the inertial solution's clock is ahead of the radar's, seconds.
+    /// Advance of the inertial clock over the radar's, seconds.
     pub inertial_clock_s: Assumed<f64>,
-    /// From the inertial solution's x axis to the radar's, radians against the clock.
+    /// Angle from the inertial x axis to the radar's, radians, counterclockwise.
     pub squint_rad: Assumed<f64>,
-    /// From the radar to the receiver's antenna, along the radar's axes, metres.
+    /// Lever arm from the radar to the receiver's antenna, along the radar's axes, metres.
     pub receiver_arm_m: Assumed<DVec3>,
-    /// From the radar to the place of the inertial solution.
+    /// Lever arm from the radar to the reference point of the inertial solution, metres.
     pub inertial_arm_m: Assumed<DVec3>,
 }
 
 impl Default for Model {
-    /// A vehicle on the ground with all sensors in one place and on one clock.
+    /// Ground vehicle with all sensors in one place and on one clock.
     fn default() -> Self {
         Self {
             acceleration: 1.0,
@@ -131,14 +129,14 @@ impl Default for Model {
     }
 }
 
-/// Largest number that is sensible of anything: beyond, squares of what is assumed are none.
+/// Largest sensible value of any quantity: squares of larger ones overflow models.
 const LARGEST: f64 = 1e9;
 
 fn sound(value: f64) -> bool {
     value.abs() <= LARGEST
 }
 
-/// Refuses measurements of a kind, each with its time and whether all else of it can be computed with, that cannot be or that go back in time.
+/// Refuse measurements of a kind that are not finite or whose times descend.
 fn in_order(what: &'static str, all: impl Iterator<Item = (f64, bool)>) -> Result<(), FusionError> {
     let mut before_s = f64::NEG_INFINITY;
     for (n, (time_s, whole)) in all.enumerate() {
@@ -163,7 +161,7 @@ fn in_order(what: &'static str, all: impl Iterator<Item = (f64, bool)>) -> Resul
 }
 
 impl Inputs<'_> {
-    /// Refuses what cannot be computed with.
+    /// Refuse measurements that are not usable.
     pub(super) fn check(&self) -> Result<(), FusionError> {
         let vector = |v: DVec3| v.to_array().into_iter().all(sound);
         let spread = |v: DVec3| v.to_array().into_iter().all(|s| s > 0.0 && sound(s));
@@ -187,7 +185,7 @@ impl Inputs<'_> {
                 () if n > 0 && one.from_s < self.increments[n - 1].to_s - 1e-9 => {
                     "a beginning before the end of the one before"
                 }
-                () if !even || factor(&matrix, LEAST_PIVOT).is_none() => {
+                () if !even || factor(&matrix, MIN_PIVOT).is_none() => {
                     "a covariance that is none: it has to be symmetric and positive definite"
                 }
                 () => continue,
@@ -222,7 +220,7 @@ impl Inputs<'_> {
 }
 
 impl Model {
-    /// Refuses what cannot be assumed.
+    /// Refuse an invalid model.
     pub(super) fn check(&self) -> Result<(), FusionError> {
         let positive = [
             ("acceleration", self.acceleration),

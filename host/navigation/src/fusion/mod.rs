@@ -1,26 +1,22 @@
-//! One track of the radar's own motion, a receiver's positions and an inertial solution.
+//! Fusion of the radar's own motion, a receiver's positions and an inertial solution into one track.
 //!
-//! The radar knows how it moved from one pulse to the next to some micrometres, and nothing of where it is; errors of its increments add up. A receiver
-//! knows where it is, to decimetres. An inertial solution knows how it is turned and bridges seconds, and drifts. [`fuse`] finds the track of which
-//! all that was measured is most likely, over all of the time at once, so that what comes later corrects what was before (Chim 2018 asks for that in 7.6 and 8.2 and
-//! leaves it open): by nonlinear least squares over the states of all moments, whose normal equations are a chain and solved as one (`arrow`). That
-//! is a smoother of a fixed interval; unlike a filter run forwards and backwards it takes all headings, clocks and arms anew with each step, so that nothing
-//! is left of where they were first thought to be.
+//! The radar measures its motion between pulses to some micrometres, but not its position, and errors of increments accumulate. A receiver measures positions to decimetres. An inertial solution measures attitude and bridges
+//! seconds, and drifts. [`fuse`] finds the most probable track given all measurements over the whole time, so that later measurements improve earlier states (Chim 2018 asks for that in 7.6 and 8.2 and leaves it open). It solves
+//! nonlinear least squares over the states of all times, whose normal equations have arrowhead form (`arrowhead`). This is a fixed-interval smoother; unlike a forward-backward filter it linearises headings, clocks and lever arms anew
+//! in each step, so that the result does not depend on their initial values.
 //!
-//! **Frame.** Any Cartesian one whose z is up: local axes, or those of a scene. The heading is the angle from its x axis to the radar's x axis, against the clock seen from
-//! above. Times are the radar's; other clocks are ahead of it by numbers that are estimated.
+//! **Frame.** Any Cartesian frame with z up: local axes or those of a scene. The heading is the angle from the frame's x axis to the radar's x axis, counterclockwise from above. Times are the radar's; advances of other clocks are
+//! estimated.
 //!
-//! **Scale.** What drifts of MPGA is mostly the length of its x, along the array: angles of arrival carry it, and only the receive baseline and
-//! absolute ranges hold it. So increments are taken for too long by a share that changes slowly and is estimated; positions over tens of metres and the
-//! inertial velocity determine it, to parts in ten thousand, and the rest of an aperture's error is the increments' own noise.
+//! **Scale.** The drift of MPGA is mostly an error of its x, along the array: it depends on directions of arrival, which only the receive baseline and absolute ranges determine. Increments therefore have a slowly varying scale error
+//! that is estimated. Positions over tens of metres and the inertial velocity determine it to parts in ten thousand; the remaining error of an aperture is the increments' own noise.
 //!
-//! **What can be found.** Clocks only where velocity or heading change, else a lever arm along the way is the same; arms in the plane only where the
-//! body turns, their height never; squint where the body moves. What the data do not determine keeps what was assumed: [`Found::told`] says so.
+//! **Observability.** Clocks are observable only where velocity or heading change; otherwise a lever arm along the track is equivalent. Horizontal lever arms are observable only where the body turns, their height never; squint only
+//! where the body moves. Unobservable parameters keep their prior: see [`Found::told`].
 //!
-//! **Cost.** Measurements make moments, and increments lie between them: some 15 kB a moment and 240 bytes an increment, and about a
-//! second a minute of navigation with 25 moments and 1000 increments a second.
+//! **Cost.** States lie at measurements, with increments in between: about 15 kB a state and 240 bytes an increment, and about a second a minute of navigation with 25 states and 1000 increments a second.
 
-mod arrow;
+mod arrowhead;
 mod bundle;
 mod doubt;
 mod fill;
@@ -45,43 +41,41 @@ use bundle::Bundle;
 use terms::{ARMS, CLOCKS, COMMON, OWN, Of, P, PSI, Problem, SQUINT, State, V};
 use timeline::Timeline;
 
-/// A pivot that is less of what stood there is none: of a state's unknowns some 15 roundings are left.
-const LEAST_PIVOT: f64 = 1e-14;
-/// Clocks that turn out otherwise by more than this move the moments, seconds.
+/// Smallest pivot of a factorisation, relative to the diagonal: a smaller one is rounding of some 15 terms.
+const MIN_PIVOT: f64 = 1e-14;
+/// Change of a clock's advance that moves the states, seconds.
 const MOVED_S: f64 = 1e-3;
-/// How often.
-const MOST_MOVES: usize = 6;
+/// Largest number of such moves.
+const MAX_MOVES: usize = 6;
 
-/// The track, and what else was found.
+/// Fused track and estimated parameters.
 pub struct Fused {
-    /// At every measurement and every edge of an increment, in the order of time.
+    /// States at every measurement and every edge of an increment, in the order of time.
     pub samples: Vec<Sample>,
-    /// By how much the receiver's clock is ahead of the radar's, seconds.
+    /// Advance of the receiver's clock over the radar's, seconds.
     pub receiver_clock_s: Found,
-    /// By how much the inertial solution's clock is ahead.
+    /// Advance of the inertial clock, seconds.
     pub inertial_clock_s: Found,
-    /// From the inertial solution's x axis to the radar's, radians.
+    /// Angle from the inertial x axis to the radar's, radians.
     pub squint_rad: Found,
-    /// From the radar to the receiver's antenna, along the radar's axes, metres.
+    /// Lever arm from the radar to the receiver's antenna, along the radar's axes, metres.
     pub receiver_arm_m: [Found; 3],
-    /// From the radar to the place of the inertial solution.
+    /// Lever arm from the radar to the reference point of the inertial solution, metres.
     pub inertial_arm_m: [Found; 3],
-    /// The share by which the radar's x is too long, at the middle of the time.
+    /// Relative scale error of the radar's x, at the middle of the time.
     pub scale: Found,
-    /// Measurements that count by less than half.
+    /// Measurements with a weight below one half.
     pub outliers: Vec<Outlier>,
-    /// Squares of errors in standard deviations, as they count, and what they should be: as many as there are numbers, less what the state takes of them. Noise is as it was
-    /// stated if both are about the same.
+    /// Sum of squared residuals in standard deviations, as weighted, and its expectation: measurements less unknowns. Both are similar if the stated noise is right.
     pub chi_square: [f64; 2],
-    /// Steps of the least squares.
+    /// Number of least-squares steps.
     pub steps: usize,
     solved: solve::Solved,
     times_s: Vec<f64>,
 }
 
 impl Fused {
-    /// A track as likely as what is known allows: the estimate, and an error of its covariance over all of the time at once, made of independent normal
-    /// numbers. What images of some of them have in common can be trusted.
+    /// Random sample of the track: the estimate plus an error with its joint covariance over the whole time, from independent normal numbers. Features that images on several samples share are reliable.
     pub fn plausible(&self, white: impl FnMut() -> f64) -> Plausible {
         let (errors, _) = self.solved.factored.coloured(white);
         let moments = self.solved.state.moments.iter().zip(&errors);
@@ -107,7 +101,7 @@ impl Fused {
     }
 }
 
-/// The track of which all that was measured is most likely.
+/// Estimate the most probable track given all measurements.
 ///
 /// # Errors
 /// [`FusionError`].
@@ -138,8 +132,8 @@ pub fn fuse(
         for (k, clock_s) in CLOCKS.into_iter().zip(clocks_s) {
             state.common[k] = clock_s;
         }
-        let done = turn as f64 / MOST_MOVES as f64;
-        let progress = |share: f64| monitor.progress((done + share / MOST_MOVES as f64).min(1.0));
+        let done = turn as f64 / MAX_MOVES as f64;
+        let progress = |share: f64| monitor.progress((done + share / MAX_MOVES as f64).min(1.0));
         let problem = Problem {
             about: state.moments[0],
             ..problem
@@ -149,7 +143,7 @@ pub fn fuse(
         let off = (found[0] - clocks_s[0])
             .abs()
             .max((found[1] - clocks_s[1]).abs());
-        if off > MOVED_S && turn < MOST_MOVES {
+        if off > MOVED_S && turn < MAX_MOVES {
             clocks_s = found;
             continue;
         }
@@ -159,7 +153,7 @@ pub fn fuse(
     Err(FusionError::Nowhere)
 }
 
-/// Moments, and what is between them.
+/// States, and measurements between them.
 fn problem<'a>(
     inputs: Inputs<'a>,
     model: &'a Model,
@@ -213,7 +207,7 @@ fn problem<'a>(
     }
 }
 
-/// What came out, in words and numbers.
+/// Result in text and numbers.
 fn told(problem: &Problem<'_>, solved: solve::Solved, doubted: &[usize]) -> Fused {
     let covariances = solved.factored.covariances();
     let mut believed: Vec<bool> = problem.bundles.iter().map(Option::is_some).collect();

@@ -1,4 +1,4 @@
-//! What a log says, as measurements to fuse.
+//! Measurements for the fusion from a log.
 
 use glam::{DVec3, EulerRot};
 
@@ -7,19 +7,19 @@ use subaperture_model::geometry::SceneFrame;
 use super::{Inertial, Position};
 use crate::{GpsTime, Kind, Log, Record};
 
-/// Standard deviations of what a log states without.
+/// Standard deviations where a log states none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unstated {
-    /// Of places, metres.
+    /// Standard deviation of positions, metres.
     pub place_m: f64,
-    /// Of velocities, metres a second.
+    /// Standard deviation of velocities, m/s.
     pub velocity_m_s: f64,
-    /// Of headings, degrees.
+    /// Standard deviation of headings, degrees.
     pub heading_deg: f64,
 }
 
 impl Default for Unstated {
-    /// Of a receiver without corrections and a small inertial unit.
+    /// For a receiver without corrections and a small inertial unit.
     fn default() -> Self {
         Self {
             place_m: 1.5,
@@ -29,7 +29,7 @@ impl Default for Unstated {
     }
 }
 
-/// Standard deviations along a frame's axes of those along east, north and up; the whole of those that are not stated.
+/// Standard deviations along a frame's axes from those along east, north and up, or from the default.
 fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f64) -> DVec3 {
     let Some((stated, turn)) = stated.zip(record.to_scene(frame)) else {
         return DVec3::splat(unstated);
@@ -37,21 +37,20 @@ fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f
     let [east, north, up] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| turn * axis);
     let square = |axis: DVec3, sigma: f64| axis * axis * sigma * sigma;
     let sum = square(east, stated.x) + square(north, stated.y) + square(up, stated.z);
-    // What is stated as 0 is not known to a tenth of a millimetre either.
+    // A stated 0 is taken for a tenth of a millimetre.
     DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
 }
 
-/// A receiver's velocity is given to the nearest position, if that is nearer than this, seconds.
+/// Largest time from a receiver's velocity to its position, seconds.
 const TOGETHER_S: f64 = 0.05;
-/// A vehicle changes its velocity by about so much between the two, metres a second squared.
+/// Change of velocity of a vehicle between the two, m/s^2.
 const CHANGES_M_S2: f64 = 1.0;
-/// Of a velocity upwards that is not measured, metres a second.
+/// Standard deviation of a vertical velocity that is not measured, m/s.
 const UNMEASURED_M_S: f64 = 1e3;
 
-/// The places of a kind of records in a frame, times counted from `start`, with their velocities: their own, or those of NovAtel's `BESTVEL` beside them, each of which is
-/// given to one place only, so that none counts more than it was measured.
+/// Positions of a kind of records in a frame with times counted from `start`, and with velocities: their own, or those of NovAtel's `BESTVEL`. Each `BESTVEL` is assigned to one position only, so that it counts once.
 ///
-/// Standard deviations are those stated, for what states none those of `unstated`; of NMEA's velocities, which have none upwards, that part counts next to nothing.
+/// Standard deviations are those stated, else those of `unstated`. The missing vertical velocity of NMEA has next to no weight.
 pub fn positions(
     log: &Log,
     kind: Kind,
@@ -87,7 +86,7 @@ pub fn positions(
         .collect()
 }
 
-/// For each place the nearest of those velocities that have no nearer place. Places are in the order of time.
+/// Assignment of each velocity to its nearest position, in the order of time.
 fn given<'a>(
     places: &[&Record],
     velocities: impl Iterator<Item = &'a Record>,
@@ -111,7 +110,7 @@ fn given<'a>(
     given
 }
 
-/// A record's velocity along a frame's axes and its standard deviation, measured so many seconds away.
+/// Velocity of a record along a frame's axes with standard deviations, measured so many seconds away.
 fn velocity(record: &Record, frame: &SceneFrame, unstated: f64, away_s: f64) -> Option<[DVec3; 2]> {
     let velocity = record.to_scene(frame)? * record.velocity_m_s?;
     let mut stated = record.velocity_sigma_m_s;
@@ -125,9 +124,9 @@ fn velocity(record: &Record, frame: &SceneFrame, unstated: f64, away_s: f64) -> 
     Some([velocity, DVec3::from(sigma.to_array().map(both))])
 }
 
-/// The places, velocities and attitudes of a kind of records in a frame, times counted from `start`.
+/// Positions, velocities and attitudes of a kind of records in a frame, with times counted from `start`.
 ///
-/// Standard deviations are those from one record to the next, which no log states: `unstated` has them. (Those that logs state are of errors that drift.)
+/// Standard deviations are those from record to record, which logs do not state: those of `unstated`. (Logs state those of errors that drift.)
 pub fn inertial(
     log: &Log,
     kind: Kind,

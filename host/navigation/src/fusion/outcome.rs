@@ -1,140 +1,140 @@
-//! What comes out of a fusion, or why nothing does.
+//! Result of a fusion, and reasons why there is none.
 
 use glam::{DQuat, DVec3};
 
-/// Why there is no track.
+/// Reason why there is no track.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FusionError {
-    /// A measurement cannot be computed with.
+    /// Invalid measurement.
     #[error("{what} {number}, at {time_s} s, has {fault}")]
     Input {
-        /// Of which kind.
+        /// Kind of the measurement.
         what: &'static str,
-        /// Which, from 1.
+        /// Number of the measurement, from 1.
         number: usize,
-        /// When.
+        /// Time, seconds.
         time_s: f64,
-        /// What is wrong with it.
+        /// What is invalid.
         fault: &'static str,
     },
-    /// An assumption cannot be made.
+    /// Invalid parameter of the model.
     #[error(
         "{name} is {value}: it has to be a finite number, and not negative where it is a spread"
     )]
     Model {
-        /// Which.
+        /// Name of the parameter.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
-    /// Nothing says where the radar is.
+    /// No measurement of position.
     #[error(
         "no position, of a receiver or an inertial solution: increments alone do not tell where they begin"
     )]
     Nowhere,
-    /// The state does not follow.
+    /// The measurements do not determine a state.
     #[error("what was measured does not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
     Undetermined {
-        /// Where that showed.
+        /// Time of that state, seconds.
         time_s: Option<f64>,
     },
-    /// The least squares did not come to an end.
+    /// The least squares did not converge.
     #[error(
         "the least squares were not settled after {steps} steps: measurements contradict each other"
     )]
     Unsettled {
-        /// How many.
+        /// Number of steps.
         steps: usize,
     },
-    /// It was asked to stop.
+    /// The monitor cancelled.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// What a part of the track rests on.
+/// Source of a part of the track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Basis {
-    /// The radar's own increments.
+    /// Increments of the radar.
     Radar,
-    /// There were none, or they were not believed: bridged by the rest.
+    /// No increments, or outliers: bridged by other measurements.
     Bridged,
 }
 
-/// A moment of the track.
+/// State of the track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// When, seconds of the radar's clock.
+    /// Time, seconds of the radar's clock.
     pub time_s: f64,
-    /// Where the radar is, metres.
+    /// Position of the radar, metres.
     pub position_m: DVec3,
-    /// How fast, metres a second.
+    /// Velocity, m/s.
     pub velocity_m_s: DVec3,
-    /// Of its x axis, radians against the clock; goes on past half a turn.
+    /// Heading of the x axis, radians counterclockwise, unwrapped.
     pub heading_rad: f64,
-    /// How it is turned: x forward, y left, z up.
+    /// Attitude: x forward, y left, z up.
     pub attitude: DQuat,
-    /// Of x, y, z and heading.
+    /// Covariance of x, y, z (metres) and heading (radians).
     pub covariance: [[f64; 4]; 4],
-    /// What it rests on.
+    /// Source of this part of the track.
     pub basis: Basis,
 }
 
-/// A number that was found.
+/// Estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Most likely.
+    /// Estimate.
     pub value: f64,
-    /// Its standard deviation.
+    /// Standard deviation.
     pub sigma: f64,
-    /// What was assumed of that.
+    /// Prior standard deviation.
     pub assumed_sigma: f64,
 }
 
 impl Found {
-    /// Whether the data told it at all: by a tenth better than it was known.
+    /// Whether the data determine it: by a tenth better than the prior.
     pub fn told(&self) -> bool {
         self.sigma < 0.9 * self.assumed_sigma
     }
 }
 
-/// A time of one kind of measurement that was left out for being far off.
+/// Measurement with little weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outlier {
-    /// Of what.
+    /// Kind of the measurement.
     pub of: Measured,
-    /// Seconds of the radar's clock.
+    /// Time, seconds of the radar's clock.
     pub time_s: f64,
-    /// How much it counts, 0 to 1.
+    /// Weight, 0 to 1.
     pub weight: f64,
 }
 
-/// What was measured.
+/// Kind of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
-    /// Increments of the radar: one that is far off from its neighbours, or those up to a tenth of a second together.
+    /// Increments of the radar: a single outlier, or those of up to a tenth of a second.
     Increments,
-    /// A receiver's position.
+    /// Position of a receiver.
     Position,
-    /// A receiver's velocity.
+    /// Velocity of a receiver.
     Velocity,
-    /// An inertial position.
+    /// Inertial position.
     InertialPosition,
-    /// An inertial velocity.
+    /// Inertial velocity.
     InertialVelocity,
-    /// An inertial heading.
+    /// Inertial heading.
     InertialHeading,
 }
 
-/// Where, how fast and how turned at the moments of measurements.
+/// Positions, velocities and headings at the times of measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plausible {
-    /// Seconds.
+    /// Times, seconds.
     pub times_s: Vec<f64>,
-    /// Metres.
+    /// Positions, metres.
     pub positions_m: Vec<DVec3>,
-    /// Metres a second.
+    /// Velocities, m/s.
     pub velocities_m_s: Vec<DVec3>,
-    /// Radians.
+    /// Headings, radians.
     pub headings_rad: Vec<f64>,
 }

@@ -1,23 +1,22 @@
-//! The least squares: Gauss and Newton's steps, with what is far off counting less.
+//! Gauss-Newton least squares with robust weights.
 //!
-//! Terms of the radar, of positions and of the inertial solution are vectors of d numbers over their standard deviations; `a = sqrt(d) + 2` is passed by
-//! three in a thousand Gaussian ones. At first all count in full; then those beyond `a` by their length alone (Huber), which has one solution and
-//! brings outliers to light; at last those beyond `2 a` less and less and those beyond `4 a` not at all (Hampel), so that no outlier
-//! moves the result, however far it is off.
+//! Terms of the radar, of positions and of the inertial solution are vectors of d numbers over their standard deviations; three in a thousand Gaussian ones exceed `a = sqrt(d) + 2`. The iteration has three stages. First all
+//! terms have full weight. Then terms beyond `a` count by their length alone (Huber): the solution is unique and reveals outliers. At last the weight falls beyond `2 a` and is 0 beyond `4 a` (Hampel), so that no outlier affects
+//! the result, however far it is off.
 
 use subaperture_model::monitor::Monitor;
 
 use super::FusionError;
-use super::arrow::{Arrow, Covariance, Factored};
+use super::arrowhead::{Arrowhead, Covariance, Factored};
 use super::terms::{COMMON, OWN, Of, Problem, Row, State};
 use subaperture_signal::dense::fixed::Matrix;
 
-/// Steps at most, of each kind of weights.
-const MOST_STEPS: usize = 40;
-/// A step that promises less of the sum of squares is the last: it moves nothing by more than a hundredth of its standard deviation.
+/// Largest number of steps of each stage.
+const MAX_STEPS: usize = 40;
+/// Promised decrease of the sum of squares below which a stage ends: no unknown moves by more than a hundredth of its standard deviation.
 const ENOUGH: f64 = 1e-4;
 
-/// How far off counts how much.
+/// Weight function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Count {
     Full,
@@ -25,7 +24,7 @@ enum Count {
     Hampel,
 }
 
-/// The weight of a term of `count` numbers whose length is `off`, and what it adds to the sum.
+/// Weight of a term of `count` numbers and length `off`, and its contribution to the sum.
 fn weight(how: Count, count: usize, off: f64) -> (f64, f64) {
     let a = (count as f64).sqrt() + 2.0;
     let (b, c) = (2.0 * a, 4.0 * a);
@@ -42,19 +41,19 @@ fn weight(how: Count, count: usize, off: f64) -> (f64, f64) {
     }
 }
 
-/// Covariances of a moment's state.
+/// Covariances of a state.
 pub(super) type Known = Covariance<OWN, COMMON>;
 
-/// What the least squares came to.
+/// Result of the least squares.
 pub(super) struct Solved {
     pub(super) state: State,
     pub(super) factored: Factored<OWN, COMMON>,
-    /// The sum of squares of what was measured, each as it counts.
+    /// Weighted sum of squared residuals of measurements.
     pub(super) sum: f64,
     pub(super) steps: usize,
 }
 
-/// The sum that is made least.
+/// Objective function.
 fn sum(problem: &Problem<'_>, state: &State, how: Count) -> f64 {
     let mut sum = 0.0;
     problem.terms(state, &mut |of, _, rows| {
@@ -67,8 +66,8 @@ fn sum(problem: &Problem<'_>, state: &State, how: Count) -> f64 {
     sum
 }
 
-fn equations(problem: &Problem<'_>, state: &State, how: Count) -> Arrow<OWN, COMMON> {
-    let mut arrow = Arrow::new(state.moments.len());
+fn equations(problem: &Problem<'_>, state: &State, how: Count) -> Arrowhead<OWN, COMMON> {
+    let mut system = Arrowhead::new(state.moments.len());
     problem.terms(state, &mut |of, i, rows| {
         let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
         let share = match of {
@@ -88,26 +87,26 @@ fn equations(problem: &Problem<'_>, state: &State, how: Count) -> Arrow<OWN, COM
                 let weighted = share * slope;
                 let right = -weighted * row.off;
                 match k / OWN {
-                    0 => arrow.links[i].right[k] += right,
-                    1 => arrow.links[i + 1].right[k - OWN] += right,
-                    _ => arrow.right[k - 2 * OWN] += right,
+                    0 => system.links[i].right[k] += right,
+                    1 => system.links[i + 1].right[k - OWN] += right,
+                    _ => system.right[k - 2 * OWN] += right,
                 }
                 for (l, other) in filled.clone() {
                     let product = weighted * other;
                     match (k / OWN, l / OWN) {
-                        (0, 0) => arrow.links[i].own[k][l] += product,
-                        (0, 1) => arrow.links[i].next[k][l - OWN] += product,
-                        (1, 1) => arrow.links[i + 1].own[k - OWN][l - OWN] += product,
-                        (0, 2) => arrow.links[i].common[k][l - 2 * OWN] += product,
-                        (1, 2) => arrow.links[i + 1].common[k - OWN][l - 2 * OWN] += product,
-                        (2, 2) => arrow.common[k - 2 * OWN][l - 2 * OWN] += product,
+                        (0, 0) => system.links[i].own[k][l] += product,
+                        (0, 1) => system.links[i].next[k][l - OWN] += product,
+                        (1, 1) => system.links[i + 1].own[k - OWN][l - OWN] += product,
+                        (0, 2) => system.links[i].common[k][l - 2 * OWN] += product,
+                        (1, 2) => system.links[i + 1].common[k - OWN][l - 2 * OWN] += product,
+                        (2, 2) => system.common[k - 2 * OWN][l - 2 * OWN] += product,
                         _ => {}
                     }
                 }
             }
         }
     });
-    arrow
+    system
 }
 
 fn moved(state: &State, (moments, common): &(Vec<[f64; OWN]>, [f64; COMMON]), share: f64) -> State {
@@ -124,7 +123,7 @@ fn moved(state: &State, (moments, common): &(Vec<[f64; OWN]>, [f64; COMMON]), sh
     next
 }
 
-/// Finds the state about which the sum is least.
+/// Minimise the objective from an initial estimate.
 pub(super) fn solve(
     problem: &Problem<'_>,
     mut state: State,
@@ -142,15 +141,15 @@ pub(super) fn solve(
     {
         let mut before = sum(problem, &state, how);
         settled = false;
-        for step in 0..MOST_STEPS {
+        for step in 0..MAX_STEPS {
             if monitor.cancelled() {
                 return Err(FusionError::Cancelled);
             }
-            progress((stage as f64 + step as f64 / MOST_STEPS as f64) / 3.0);
-            let arrow = equations(problem, &state, how);
-            let rights: Vec<[f64; OWN]> = arrow.links.iter().map(|link| link.right).collect();
-            let right = arrow.right;
-            let solution = arrow.factor().map_err(indefinite)?.solution();
+            progress((stage as f64 + step as f64 / MAX_STEPS as f64) / 3.0);
+            let system = equations(problem, &state, how);
+            let rights: Vec<[f64; OWN]> = system.links.iter().map(|link| link.right).collect();
+            let right = system.right;
+            let solution = system.factor().map_err(indefinite)?.solution();
             let own = rights.iter().zip(&solution.0);
             let promised: f64 = own
                 .flat_map(|(a, b)| a.iter().zip(b))
@@ -169,7 +168,7 @@ pub(super) fn solve(
             let found = halves.into_iter().find_map(|share| {
                 let next = moved(&state, &solution, share);
                 let after = sum(problem, &next, how);
-                // Roundings of a large sum are no ascent.
+                // Rounding of a large sum is no increase.
                 (after <= before + 1e-9 * before.abs()).then_some((next, after))
             });
             let Some((next, after)) = found else {
@@ -183,7 +182,7 @@ pub(super) fn solve(
                 settled = true;
                 break;
             }
-            // Full weights are only to come near.
+            // Full weights serve to come near.
             if how == Count::Full && step >= 5 {
                 break;
             }
@@ -212,8 +211,7 @@ pub(super) fn solve(
     })
 }
 
-/// Terms of measurements: how much they count, 0 to 1, and the square that is expected of what they are off by, of as many numbers as they have less what the state
-/// takes of them.
+/// Measurements with their weights, 0 to 1, and the expected squared residual of as many numbers as they have, less what the state takes of them.
 pub(super) fn weights(
     problem: &Problem<'_>,
     state: &State,

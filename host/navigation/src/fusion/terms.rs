@@ -1,18 +1,18 @@
-//! The sum of squares: what was measured and assumed against the state.
+//! Residuals of measurements and priors.
 //!
-//! The state of a moment i, and what is common:
+//! Unknowns of the state at time i, and common unknowns:
 //!
 //! | numbers | are |
 //! |---|---|
-//! | p (3), v (3), psi | the radar's place, velocity and heading |
+//! | p (3), v (3), psi | position, velocity and heading of the radar |
 //! | b (3), c (3), h | errors of the inertial solution: position, velocity, heading |
-//! | s | the share by which the radar's x is too long |
-//! | d_r, d_n | by how much the receiver's and the inertial clock are ahead |
+//! | s | relative scale error of the radar's x |
+//! | d_r, d_n | advances of the receiver's and the inertial clock |
 //! | k | squint: from the inertial x axis to the radar's |
 //! | l_r (3), l_n (3) | lever arms of both, along the radar's axes |
 //!
-//! With `R = Rz(psi) B` the body's axes (`B` the tilt, which the inertial solution states), `w` the rate of turn (of the increments), `u = v + w z x (R l)`
-//! the velocity of an arm's end and `t` the time from the moment to the measurement by clocks as they are estimated:
+//! With `R = Rz(psi) B` the body's axes (`B` the tilt, from the inertial solution), `w` the rate of turn (from increments), `u = v + w z x (R l)` the velocity of a lever arm's end and `t` the time from the state to the measurement by
+//! the estimated clocks:
 //!
 //! ```text
 //! positions     p + R l_r + u t                  = measured        (velocities: u)
@@ -22,24 +22,24 @@
 //! errors        b' = c + noise, c' = noise, h' = noise, s' = -s / T + noise
 //! ```
 //!
-//! each less the other over its standard deviation. Positions are three-dimensional and increments plane: what the body moves along its own z is left to
-//! motion, positions and the inertial solution. (Two dimensions and a height of its own would be the same for a level body, and wrong for one that climbs.)
+//! Each residual is left less right side over the standard deviation. Positions are three-dimensional and increments planar: motion along the body's own z is left to the motion model, positions and the inertial solution. (A
+//! two-dimensional model with separate height would be equivalent for a level body, and wrong for one that climbs.)
 
 use glam::{DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
-use super::LEAST_PIVOT;
+use super::MIN_PIVOT;
 use super::bundle::Bundle;
 use super::timeline::Timeline;
 use super::{Inputs, Model};
 use subaperture_signal::dense::fixed::{factor, forward};
 
-/// Numbers of a moment's state, and common ones.
+/// Numbers of unknowns of a state, and of common unknowns.
 pub(super) const OWN: usize = 15;
 pub(super) const COMMON: usize = 9;
 const ALL: usize = 2 * OWN + COMMON;
 
-/// Where they are.
+/// Indices of the unknowns.
 pub(super) const P: usize = 0;
 pub(super) const V: usize = 3;
 pub(super) const PSI: usize = 6;
@@ -47,46 +47,46 @@ pub(super) const B: usize = 7;
 pub(super) const C: usize = 10;
 pub(super) const H: usize = 13;
 pub(super) const S: usize = 14;
-/// Clocks of the receiver and the inertial solution, squint, arms.
+/// Clocks of the receiver and the inertial solution, squint, lever arms.
 pub(super) const CLOCKS: [usize; 2] = [0, 1];
 pub(super) const SQUINT: usize = 2;
 pub(super) const ARMS: [usize; 2] = [3, 6];
 
-/// What is held is so this well.
+/// Standard deviation of a held unknown.
 const HELD: f64 = 1e-7;
-/// What is known beforehand of place, velocity and heading at first, next to nothing.
+/// Prior standard deviations of the first position, velocity and heading: next to no information.
 const ANYWHERE: [f64; 3] = [1e5, 1e3, 10.0];
 
-/// All that is estimated.
+/// All unknowns.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) moments: Vec<[f64; OWN]>,
     pub(super) common: [f64; COMMON],
 }
 
-/// What a term is of.
+/// Origin of a residual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
-    /// Assumed.
+    /// Prior.
     Model,
-    /// Increments from a moment on.
+    /// Increments from a state on.
     Radar(usize),
-    /// A position, by number.
+    /// Position, by number.
     Position(usize),
-    /// A receiver's velocity.
+    /// Velocity of a receiver.
     Velocity(usize),
-    /// Position, velocity and heading of an inertial moment.
+    /// Position, velocity and heading of an inertial state.
     Inertial(usize, usize),
 }
 
-/// One number over its standard deviation: what it is off by, and how that changes with this moment, the next and what is common.
+/// Residual over its standard deviation, with derivatives by this state, the next and the common unknowns.
 #[derive(Clone, Copy)]
 pub(super) struct Row {
     pub(super) off: f64,
     pub(super) slope: [f64; ALL],
 }
 
-/// Rows under way.
+/// Rows in progress.
 struct Rows<'a> {
     rows: [Row; 6],
     used: usize,
@@ -109,7 +109,7 @@ impl Rows<'_> {
     }
 }
 
-/// An angle within half a turn of 0.
+/// Wrap an angle to half a turn about 0.
 pub(super) fn wrapped(angle: f64) -> f64 {
     let turns = (angle / TAU).round();
     (angle - turns * TAU).clamp(-PI, PI)
@@ -119,25 +119,25 @@ pub(super) fn vector(values: &[f64], at: usize) -> DVec3 {
     DVec3::new(values[at], values[at + 1], values[at + 2])
 }
 
-/// What is measured and assumed, about moments that are chosen.
+/// Measurements and priors for given states.
 pub(super) struct Problem<'a> {
     pub(super) inputs: Inputs<'a>,
     pub(super) model: &'a Model,
     pub(super) timeline: Timeline,
-    /// Of each stretch that has increments.
+    /// Composed increments of each interval that has any.
     pub(super) bundles: Vec<Option<Bundle>>,
-    /// The body's tilt at each moment.
+    /// Tilt of the body at each state.
     pub(super) tilts: Vec<DMat3>,
-    /// Rate of turn at each moment, radians a second.
+    /// Rate of turn at each state, rad/s.
     pub(super) rates: Vec<f64>,
-    /// By how much clocks are ahead, as the moments were chosen.
+    /// Advances of the clocks for which the states were chosen.
     pub(super) clocks_s: [f64; 2],
-    /// Where and how turned at first, next to nothing.
+    /// Prior of the first position and heading.
     pub(super) about: [f64; OWN],
 }
 
 impl Problem<'_> {
-    /// The body's axes.
+    /// Axes of the body.
     pub(super) fn axes(&self, moment: usize, heading_rad: f64) -> DMat3 {
         let (sin, cos) = libm::sincos(heading_rad);
         let turn = DMat3::from_cols(
@@ -148,7 +148,7 @@ impl Problem<'_> {
         turn * self.tilts[moment]
     }
 
-    /// Hands all terms to `take`, each with its moment.
+    /// Pass all residuals to `take`, each with its state.
     pub(super) fn terms(&self, state: &State, take: &mut dyn FnMut(Of, usize, &[Row])) {
         let empty = Row {
             off: 0.0,
@@ -211,7 +211,7 @@ impl Problem<'_> {
         }
     }
 
-    /// What is assumed before anything is measured.
+    /// Priors.
     fn beforehand(&self, state: &State, rows: &mut Rows<'_>) {
         let model = self.model;
         let scale = model.scale.max(HELD);
@@ -221,7 +221,7 @@ impl Problem<'_> {
             (PSI, 1, ANYWHERE[2]),
             (B, 3, model.inertial_position[0]),
             (C, 3, model.inertial_velocity[0]),
-            // Its constant part is squint.
+            // The constant part is squint.
             (H, 1, HELD),
             (S, 1, scale),
         ];
@@ -241,12 +241,12 @@ impl Problem<'_> {
         }
     }
 
-    /// From a moment to the next without any measurement.
+    /// Motion model from a state to the next.
     fn motion(&self, state: &State, i: usize, rows: &mut Rows<'_>) {
         let (x, y) = (&state.moments[i], &state.moments[i + 1]);
         let dt = self.timeline.times_s[i + 1] - self.timeline.times_s[i];
         let model = self.model;
-        // Noise of these densities on a number and on its rate, of which it is the integral.
+        // Noise of these densities on a quantity and on its rate, of which it is the integral.
         let mut pair = |at: usize, rate: usize, of_number: f64, of_rate: f64| {
             let [q, r] = [of_number * of_number, of_rate * of_rate];
             let number = (q * dt + r * dt * dt * dt / 3.0).sqrt();
@@ -301,21 +301,21 @@ impl Problem<'_> {
         }
     }
 
-    /// From a moment to the next by the radar.
+    /// Increments from a state to the next.
     fn radar(&self, state: &State, i: usize, bundle: &Bundle, rows: &mut Rows<'_>) {
         let (x, y) = (&state.moments[i], &state.moments[i + 1]);
-        let Some(lower) = factor(&bundle.covariance, LEAST_PIVOT) else {
+        let Some(lower) = factor(&bundle.covariance, MIN_PIVOT) else {
             return;
         };
         let axes = self.axes(i, x[PSI]);
         let moved = vector(y, P) - vector(x, P);
         let [off_x, off_y, turn] = self.disagreement(i, bundle, x, y);
-        // Columns: x, y and turn's residual, and their slopes.
+        // Columns: residuals of x, y and turn, and their derivatives.
         let mut columns = [[0.0; ALL + 1]; 3];
         columns[0][ALL] = off_x;
         columns[1][ALL] = off_y;
         columns[2][ALL] = turn;
-        // Turning the body turns what it sees the other way.
+        // A turn of the body turns the observed motion the opposite way.
         let by_turn = axes.transpose() * -DVec3::Z.cross(moved);
         for (k, column) in columns.iter_mut().take(2).enumerate() {
             let axis = axes.col(k).to_array();
@@ -336,7 +336,7 @@ impl Problem<'_> {
         rows.done(Of::Radar(i), i);
     }
 
-    /// Motion from a moment to the next less that of the radar: x and y in the body's axes, and turn.
+    /// Motion from a state to the next less that of the radar: x and y in the body's axes, and turn.
     pub(super) fn disagreement(
         &self,
         i: usize,
@@ -354,7 +354,7 @@ impl Problem<'_> {
     }
 }
 
-/// Common numbers: where, value and standard deviation.
+/// Common unknowns: index, prior mean and standard deviation.
 pub(super) fn assumed(model: &Model) -> impl Iterator<Item = (usize, f64, f64)> {
     let plain = [
         (CLOCKS[0], model.receiver_clock_s),
@@ -374,17 +374,17 @@ pub(super) fn assumed(model: &Model) -> impl Iterator<Item = (usize, f64, f64)> 
         .chain(arms)
 }
 
-/// The end of a lever arm at a measurement's time.
+/// End of a lever arm at a measurement's time.
 struct Arm<'a> {
     x: &'a [f64; OWN],
     which: usize,
     axes: DMat3,
-    /// From the radar.
+    /// Offset from the radar.
     arm: DVec3,
-    /// Of its end.
+    /// Velocity of its end.
     velocity: DVec3,
     rate: f64,
-    /// From the moment to the measurement.
+    /// Time from the state to the measurement.
     late_s: f64,
 }
 

@@ -1,35 +1,35 @@
-//! At which moments the state is found.
+//! Times of the estimated states.
 //!
-//! Wherever something was measured: in a run of increments at the nearest edge of one, from which the rest of the time is bridged by velocity and rate of
-//! turn (half an increment at most), elsewhere at that very time; at both ends of a run, and at least every [`LONGEST_S`] within one.
+//! States lie at measurements: within a run of increments at the nearest edge of one, from which velocity and rate of turn bridge the rest of the time (half an increment at most), elsewhere at the time of measurement. States also
+//! lie at both ends of a run, and at least every [`LONGEST_S`] within one.
 
 use std::ops::Range;
 
 use super::Inputs;
 
-/// Increments are taken together over this time at most, seconds: their scale is one number as long.
+/// Longest time over which increments are composed, seconds: their scale error is constant as long.
 const LONGEST_S: f64 = 0.1;
 
-/// Moments nearer than this are one, seconds.
+/// Time below which states are merged, seconds.
 const SAME_S: f64 = 1e-4;
 
-/// An edge of an increment: its run, and the increment that begins there.
+/// Edge of an increment: its run, and the increment that begins there.
 type Edge = (usize, usize);
 
-/// Moments, and what lies between and at them.
+/// States, and the measurements at and between them.
 #[derive(Debug, PartialEq)]
 pub(super) struct Timeline {
-    /// Seconds of the radar's clock, ascending.
+    /// Times, seconds of the radar's clock, ascending.
     pub(super) times_s: Vec<f64>,
-    /// The increments from each moment to the next, where they are without a gap.
+    /// Increments from each state to the next, where they have no gap.
     pub(super) stretches: Vec<Option<Range<usize>>>,
-    /// Of each position its moment, and by how much it is later, seconds.
+    /// State of each position, and the time from the state to the position, seconds.
     pub(super) positions: Vec<(usize, f64)>,
-    /// The same of each inertial moment.
+    /// The same of each inertial state.
     pub(super) inertial: Vec<(usize, f64)>,
 }
 
-/// Runs of increments without a gap or a doubted one.
+/// Runs of increments without gaps or outliers.
 fn runs(inputs: &Inputs<'_>, doubted: &[usize]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
     let mut doubted = doubted.iter().peekable();
@@ -50,7 +50,7 @@ fn runs(inputs: &Inputs<'_>, doubted: &[usize]) -> Vec<Range<usize>> {
 }
 
 impl Timeline {
-    /// Of clocks that are ahead of the radar's by `receiver_s` and `inertial_s`, without the increments that are `doubted`, whose numbers ascend.
+    /// For clocks that are ahead of the radar's by `receiver_s` and `inertial_s`, without the increments in `doubted`, which ascend.
     pub(super) fn new(
         inputs: &Inputs<'_>,
         doubted: &[usize],

@@ -6,15 +6,20 @@
 //! | AA 44 12 | NovAtel binary, long header (28 bytes or as it says) | its CRC-32, 4 bytes |
 //! | AA 44 13 | NovAtel binary, short header (12 bytes) | its CRC-32, 4 bytes |
 //! | `$` or `!` | NMEA 0183 | `*`, its checksum in 2 hexadecimal digits, end of line |
+//! | `<`, a name in capitals, a blank | NovAtel abbreviated ASCII ([`abbreviated`]) | end of line; it has no checksum |
 //!
 //! NovAtel's CRC-32 is the reflected polynomial 0xEDB88320 from 0 without a final complement, over the text between `#`
 //! and `*`, or over header and body. NMEA's checksum is the exclusive or of the bytes between `$` and `*`. What fits nothing is passed over
 //! up to the next beginning: after a line whose CRC is wrong the last beginning within it is tried, so that a line that lost its end costs
 //! nothing of the next; after a binary message whose CRC is wrong, whatever follows its first three bytes.
+//!
+//! Old talkers of NMEA leave the checksum out. A sentence without one is read if it ends with its line, has all the fields of its kind ([`FIELDS`]), and
+//! no sentence before had one.
 
 use std::io::{self, BufRead};
 use std::ops::Range;
 
+use super::abbreviated;
 use crate::account::Wrong;
 
 /// Bytes that a line may have, and that are read at once. The longest records of NovAtel's manual have some kilobytes.
@@ -27,14 +32,16 @@ const LONGEST: usize = 255 + 65_535 + 4;
 pub(crate) enum Message<'a> {
     /// NovAtel ASCII: whether its header is the long one, and what is between `#` and `*`.
     Text { long: bool, text: &'a str },
+    /// The same of abbreviated ASCII, which nothing checks.
+    Abbreviated { long: bool, text: &'a str },
     /// NovAtel binary: header and body.
     Binary {
         long: bool,
         header: &'a [u8],
         body: &'a [u8],
     },
-    /// NMEA: what is between `$` and `*`.
-    Nmea(&'a str),
+    /// NMEA: what is between `$` and `*`, and whether a checksum followed.
+    Nmea { text: &'a str, checked: bool },
 }
 
 /// What was met.
@@ -62,6 +69,10 @@ pub(crate) struct Frames<R> {
     from: usize,
     ended: bool,
     at: At,
+    /// A record of abbreviated ASCII, rewritten.
+    rewritten: String,
+    /// Sentences of NMEA have checksums.
+    checked: bool,
     /// Bytes that belong to no sound message, ends of lines not counted.
     pub(crate) lost_bytes: u64,
 }
@@ -92,7 +103,14 @@ enum What {
         header: usize,
         end: usize,
     },
-    Nmea(Range<usize>),
+    Abbreviated {
+        long: bool,
+        text: String,
+    },
+    Nmea {
+        text: Range<usize>,
+        checked: bool,
+    },
     Wrong(Wrong, String),
 }
 
@@ -107,6 +125,8 @@ impl<R: BufRead> Frames<R> {
                 byte: 0,
                 line: Some(1),
             },
+            rewritten: String::new(),
+            checked: false,
             lost_bytes: 0,
         }
     }
@@ -163,7 +183,20 @@ impl<R: BufRead> Frames<R> {
                 header: &seen[..header],
                 body: &seen[header..end],
             },
-            What::Nmea(range) => Message::Nmea(text(range)),
+            What::Abbreviated { long, text } => {
+                self.rewritten = text;
+                Message::Abbreviated {
+                    long,
+                    text: &self.rewritten,
+                }
+            }
+            What::Nmea {
+                text: range,
+                checked,
+            } => Message::Nmea {
+                text: text(range),
+                checked,
+            },
         };
         Ok(Some((at, Met::Message(message))))
     }
@@ -176,7 +209,7 @@ impl<R: BufRead> Frames<R> {
             if rest.is_empty() {
                 return Ok(None);
             }
-            let begins = |b: &u8| matches!(b, b'#' | b'%' | b'$' | b'!' | 0xAA);
+            let begins = |b: &u8| matches!(b, b'#' | b'%' | b'$' | b'!' | b'<' | 0xAA);
             let idle = rest.iter().position(begins).unwrap_or(rest.len());
             if idle > 0 {
                 self.pass(idle, true);
@@ -186,7 +219,8 @@ impl<R: BufRead> Frames<R> {
             let rest = &self.buffer[self.from..];
             let found = match rest[0] {
                 0xAA => binary(rest),
-                _ => line(rest),
+                b'<' => abbreviated(rest),
+                _ => line(rest, self.checked),
             };
             let (at, start) = (self.at, self.from);
             let Some(what) = found.what else {
@@ -194,6 +228,7 @@ impl<R: BufRead> Frames<R> {
                 continue;
             };
             self.pass(found.length, matches!(what, What::Wrong(..)));
+            self.checked |= matches!(what, What::Nmea { checked: true, .. });
             if let What::Binary { .. } = what {
                 // A line has no number after what is no text.
                 self.at.line = None;
@@ -253,6 +288,16 @@ fn binary(rest: &[u8]) -> Found {
     }
 }
 
+fn abbreviated(rest: &[u8]) -> Found {
+    match abbreviated::record(rest) {
+        Some((length, long, text)) => Found {
+            length,
+            what: Some(What::Abbreviated { long, text }),
+        },
+        None => nothing(1),
+    }
+}
+
 /// Bytes of a line's text: printable ASCII.
 fn line_length(rest: &[u8]) -> usize {
     let most = rest.len().min(LONGEST_LINE);
@@ -291,19 +336,21 @@ fn begins(line: &[u8], n: usize) -> bool {
 }
 
 /// The message that begins with a line.
-fn line(rest: &[u8]) -> Found {
+fn line(rest: &[u8], checked: bool) -> Found {
     let length = line_length(rest);
     let line = &rest[..length];
     if !begins(line, 0) {
         return nothing(1);
     }
-    let what = message_at(line, 0);
+    let ends = matches!(rest.get(length), Some(b'\r' | b'\n'));
+    let at = |n| message_at(line, n, ends, checked);
+    let what = at(0);
     // Another may begin within a line that lost its end: it is met next.
     let inner = match what {
         What::Wrong(..) => (1..length).rev().find(|&n| begins(line, n)),
         _ => None,
     };
-    match inner.filter(|&n| !matches!(message_at(line, n), What::Wrong(..))) {
+    match inner.filter(|&n| !matches!(at(n), What::Wrong(..))) {
         Some(whole) => {
             let what = format!(
                 "{} is cut short: another begins within it",
@@ -318,10 +365,10 @@ fn line(rest: &[u8]) -> Found {
     }
 }
 
-fn message_at(line: &[u8], n: usize) -> What {
+fn message_at(line: &[u8], n: usize, ends: bool, checked: bool) -> What {
     match line[n] {
         b'#' | b'%' => novatel_at(line, n),
-        _ => nmea_at(line, n),
+        _ => nmea_at(line, n, ends, checked),
     }
 }
 
@@ -346,14 +393,57 @@ fn novatel_at(line: &[u8], n: usize) -> What {
     }
 }
 
+/// Fields after the name that sentences have at least.
+const FIELDS: [(&str, usize); 6] = [
+    ("GGA", 14),
+    ("RMC", 11),
+    ("ZDA", 6),
+    ("GST", 8),
+    ("VTG", 8),
+    ("HDT", 2),
+];
+
+/// A sentence without a checksum, or what is wrong with it. `ends` says that the line has its end, `checked` that others have checksums.
+fn unchecked_at(line: &[u8], n: usize, name: &str, ends: bool, checked: bool) -> What {
+    let text = &line[n + 1..];
+    let fields = text.iter().filter(|&&b| b == b',').count();
+    let least = FIELDS
+        .iter()
+        .find(|(kind, _)| name.len() == 5 && name.ends_with(kind))
+        .map_or(1, |&(_, fields)| fields);
+    // A checksum that is cut leaves its star, one that is damaged its digits.
+    let starred = text.contains(&b'*');
+    let whole = fields >= least && ends && !starred;
+    match whole {
+        true if !checked => What::Nmea {
+            text: n + 1..line.len(),
+            checked: false,
+        },
+        true => What::Wrong(
+            Wrong::Cut,
+            format!("{name} has no checksum, and sentences before have one"),
+        ),
+        false => What::Wrong(
+            Wrong::Cut,
+            match fields < least {
+                true => format!(
+                    "{name} is cut short: it does not end in * and 2 hexadecimal digits, and has {fields} of {least} fields"
+                ),
+                false => {
+                    format!("{name} is cut short: it does not end in * and 2 hexadecimal digits")
+                }
+            },
+        ),
+    }
+}
+
 /// The sentence that begins at `n` of a line and ends with it.
-fn nmea_at(line: &[u8], n: usize) -> What {
+fn nmea_at(line: &[u8], n: usize, ends: bool, checked: bool) -> What {
     let name = shown(&line[n + 1..]);
     let star = line[n..].iter().rposition(|&b| b == b'*');
     let given = star.and_then(|star| Some((n + star, checksum(&line[n + star + 1..], 2)?)));
     let Some((star, given)) = given else {
-        let what = format!("{name} is cut short: it does not end in * and 2 hexadecimal digits");
-        return What::Wrong(Wrong::Cut, what);
+        return unchecked_at(line, n, &name, ends, checked);
     };
     let computed = line[n + 1..star].iter().fold(0, |sum, byte| sum ^ byte);
     if given != u32::from(computed) {
@@ -362,5 +452,8 @@ fn nmea_at(line: &[u8], n: usize) -> What {
         );
         return What::Wrong(Wrong::Checksum, what);
     }
-    What::Nmea(n + 1..star)
+    What::Nmea {
+        text: n + 1..star,
+        checked: true,
+    }
 }

@@ -10,28 +10,37 @@
 //! | `HDT` | heading from true north |
 //!
 //! of any talker. What says no time is of the moment that was stated last. Times are of UTC: where the time of day falls by more than half a
-//! day, the next day has begun. Records before the first date are dated backwards from it ([`MOST_UNDATED`] of them; with more, or without a date, times
+//! day, the next day has begun. Records before the first date are dated backwards from it ([`MAX_UNDATED`] of them; with more, or without a date, times
 //! are seconds of the first day: [`Clock::SecondsOfDay`]). A year of two digits is of 1980 to 2079.
 //!
+//! Some receivers leave the height of the geoid out of some sentences. It varies by some centimetres a kilometre, so that of the sentence before stands
+//! for a missing one. Records before the first that states it wait for it, [`MAX_UNDATED`] of them; without any, 0 m is taken and [`ReadReport::doubts`]
+//! says so.
+//!
 //! GPS time is UTC and the leap seconds of that day, from a table that ends with those of 2017.
+
+use std::collections::VecDeque;
 
 use glam::DVec3;
 
 use subaperture_model::geometry::Geodetic;
 
-use crate::account::{Account, Clock, count};
+use crate::account::{Clock, ReadReport, count};
 use crate::time::{DAY_S, day_number, leap_seconds};
 use crate::{Attitude, GpsTime, Kind, Options, Place, Record};
 
-/// Records that wait for a date, at most.
-const MOST_UNDATED: usize = 10_000;
+/// Records that wait for a date or a height, at most.
+const MAX_UNDATED: usize = 10_000;
 
 /// A knot in metres a second.
 const KNOT_M_S: f64 = 1852.0 / 3600.0;
 
-const NO_UNDULATION: &str =
-    "heights of GGA are above mean sea level: the geoid's height is not given, and 0 m is taken";
-const NO_HEIGHT: &str = "RMC alone gives no height: the last that was given is taken, or 0 m";
+const NO_UNDULATION: &str = "heights of GGA are above mean sea level and the log states no height of the geoid: 0 m is taken, up to 107 m off";
+const LATE_UNDULATION: &str = "the log states the height of the geoid only after many records, for which 0 m was taken: heights jump there";
+const KEPT_UNDULATION: &str =
+    "some GGA state no height of the geoid: that of the nearest sentence is taken";
+const KEPT_HEIGHT: &str = "RMC alone states no height: that of the nearest GGA is taken";
+const NO_HEIGHT: &str = "RMC alone states no height: 0 m above the ellipsoid is taken";
 
 /// Sentences as they come, and the records that they make.
 #[derive(Default)]
@@ -42,17 +51,42 @@ pub(super) struct Sentences {
     day: i64,
     /// Which day the first was, since 1 January 1970.
     first_day: Option<i64>,
-    /// Those that wait for a date.
-    undated: Vec<(i64, f64, Record)>,
-    /// There are too many of them.
-    given_up: bool,
-    height_m: f64,
+    /// Those that wait for a date or for the height of the geoid.
+    waiting: VecDeque<Waiting>,
+    /// Too many waited for a date.
+    undated: bool,
+    /// Too many waited for the height of the geoid.
+    level: bool,
+    /// Height of the geoid above the ellipsoid, metres, as stated last.
+    undulation_m: Option<f64>,
+    /// The height stated last, metres, and what it is above.
+    height: Option<(f64, Above)>,
+}
+
+/// What a height is above.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Above {
+    Ellipsoid,
+    /// Mean sea level, where the geoid is not known.
+    Sea,
+    /// There is no height.
+    Unknown,
+}
+
+/// A record that may wait.
+struct Waiting {
+    day: i64,
+    seconds: f64,
+    above: Above,
+    record: Record,
 }
 
 /// What is said of a moment.
 struct Moment {
     seconds: f64,
     record: Record,
+    above: Above,
+    /// A GGA stated the height.
     has_height: bool,
 }
 
@@ -61,8 +95,8 @@ struct Sentence {
     seconds: Option<f64>,
     date: Option<i64>,
     place: Option<(f64, f64)>,
-    /// Above the ellipsoid, and whether the geoid's height was given.
-    height_m: Option<(f64, bool)>,
+    /// Height above mean sea level, and that of the geoid if it is stated.
+    height_m: Option<(f64, Option<f64>)>,
     sigma_m: Option<DVec3>,
     velocity_m_s: Option<DVec3>,
     azimuth_deg: Option<f64>,
@@ -87,7 +121,7 @@ impl Sentences {
         text: &str,
         byte: u64,
         options: &Options,
-        account: &mut Account,
+        account: &mut ReadReport,
         take: &mut Take<'_>,
     ) -> Result<(), String> {
         let (name, fields) = text.split_once(',').unwrap_or((text, ""));
@@ -116,6 +150,7 @@ impl Sentences {
             self.open = Some(Moment {
                 seconds,
                 record: Record::at(byte, Kind::Nmea, time),
+                above: Above::Unknown,
                 has_height: false,
             });
         }
@@ -125,19 +160,25 @@ impl Sentences {
         count(&mut account.read, kind);
         let record = &mut open.record;
         if let Some((latitude_deg, longitude_deg)) = sentence.place {
-            if let Some((height_m, whole)) = sentence.height_m {
-                self.height_m = height_m;
-                open.has_height = true;
-                if !whole {
-                    account.note(NO_UNDULATION);
+            if let Some((above_sea_m, stated)) = sentence.height_m {
+                if stated.is_none() && self.undulation_m.is_some() {
+                    account.note(KEPT_UNDULATION);
                 }
+                self.undulation_m = stated.or(self.undulation_m);
+                self.height = Some(match self.undulation_m {
+                    Some(undulation_m) => (above_sea_m + undulation_m, Above::Ellipsoid),
+                    None => (above_sea_m, Above::Sea),
+                });
+                open.has_height = true;
             }
             // GGA's, which has a height, is not replaced by RMC's.
             if sentence.height_m.is_some() || record.place.is_none() {
+                let (height_m, above) = self.height.unwrap_or((0.0, Above::Unknown));
+                open.above = above;
                 record.place = Some(Place::Earth(Geodetic {
                     latitude_deg,
                     longitude_deg,
-                    height_m: self.height_m,
+                    height_m,
                 }));
             }
         }
@@ -150,10 +191,10 @@ impl Sentences {
                 azimuth_deg,
             });
         }
-        match (sentence.date, self.given_up) {
+        match (sentence.date, self.undated) {
             (Some(date), false) => {
                 self.first_day = Some(date - self.day);
-                self.release(options, account, take);
+                self.release(false, options, account, take);
             }
             (Some(_), true) => account.note("a date comes too late to date the records before it"),
             (None, _) => {}
@@ -162,54 +203,105 @@ impl Sentences {
     }
 
     /// No more sentences come.
-    pub(super) fn finish(&mut self, options: &Options, account: &mut Account, take: &mut Take<'_>) {
+    pub(super) fn finish(
+        &mut self,
+        options: &Options,
+        account: &mut ReadReport,
+        take: &mut Take<'_>,
+    ) {
         self.close(options, account, take);
-        self.give_up(account, take);
+        self.release(true, options, account, take);
     }
 
     /// What was said of the moment so far is all.
-    fn close(&mut self, options: &Options, account: &mut Account, take: &mut Take<'_>) {
+    fn close(&mut self, options: &Options, account: &mut ReadReport, take: &mut Take<'_>) {
         let Some(moment) = self.open.take() else {
             return;
         };
         if moment.record.place.is_some() && !moment.has_height {
-            account.note(NO_HEIGHT);
+            account.note(KEPT_HEIGHT);
         }
-        self.undated.push((self.day, moment.seconds, moment.record));
-        match self.first_day.is_some() && !self.given_up {
-            true => self.release(options, account, take),
-            false if self.given_up || self.undated.len() >= MOST_UNDATED => {
-                self.give_up(account, take);
-            }
-            false => {}
-        }
+        self.waiting.push_back(Waiting {
+            day: self.day,
+            seconds: moment.seconds,
+            above: match moment.record.place {
+                Some(_) => moment.above,
+                None => Above::Ellipsoid,
+            },
+            record: moment.record,
+        });
+        self.settle(account);
+        let full = self.waiting.len() >= MAX_UNDATED;
+        self.release(full, options, account, take);
     }
 
-    /// Hands on what was waiting, with dates.
-    fn release(&mut self, options: &Options, account: &mut Account, take: &mut Take<'_>) {
-        for (days, seconds, mut record) in self.undated.drain(..) {
-            let day = self.first_day.unwrap_or_default() + days;
-            let leap = options.leap_seconds.unwrap_or_else(|| leap_seconds(day));
-            let Some(time) = GpsTime::of_utc(day, seconds, leap) else {
-                account.note("dates before GPS time began, 6 January 1980, are passed over");
+    /// Heights of records that wait, by what is known of them by now.
+    fn settle(&mut self, account: &mut ReadReport) {
+        let height_m = match self.height {
+            Some((height_m, Above::Ellipsoid)) => Some(height_m),
+            _ => None,
+        };
+        for waiting in &mut self.waiting {
+            let Some(Place::Earth(place)) = &mut waiting.record.place else {
                 continue;
             };
-            account.leap_seconds_s = Some(leap);
-            record.time = time;
-            take(record);
+            match (waiting.above, self.undulation_m, height_m) {
+                (Above::Sea, Some(undulation_m), _) => {
+                    place.height_m += undulation_m;
+                    account.note(KEPT_UNDULATION);
+                }
+                (Above::Unknown, _, Some(height_m)) => place.height_m = height_m,
+                _ => continue,
+            }
+            waiting.above = Above::Ellipsoid;
+        }
+        if self.level && self.undulation_m.is_some() {
+            account.doubt(LATE_UNDULATION);
         }
     }
 
-    /// Hands on what was waiting, without dates.
-    fn give_up(&mut self, account: &mut Account, take: &mut Take<'_>) {
-        if self.undated.is_empty() {
-            return;
-        }
-        self.given_up = true;
-        account.clock = Clock::SecondsOfDay;
-        for (days, seconds, mut record) in self.undated.drain(..) {
-            record.time.seconds = days as f64 * DAY_S + seconds;
-            take(record);
+    /// Hands on those that wait for nothing more, or all.
+    fn release(
+        &mut self,
+        all: bool,
+        options: &Options,
+        account: &mut ReadReport,
+        take: &mut Take<'_>,
+    ) {
+        while let Some(first) = self.waiting.front() {
+            let dated = self.first_day.is_some() || self.undated;
+            let raised = first.above == Above::Ellipsoid || self.level;
+            if !(dated && raised || all) {
+                return;
+            }
+            let Some(mut waiting) = self.waiting.pop_front() else {
+                return;
+            };
+            match waiting.above {
+                Above::Ellipsoid => {}
+                Above::Sea => account.doubt(NO_UNDULATION),
+                Above::Unknown => account.doubt(NO_HEIGHT),
+            }
+            self.level |= !raised;
+            self.undated |= !dated;
+            match self.first_day.filter(|_| !self.undated) {
+                None => {
+                    account.clock = Clock::SecondsOfDay;
+                    waiting.record.time.seconds = waiting.day as f64 * DAY_S + waiting.seconds;
+                }
+                Some(first_day) => {
+                    let day = first_day + waiting.day;
+                    let leap = options.leap_seconds.unwrap_or_else(|| leap_seconds(day));
+                    let Some(time) = GpsTime::of_utc(day, waiting.seconds, leap) else {
+                        account
+                            .note("dates before GPS time began, 6 January 1980, are passed over");
+                        continue;
+                    };
+                    account.leap_seconds_s = Some(leap);
+                    waiting.record.time = time;
+                }
+            }
+            take(waiting.record);
         }
     }
 }
@@ -262,10 +354,7 @@ fn parse(kind: &str, fields: &[&str]) -> Result<Sentence, String> {
                 said.place = Some(place(field(1), field(2), field(3), field(4))?);
                 let above_sea_m = number(8, "height", -1e5, 1e8)?;
                 let undulation_m = optional(10, "height of the geoid", -200.0, 200.0)?;
-                said.height_m = Some((
-                    above_sea_m + undulation_m.unwrap_or(0.0),
-                    undulation_m.is_some(),
-                ));
+                said.height_m = Some((above_sea_m, undulation_m));
             }
         }
         "RMC" => {

@@ -58,7 +58,7 @@ fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
         (616, "MARK2TIME", Kind::Marktime),
     ];
     match *message {
-        Message::Text { text, .. } => {
+        Message::Text { text, .. } | Message::Abbreviated { text, .. } => {
             let name = text.split([',', ';']).next().unwrap_or_default();
             // The A of ASCII ends a name; a short header's record may have an S before.
             let plain = name.strip_suffix('A').unwrap_or(name);
@@ -73,7 +73,7 @@ fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
             let found = found.map(|&(_, name, kind)| (kind, name));
             found.ok_or_else(|| format!("message {id}"))
         }
-        Message::Nmea(_) => Err("NMEA".to_owned()),
+        Message::Nmea { .. } => Err("NMEA".to_owned()),
     }
 }
 
@@ -84,11 +84,13 @@ pub(super) fn parse(message: &Message<'_>, byte: u64) -> (String, Option<Result<
         Err(name) => return (name, None),
     };
     let said = match *message {
-        Message::Text { long, text } => text_header(long, text)
-            .and_then(|(header, body)| said(kind, byte, header, &mut Text(body.split(',')))),
+        Message::Text { long, text } | Message::Abbreviated { long, text } => {
+            text_header(long, text)
+                .and_then(|(header, body)| said(kind, byte, header, &mut Text(body.split(','))))
+        }
         Message::Binary { long, header, body } => binary_header(long, header)
             .and_then(|header| said(kind, byte, header, &mut Bytes(body))),
-        Message::Nmea(_) => return (name.to_owned(), None),
+        Message::Nmea { .. } => return (name.to_owned(), None),
     };
     let named = said.map_err(|what| format!("{name}: {what}"));
     (name.to_owned(), Some(named))

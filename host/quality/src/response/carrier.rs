@@ -1,14 +1,14 @@
-//! How fast an image's phase turns from pixel to pixel, from where it was seen.
+//! Phase gradient of an image per pixel, from the acquisition geometry.
 //!
-//! In an image of these formers ([`subaperture_focus`]) the phase of a point at `q` is that of its echo at the
-//! pixel `p = q`, and near it `2 pi (path(p) - path(q)) / lambda`, averaged over the aperture: for a radar
-//! at `a`, `path = 2 |p - a|`. That is many turns a pixel, and the pixels themselves tell it up to whole turns
-//! only. With the antenna at the middle of the aperture and the band's middle wavelength it is known
-//! well enough to tell how many.
+//! In an image formed here ([`subaperture_focus`]) the phase of a point at `q` is that of its echo at the
+//! pixel `p = q`, and near it `2 pi (path(p) - path(q)) / lambda`, averaged over the aperture; for a monostatic radar
+//! at `a`, `path = 2 |p - a|`. That is many turns per pixel, and the pixels determine it only modulo one
+//! turn. The antenna at the aperture's centre and the centre wavelength resolve the
+//! ambiguity.
 //!
-//! Neglected: the mean line of sight of an aperture of angle `A` is not that of its middle, by at most `A^2 / 8`
-//! of its length, nor is that of two antennas `B` apart, seen from the scene, that of the middle between them,
-//! by at most `B / 2`. Where that can come to a quarter of a turn a pixel, there is no answer.
+//! Neglected: the mean line of sight of an aperture of angle `A` differs from that of its centre by at most `A^2 / 8`
+//! of its length; that of two antennas separated by the bistatic angle `B` differs from that of their midpoint
+//! by at most `B / 2`. Where this can amount to a quarter of a turn per pixel, the result is `None`.
 
 use std::f64::consts::TAU;
 
@@ -16,38 +16,38 @@ use glam::DVec3;
 
 use subaperture_model::geometry::ImageGrid;
 
-/// Where an image was seen from.
+/// Antenna position and wavelength that define an image's phase gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Carrier {
-    /// The antenna at the middle of the aperture, metres in the scene frame.
+    /// Antenna at the aperture's centre, metres, scene frame.
     pub antenna_m: DVec3,
-    /// Wavelength at the middle of the band, metres.
+    /// Wavelength at the band centre, metres.
     pub wavelength_m: f64,
-    /// Part of the phase's turn by which it may be wrong.
+    /// Relative uncertainty of the phase gradient.
     uncertainty: f64,
 }
 
-/// The geometry of a collection, as [`subaperture_resolution::survey::Survey`] has it.
+/// Acquisition geometry, as in [`subaperture_resolution::survey::Survey`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 pub struct Geometry {
-    /// Point that the rest is seen from, metres in the scene frame.
+    /// Point that the angles and range refer to, metres, scene frame.
     pub scene_centre_m: [f64; 3],
-    /// Distance to the antenna, metres.
+    /// Slant range to the antenna, metres.
     pub slant_range_m: f64,
-    /// Elevation of the antenna, degrees.
+    /// Grazing angle, degrees.
     pub grazing_angle_deg: f64,
-    /// Direction to the antenna, degrees from x towards y.
+    /// Azimuth of the antenna, degrees from x towards y.
     pub azimuth_deg: f64,
-    /// Angle of the aperture, degrees.
+    /// Aperture angle, degrees.
     pub aperture_angle_deg: f64,
-    /// Angle between transmitter and receiver, degrees.
+    /// Bistatic angle, degrees.
     pub bistatic_angle_deg: f64,
-    /// Wavelength at the middle of the band, metres.
+    /// Wavelength at the band centre, metres.
     pub wavelength_m: f64,
 }
 
 impl Carrier {
-    /// That of a radar at `antenna_m` with an aperture of no angle.
+    /// Carrier of a monostatic radar at `antenna_m` with a negligible aperture angle.
     pub fn new(antenna_m: DVec3, wavelength_m: f64) -> Self {
         Self {
             antenna_m,
@@ -56,7 +56,7 @@ impl Carrier {
         }
     }
 
-    /// That of a collection.
+    /// Carrier of an acquisition.
     pub fn of(seen: &Geometry) -> Self {
         let (up, across) = seen.grazing_angle_deg.to_radians().sin_cos();
         let (y, x) = seen.azimuth_deg.to_radians().sin_cos();
@@ -70,8 +70,8 @@ impl Carrier {
         }
     }
 
-    /// Radians by which the phase turns a row and a column, at a place of `grid`; `None` if
-    /// that is not known to a quarter of a turn.
+    /// Phase gradient at a position of `grid`, radians per row and per column; `None` if its uncertainty
+    /// exceeds a quarter of a turn.
     pub fn turn(&self, grid: &ImageGrid, row_value: f64, column_value: f64) -> Option<[f64; 2]> {
         let path_m = |rows: f64, columns: f64| {
             let point = grid.point_m(
@@ -85,7 +85,7 @@ impl Carrier {
             path_m(0.0, 0.5) - path_m(0.0, -0.5),
         ]
         .map(|path_m| path_m / self.wavelength_m);
-        // A direction that is wrong moves the turn by as much of a whole pixel's path.
+        // A relative error of the direction changes the gradient by that fraction of a pixel's whole path.
         let steps = [grid.rows.step, grid.columns.step];
         let steps_m = match grid.polar {
             true => [steps[0], steps[1] * row_value.abs()],
@@ -102,7 +102,7 @@ impl Carrier {
 mod tests {
     use super::*;
 
-    /// A radar 5 km down the y axis, at 3 cm.
+    /// Radar at 5 km along the y axis, wavelength 3 cm.
     const SEEN: Geometry = Geometry {
         scene_centre_m: [10.0, 0.0, 0.0],
         slant_range_m: 5000.0,
@@ -114,16 +114,16 @@ mod tests {
     };
 
     #[test]
-    fn turns_by_hand() {
+    fn phase_gradient_agrees_with_hand_calculation() {
         let carrier = Carrier::of(&SEEN);
         assert!(carrier.antenna_m.distance(DVec3::new(10.0, -5000.0, 0.0)) < 1e-9);
         let grid: ImageGrid = "x=-10:10:0.5,y=-10:10:0.3".parse().unwrap();
-        // A row is 0.6 m of path, 20 turns; at 3 m from the foot of the range, a column is
+        // A row is 0.6 m of path, 20 turns; 3 m from the foot of the range, a column is
         // 0.5 m times 2 3 / 5000 of path: 0.02 turns.
         let [row, column] = carrier.turn(&grid, 0.0, 13.0).unwrap();
         assert!((row - 20.0 * TAU).abs() < 1e-4, "{row}");
         assert!((column - 0.02 * TAU).abs() < 1e-6, "{column}");
-        // Half of that from above at 60 degrees; and along x from the east.
+        // Half of that at a grazing angle of 60 degrees; along x for an antenna in the east.
         let above = Carrier::of(&Geometry {
             grazing_angle_deg: 60.0,
             azimuth_deg: 0.0,
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_not_said() {
+    fn uncertain_phase_gradient_is_none() {
         let grid: ImageGrid = "x=-10:10:0.5,y=-10:10:0.3".parse().unwrap();
         let turn = |seen: Geometry| Carrier::of(&seen).turn(&grid, 0.0, 0.0);
         assert!(turn(SEEN).is_some());

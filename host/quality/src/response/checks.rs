@@ -1,19 +1,19 @@
-//! Whether a point can be measured at all: image and grid of one size, pixels fine enough, something that stands out.
+//! Preconditions of a point measurement: matching image and grid, sufficient sampling, a distinct peak.
 
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, power};
 use subaperture_resolution::support::Looks;
 
-use super::{LEAST_PEAK_DB, MOST_FILLED, ResponseError};
+use super::{MAX_FILLED, MIN_PEAK_DB, ResponseError};
 
-/// Checks that image and grid are of one size.
+/// Check that image and grid have the same size.
 pub(super) fn check_shape(image: &Image, grid: &ImageGrid) -> Result<(), ResponseError> {
     let (rows, columns) = (image.rows, image.columns);
     if (rows, columns) != (grid.rows.count, grid.columns.count)
         || rows.checked_mul(columns) != Some(image.pixels.len())
     {
         return Err(ResponseError::Unsuited(format!(
-            "the image has {rows} rows x {columns} columns and {} pixels, its grid {} x {}",
+            "expected an image of its grid's size, found {rows} rows x {columns} columns with {} pixels, and a grid of {} x {}",
             image.pixels.len(),
             grid.rows.count,
             grid.columns.count
@@ -22,7 +22,7 @@ pub(super) fn check_shape(image: &Image, grid: &ImageGrid) -> Result<(), Respons
     Ok(())
 }
 
-/// Whether the grid's pixels hold the support at a pixel.
+/// Check that the pixel spacing samples the spectral support at a pixel.
 pub(super) fn check_sampling(
     looks: &Looks,
     grid: &ImageGrid,
@@ -39,12 +39,12 @@ pub(super) fn check_sampling(
         let extent = support
             .extent(direction)
             .map_or(0.0, |[low, high]| high - low);
-        if axis.step * extent > MOST_FILLED {
+        if axis.step * extent > MAX_FILLED {
             return Err(ResponseError::TooCoarse {
                 along,
                 at: axis.at(i),
                 step: axis.step,
-                needed: MOST_FILLED / extent,
+                needed: MAX_FILLED / extent,
                 extent,
             });
         }
@@ -52,7 +52,7 @@ pub(super) fn check_sampling(
     Ok(())
 }
 
-/// Whether the brightest pixel is that of a point.
+/// Check that the brightest pixel stands out of the background.
 pub(super) fn check_peak(
     image: &Image,
     (row, column): (usize, usize),
@@ -74,7 +74,7 @@ pub(super) fn check_peak(
     let (_, median, _) = powers.select_nth_unstable_by(middle, f64::total_cmp);
     let here = power(image.pixels[row * image.columns + column]);
     let above_db = 10.0 * (here / *median).log10();
-    match above_db < LEAST_PEAK_DB {
+    match above_db < MIN_PEAK_DB {
         true => Err(ResponseError::NoPeak {
             row,
             column,

@@ -1,33 +1,35 @@
-//! A piece of an image around a point, as the trigonometric polynomial through its pixels.
+//! Image chip around a point, as the trigonometric polynomial through its pixels.
 //!
-//! An image's phase turns from pixel to pixel by its mean spatial frequency, `2 f / c` for a monostatic
-//! radar, which a grid takes modulo one cycle a pixel: the band may lie anywhere on the circle of
-//! frequencies, across its cut too. Before it is interpolated, it is turned to lie about zero by the
-//! mean turn from pixel to pixel, `arg sum I[i + 1] conj(I[i])`, a circular mean of the spectrum's power.
-//! Zero padding then adds frequencies where there is nothing. The polynomial is evaluated directly
-//! anywhere, or on a grid by the padded transform; both give the same.
+//! The image spectrum lies about the mean spatial frequency, `2 f / c` for a monostatic
+//! radar, aliased to one cycle per pixel: it may lie anywhere on the circle of
+//! frequencies and wrap around. Before interpolation it is shifted to zero by the
+//! mean phase step, `arg sum I[i + 1] conj(I[i])`, a circular mean of the power spectrum.
+//! Zero padding then interpolates. The polynomial is evaluated directly
+//! at any position, or on a grid by the padded FFT; both agree.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use num_complex::Complex64;
-use subaperture_fft::FftDirection;
+use subaperture_fft::{FftDirection, Real, Transforms};
 
 use super::super::transform::{signed, transform};
 use super::super::widen;
 use subaperture_model::image::Image;
 
-/// An odd number of rows and columns around a pixel.
+/// Chip with an odd number of rows and columns.
+#[derive(Clone, Debug)]
 pub(super) struct Chip {
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Turn of the phase a chip's pixel, down and across, radians: in (-pi, pi] for each of the image's.
+    /// Phase step per chip pixel along rows and columns, radians; within (-pi, pi] per image pixel.
     pub(super) turn: [f64; 2],
-    /// Spectrum with the turn taken out; pixel (0, 0) is the middle.
+    /// Spectrum after removal of the phase step; pixel (0, 0) is the centre.
     spectrum: Vec<Complex64>,
 }
 
 impl Chip {
-    /// Every `stride`-th pixel, `half` of them to each side of `(row, column)`, all within the image.
+    /// Cut a chip of every `stride`-th pixel, `half` pixels to each side of `(row, column)`, all inside the image.
     pub(super) fn cut(
         image: &Image,
         (row, column): (usize, usize),
@@ -42,7 +44,7 @@ impl Chip {
                 column + j * stride[1] - half[1] * stride[1],
             ]
         };
-        // From one pixel of the image to the next, which tells more whole turns than the chip's own pixels do.
+        // Phase step between adjacent image pixels, which is less ambiguous than between chip pixels.
         let mut steps = [Complex64::ZERO; 2];
         for i in 0..rows {
             for j in 0..columns {
@@ -82,7 +84,7 @@ impl Chip {
         }
     }
 
-    /// The value `y` rows below and `x` columns right of the middle, without the mean turn.
+    /// Value at `y` rows and `x` columns from the centre, without the mean phase step.
     pub(super) fn at(&self, y: f64, x: f64) -> Complex64 {
         let waves = |n: usize, v: f64| -> Vec<Complex64> {
             let wave = |k| Complex64::cis(TAU * signed(k, n) * v / n as f64);
@@ -104,14 +106,14 @@ impl Chip {
         self.at(y, x).norm_sqr()
     }
 
-    /// The peak next to the middle, which is the brightest pixel: parabolas through three values of
-    /// `ln |I|^2`, along each axis in turn, on ever smaller steps.
+    /// Peak near the centre, which is the brightest pixel: parabolas through three values of
+    /// `ln |I|^2`, along each axis alternately, with decreasing steps.
     pub(super) fn peak(&self) -> (f64, f64) {
         let vertex = |below: f64, here: f64, above: f64| {
             let (below, here, above) = (below.ln(), here.ln(), above.ln());
             let bend = below - 2.0 * here + above;
             let shift = 0.5 * (below - above) / bend;
-            // Off the top there is no parabola to trust: a whole step uphill.
+            // Away from the peak the parabola is unreliable: a whole step uphill.
             match bend < 0.0 && shift.is_finite() {
                 true => shift.clamp(-1.0, 1.0),
                 false => (above - below).signum(),
@@ -120,7 +122,7 @@ impl Chip {
         let (mut y, mut x) = (0.0, 0.0);
         for halvings in 1..=8 {
             let step = 0.5f64.powi(halvings);
-            // The lobe may be slanted: each axis again after the other.
+            // A rotated main lobe needs alternating iterations.
             for _ in 0..3 {
                 let here = self.power(y, x);
                 y += step * vertex(self.power(y - step, x), here, self.power(y + step, x));
@@ -131,24 +133,38 @@ impl Chip {
         (y, x)
     }
 
-    /// The whole chip on a grid `factor` times finer, its first pixel first, by zero padding.
-    pub(super) fn upsampled(&self, factor: usize) -> Vec<Complex64> {
-        let (rows, columns) = (self.rows * factor, self.columns * factor);
-        let mut fine = vec![Complex64::ZERO; rows * columns];
-        // Turned from the middle to the first pixel.
-        let (y, x) = ((self.rows / 2) as f64, (self.columns / 2) as f64);
-        for k in 0..self.rows {
-            let down = signed(k, self.rows);
-            for l in 0..self.columns {
-                let across = signed(l, self.columns);
-                let turn = -TAU * (down * y / self.rows as f64 + across * x / self.columns as f64);
-                let at = |f: f64, n: usize| f.rem_euclid(n as f64) as usize;
-                fine[at(down, rows) * columns + at(across, columns)] =
-                    self.spectrum[k * self.columns + l] * Complex64::cis(turn);
+    /// Interpolate `rows` of the chip on a grid `factor` times finer by zero padding, counted from its first pixel; each is passed with its index.
+    /// Cost: one transform per row. Memory: one row.
+    pub(super) fn fine_rows(
+        &self,
+        factor: usize,
+        rows: Range<usize>,
+        mut take: impl FnMut(usize, &[Complex64]),
+    ) {
+        let columns = self.columns * factor;
+        let across = f64::plan(Transforms::Fastest, columns, FftDirection::Inverse);
+        let mut scratch = vec![Complex64::ZERO; across.get_inplace_scratch_len()];
+        // Phase shift from the centre to the first pixel.
+        let turns: Vec<Complex64> = (0..self.columns)
+            .map(|l| {
+                let half = (self.columns / 2) as f64 / self.columns as f64;
+                Complex64::cis(-TAU * signed(l, self.columns) * half)
+            })
+            .collect();
+        let mut line = vec![Complex64::ZERO; columns];
+        for i in rows {
+            let y = i as f64 / factor as f64 - (self.rows / 2) as f64;
+            line.fill(Complex64::ZERO);
+            for (k, spectrum) in self.spectrum.chunks_exact(self.columns).enumerate() {
+                let wave = Complex64::cis(TAU * signed(k, self.rows) * y / self.rows as f64);
+                for (l, (s, turn)) in spectrum.iter().zip(&turns).enumerate() {
+                    let at = signed(l, self.columns).rem_euclid(columns as f64) as usize;
+                    line[at] += s * turn * wave;
+                }
             }
+            across.process_with_scratch(&mut line, &mut scratch);
+            take(i, &line);
         }
-        transform(&mut fine, rows, columns, FftDirection::Inverse);
-        fine
     }
 }
 
@@ -157,7 +173,7 @@ mod tests {
     use super::*;
     use num_complex::Complex32;
 
-    /// A band around a frequency beyond half a cycle a pixel, by its definition.
+    /// Band about a frequency above half a cycle per pixel, by its definition.
     fn value(y: f64, x: f64) -> Complex64 {
         let mut sum = Complex64::ZERO;
         for k in -4..=4 {
@@ -170,9 +186,9 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_give_the_polynomial_through_the_pixels() {
-        // The band's lines lie on those of 21 pixels, but for the turn, which is estimated to
-        // rounding as the band is even about it: the polynomial is the band itself.
+    fn direct_and_padded_interpolation_agree_with_band() {
+        // The band's lines coincide with those of 21 pixels after the phase step, which is exact to
+        // rounding because the band is symmetric about it: the polynomial is the band itself.
         let image = Image {
             rows: 21,
             columns: 21,
@@ -184,14 +200,19 @@ mod tests {
                 .collect(),
         };
         let chip = Chip::cut(&image, (10, 10), [10, 10], [1, 1]);
-        // -0.3 and 0.47 cycles; truncation to the chip moves neither, as the band is periodic in it.
+        // -0.3 and 0.47 cycles; truncation to the chip changes neither, because the band is periodic in it.
         assert!((chip.turn[0] / TAU - 0.47).abs() < 0.02, "{:?}", chip.turn);
         assert!((chip.turn[1] / TAU + 0.3).abs() < 0.02, "{:?}", chip.turn);
-        let fine = chip.upsampled(4);
-        for (i, j) in [(40, 40), (41, 38), (37, 55)] {
-            let direct = chip.at(i as f64 / 4.0 - 10.0, j as f64 / 4.0 - 10.0);
-            let error = (fine[i * 84 + j] - direct).norm();
-            assert!(error < 1e-9, "{i} {j}: {error}");
-        }
+        let mut seen = 0;
+        chip.fine_rows(4, 37..42, |i, row| {
+            assert_eq!(row.len(), 84);
+            for j in [38, 40, 55] {
+                let direct = chip.at(i as f64 / 4.0 - 10.0, j as f64 / 4.0 - 10.0);
+                let error = (row[j] - direct).norm();
+                assert!(error < 1e-9, "{i} {j}: {error}");
+                seen += 1;
+            }
+        });
+        assert_eq!(seen, 15);
     }
 }

@@ -1,53 +1,53 @@
-//! Widths and side lobes along a line through the peak.
+//! Width and sidelobes of a cut through the peak.
 
 use subaperture_resolution::theory::SideLobes;
 
-/// A line through the peak: power relative to the peak's against the distance from it.
+/// Cut through the peak: power relative to the peak, against distance.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct Cut {
-    /// Along what.
+    /// Direction of the cut.
     pub along: Direction,
-    /// Width between the points of half the peak's power, in the unit of the offsets; `None` if the
-    /// span ends before them.
+    /// 3 dB width, in the unit of the offsets; `None` if the
+    /// span ends before the half-power points.
     pub width_3db: Option<f64>,
-    /// First minima on both sides of the peak, offsets; `None` if the span ends before them.
+    /// Offsets of the first minima on both sides; `None` if the span ends before them.
     pub nulls: Option<[f64; 2]>,
-    /// Side lobes where the main lobe lies between the first minima.
+    /// Sidelobes for a main lobe between the first minima.
     pub null_rule: SideLobes,
-    /// Side lobes where the main lobe reaches a given number of widths to both sides.
+    /// Sidelobes for a main lobe of a fixed number of 3 dB widths.
     pub fixed_rule: SideLobes,
-    /// First and last offset: what the side lobes' energy is taken over, [`SPAN_WIDTHS`] widths to each side where there
-    /// is room.
+    /// First and last offset of the sidelobe search: [`SPAN_WIDTHS`] widths to each side, where the chip
+    /// allows.
     pub span: [f64; 2],
-    /// Distances from the peak, ascending, evenly spaced: metres, or radians across a polar grid.
+    /// Offsets from the peak, ascending, evenly spaced: metres, or radians along the angle of a polar grid.
     #[serde(skip)]
     pub offsets: Vec<f64>,
-    /// Power over the peak's.
+    /// Power relative to the peak.
     #[serde(skip)]
     pub powers: Vec<f64>,
 }
 
-/// 3 dB widths to each side of the peak over which side lobes are looked for, so that their energy does not depend on how
-/// far the pixels happen to reach.
+/// Half-length of the sidelobe search and ISLR integration, 3 dB widths; fixed so that the ISLR does not depend on the
+/// image size.
 pub const SPAN_WIDTHS: f64 = 10.0;
 
-/// What a cut runs along.
+/// Direction of a cut.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Direction {
-    /// Columns: x, or angle.
+    /// Along x, or the angle of a polar grid.
     X,
-    /// Rows: y, or range of a polar grid.
+    /// Along y, or the range of a polar grid.
     Y,
-    /// The line of sight given.
+    /// Along the line of sight.
     Range,
-    /// Square to the line of sight.
+    /// Perpendicular to the line of sight.
     CrossRange,
 }
 
 impl Direction {
-    /// Its name.
+    /// Name, as in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::X => "x",
@@ -59,8 +59,8 @@ impl Direction {
 }
 
 impl Cut {
-    /// Measures a cut whose sample `middle` is the peak; the main lobe of the fixed rule reaches
-    /// `main_lobe_widths` widths to both sides.
+    /// Measure a cut whose sample `middle` is the peak; the fixed main lobe extends
+    /// `main_lobe_widths` 3 dB widths to both sides.
     pub(super) fn new(
         along: Direction,
         mut offsets: Vec<f64>,
@@ -68,7 +68,7 @@ impl Cut {
         mut middle: usize,
         main_lobe_widths: f64,
     ) -> Self {
-        // Widths first, of all there is; then only what lies within the span.
+        // Width from the whole cut; the rest from the span.
         let width = half_power_width(&offsets, &powers, middle);
         if let Some([low, high]) = width {
             let span = SPAN_WIDTHS * (high - low);
@@ -81,12 +81,12 @@ impl Cut {
             powers = powers[first..end].to_vec();
             middle -= first;
         }
-        // Walks from the peak outwards: towards the end, or towards the start.
+        // Indices outwards from the peak, to the end and to the start.
         let ahead: Vec<usize> = (middle..powers.len()).collect();
         let back: Vec<usize> = (0..=middle).rev().collect();
         let both = |f: &dyn Fn(&[usize]) -> Option<f64>| Some([f(&back)?, f(&ahead)?]);
         let half_power = half_power_width(&offsets, &powers, middle);
-        // The main lobe ends below half its power: a dent by rounding near the top is no minimum.
+        // Minima above half power are rounding noise near the top.
         let null = both(&|walk| {
             let below = walk.iter().position(|&i| powers[i] < 0.5)?;
             let pair = walk[below..]
@@ -113,7 +113,7 @@ impl Cut {
     }
 }
 
-/// Points of half the peak's power on both sides, on straight lines between samples.
+/// Half-power points on both sides, by linear interpolation.
 fn half_power_width(offsets: &[f64], powers: &[f64], middle: usize) -> Option<[f64; 2]> {
     let crossing = |pair: Option<(usize, usize)>| {
         let (near, far) = pair?;
@@ -159,8 +159,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_staircase_by_hand() {
-        // Powers of a made-up response; half power between 1 and 0.25 at a third of (0.5 / 0.75) of a
+    fn cut_measures_agree_with_hand_calculation() {
+        // Invented response: half power between 1 and 0.25 at a third of (0.5 / 0.75) of a
         // step on both sides, nulls at -2 and 2.
         let powers = vec![0.01, 0.04, 0.0, 0.25, 1.0, 0.25, 0.0, 0.01, 0.005];
         let offsets = (0..9).map(|i| f64::from(i) - 4.0).collect();

@@ -1,20 +1,20 @@
-//! Why a point was not measured.
+//! Errors of point measurements.
 
-use subaperture_model::image::PartsError;
+use subaperture_model::image::ImageSourceError;
 
-use super::LEAST_PEAK_DB;
+use super::MIN_PEAK_DB;
 
-/// Why a point was not measured.
+/// Error of measuring an impulse response.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ResponseError {
-    /// The image and its grid differ, or a position is not on it.
+    /// Image and grid differ in size, or a position is outside the image.
     #[error("{0}")]
     Unsuited(String),
-    /// No room for a chip.
+    /// The point is too close to the image border.
     #[error(
-        "the peak at row {row}, column {column} is too close to the border: {room} pixels are there \
-         and {needed} needed; form the image on a larger grid, or choose another point"
+        "the peak at row {row}, column {column} is too close to the border: expected {needed} pixels to the border, \
+         found {room}; form the image on a larger grid, or choose another point"
     )]
     Border {
         /// Row of the brightest pixel.
@@ -26,41 +26,52 @@ pub enum ResponseError {
         /// Pixels needed.
         needed: usize,
     },
-    /// Pixels too far apart for what the pulses sample there.
+    /// The pixel spacing undersamples the spectral support.
     #[error(
-        "the pixels are too coarse to measure the point at {along} {at:.4}: they are {step:.4} apart along {along}, and {needed:.4} or \
-         less is needed where spatial frequencies span {extent:.2} cycles for each of them; form the image on a finer grid"
+        "the pixels are too coarse to measure the point at {along} {at:.4}: they are {step:.4} apart along {along}; a support of {extent:.2} \
+         cycles per unit needs {needed:.4} or less; form the image on a finer grid"
     )]
     TooCoarse {
-        /// The axis: x or y, angle or range.
+        /// Axis: x or y, angle or range.
         along: &'static str,
-        /// The peak on it: metres, or radians of an angle.
+        /// Position of the peak on the axis: metres, or radians for an angle.
         at: f64,
-        /// Distance from pixel to pixel, in the same unit.
+        /// Pixel spacing, in the same unit.
         step: f64,
-        /// The most that will do.
+        /// Largest sufficient spacing, in the same unit.
         needed: f64,
-        /// Extent of the support along the axis.
+        /// Extent of the support along the axis, cycles per unit.
         extent: f64,
     },
-    /// A part of the image could not be read.
+    /// The image could not be read.
     #[error("{0}")]
     Unreadable(String),
-    /// Nothing stands out.
+    /// The pixels around the point exceed the memory limit.
     #[error(
-        "no point at row {row}, column {column}: the brightest pixel there is {above_db:.1} dB above \
-         the median around it, and {LEAST_PEAK_DB} dB are needed to tell a point from noise"
+        "measuring the point needs {needed_bytes} bytes of memory, {allowed_bytes} are allowed; allow more memory, or form the image on a \
+         coarser grid"
+    )]
+    Memory {
+        /// Bytes needed.
+        needed_bytes: u64,
+        /// Bytes allowed.
+        allowed_bytes: u64,
+    },
+    /// No pixel stands out of the background.
+    #[error(
+        "no point at row {row}, column {column}: the brightest pixel is {above_db:.1} dB above \
+         the local median, expected {MIN_PEAK_DB} dB or more"
     )]
     NoPeak {
         /// Row of the brightest pixel.
         row: usize,
         /// Its column.
         column: usize,
-        /// How far it stands out, dB.
+        /// Level above the local median, dB.
         above_db: f64,
     },
     /// A pixel around the point is NaN or infinite.
-    #[error("the image is not finite around row {row}, column {column}")]
+    #[error("expected finite pixels around row {row}, column {column}, found NaN or infinity")]
     NotFinite {
         /// Row of the point.
         row: usize,
@@ -70,7 +81,7 @@ pub enum ResponseError {
 }
 
 impl ResponseError {
-    /// The same of an image that begins so many rows and columns before.
+    /// The same error in an image that begins `rows` and `columns` earlier.
     pub(super) fn shifted(self, rows: usize, columns: usize) -> Self {
         match self {
             Self::NoPeak {
@@ -102,6 +113,6 @@ impl ResponseError {
     }
 }
 
-pub(super) fn unreadable(error: PartsError) -> ResponseError {
+pub(super) fn unreadable(error: ImageSourceError) -> ResponseError {
     ResponseError::Unreadable(error.to_string())
 }

@@ -1,10 +1,10 @@
-//! The measurement of a point in its chip: the peak, the cuts through it, side lobes in two dimensions.
+//! Measurement of a point in its chip: peak, cuts, and two-dimensional sidelobes.
 
 use std::ops::Range;
 
 use num_complex::{Complex32, Complex64};
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Image, Parts};
+use subaperture_model::image::{Image, ImageSource};
 
 use super::carrier::Carrier;
 use super::checks::{check_peak, check_sampling, check_shape};
@@ -14,10 +14,10 @@ use super::search::brightest_in;
 use super::size::{Size, chip_size, reach_px};
 use super::{Cut, Direction, Response, ResponseError, Settings, Target, UPSAMPLING, UpsampledChip};
 
-/// Measures a point of `image`.
+/// Measure the impulse response of a point in `image`.
 ///
 /// # Errors
-/// [`ResponseError`].
+/// [`ResponseError`] if the point is outside, too close to the border, undersampled, not distinct, or not finite.
 pub fn measure(
     image: &Image,
     grid: &ImageGrid,
@@ -31,8 +31,8 @@ pub fn measure(
     }
 }
 
-/// The same of an image whose pixels lie on a surface, over which the phase turns as unevenly as the surface rises and falls: what its heights add to the
-/// phase is taken away, so that the rest turns as in the plane, and put back where the peak is found.
+/// [`measure`] on a relief, whose slopes make the phase gradient uneven: the phase contribution of the
+/// heights is removed before the measurement, and restored at the peak.
 fn measure_on_surface(
     image: &Image,
     grid: &ImageGrid,
@@ -76,7 +76,7 @@ fn measure_on_surface(
     Ok(response)
 }
 
-/// The same where the phase turns evenly.
+/// [`measure`] for an even phase gradient.
 fn measure_even(
     image: &Image,
     grid: &ImageGrid,
@@ -99,7 +99,7 @@ fn measure_even(
     let known = settings
         .carrier
         .and_then(|carrier| carrier.turn(grid, row_value, column_value));
-    // Turns a pixel of the image; the chip's pixels may be several of these.
+    // Phase step per image pixel; a chip pixel may span several.
     let turn: [f64; 2] = std::array::from_fn(|i| {
         let own = chip.turn[i] / stride[i] as f64;
         let turns = (known.map_or(0.0, |turn| turn[i]) - own) / std::f64::consts::TAU;
@@ -111,7 +111,7 @@ fn measure_even(
             row_turn * (peak_row - row as f64) + column_turn * (peak_column - column as f64),
         );
 
-    // Of the chip's pixels.
+    // Spacing of the chip's pixels.
     let steps = [
         grid.rows.step * stride[0] as f64,
         grid.columns.step * stride[1] as f64,
@@ -125,8 +125,8 @@ fn measure_even(
             cut(&chip, [y, x], (along, pixels), length, top, settings)
         })
         .collect();
-    let fine = chip.upsampled(UPSAMPLING);
-    let islr_2d_db = integrated_2d_db(&fine, &chip, half, [y, x], &cuts, steps);
+    let islr_2d_db = integrated_2d_db(&chip, half, [y, x], &cuts, steps);
+    let first = [row - half[0] * stride[0], column - half[1] * stride[1]];
     Ok(Response {
         row: peak_row,
         column: peak_column,
@@ -140,29 +140,32 @@ fn measure_even(
         line_of_sight_rad: settings.line_of_sight_rad,
         cuts,
         islr_2d_db,
-        chip: upsampled_chip(
-            fine,
-            &chip,
-            grid,
-            [row - half[0] * stride[0], column - half[1] * stride[1]],
-            steps,
-        ),
+        chip: UpsampledChip::new(chip, grid, first, steps),
     })
 }
 
-/// [`measure`] of an image that need not fit in memory: what lies within [`super::REACH_WIDTHS`] 3 dB widths of the point, and
-/// within 2048 pixels.
+/// [`measure`] for an image that does not fit in memory: reads the pixels within [`super::REACH_WIDTHS`] 3 dB widths of the point, at most
+/// 2048 pixels to each side.
 ///
 /// # Errors
 /// As [`measure`]; [`ResponseError::Unreadable`].
 pub fn measure_in(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     grid: &ImageGrid,
     target: Target,
     settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
     let (row, column) = brightest_in(image, grid, target, settings)?;
     let reach = reach_px(image, (row, column))?;
+    let side = 2 * reach as u64 + 1;
+    // On a relief the window is held twice.
+    let needed_bytes = 16 * side.min(grid.rows.count as u64) * side.min(grid.columns.count as u64);
+    if needed_bytes > settings.memory_bytes {
+        return Err(ResponseError::Memory {
+            needed_bytes,
+            allowed_bytes: settings.memory_bytes,
+        });
+    }
     let around = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
     let place = [
         around(row, grid.rows.count),
@@ -195,7 +198,7 @@ pub fn measure_in(
     Ok(response)
 }
 
-/// Directions of the cuts, each as rows and columns for a unit of length; `steps` are those of the chip.
+/// Directions of the cuts, in rows and columns per unit of length; `steps` are those of the chip.
 fn directions(steps: [f64; 2], line_of_sight_rad: Option<f64>) -> Vec<(Direction, [f64; 2])> {
     let mut directions = vec![
         (Direction::X, [0.0, 1.0 / steps[1]]),
@@ -209,7 +212,7 @@ fn directions(steps: [f64; 2], line_of_sight_rad: Option<f64>) -> Vec<(Direction
     directions
 }
 
-/// The cut through the peak along a direction, of `length` to either side, relative to the power `top` of the peak.
+/// Cut through the peak along a direction, `length` to either side, relative to the power `top` of the peak.
 fn cut(
     chip: &Chip,
     [y, x]: [f64; 2],
@@ -218,7 +221,7 @@ fn cut(
     top: f64,
     settings: &Settings<'_>,
 ) -> Cut {
-    // As fine as the upsampled chip along the axis that advances faster.
+    // Sampled as finely as the upsampled chip along the faster axis.
     let fastest = pixels[0].abs().max(pixels[1].abs());
     let step = 1.0 / (fastest * UPSAMPLING as f64);
     let count = (length / step).floor() as usize;
@@ -232,7 +235,7 @@ fn cut(
     Cut::new(along, offsets, powers, count, settings.main_lobe_widths)
 }
 
-/// How far a line through the peak stays within the chip to both sides.
+/// Length of a line through the peak inside the chip, to both sides.
 fn cut_length(pixels: [f64; 2], peak: [f64; 2], half: [usize; 2]) -> f64 {
     (0..2)
         .filter(|&i| pixels[i].abs() > 1e-12)
@@ -240,9 +243,8 @@ fn cut_length(pixels: [f64; 2], peak: [f64; 2], half: [usize; 2]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Energy outside the rectangle between the first minima over that inside, within the spans of the cuts.
+/// Two-dimensional ISLR, dB: energy outside the rectangle of the first minima over that inside, within the spans of the cuts.
 fn integrated_2d_db(
-    fine: &[Complex64],
     chip: &Chip,
     half: [usize; 2],
     peak: [f64; 2],
@@ -263,9 +265,9 @@ fn integrated_2d_db(
     };
     let columns: Vec<Option<bool>> = (0..width).map(|j| inside(j, 1, across)).collect();
     let (mut within, mut beyond) = (0.0, 0.0);
-    for (i, row) in fine.chunks_exact(width).enumerate() {
+    chip.fine_rows(UPSAMPLING, 0..chip.rows * UPSAMPLING, |i, row| {
         let Some(row_inside) = inside(i, 0, down) else {
-            continue;
+            return;
         };
         for (z, column_inside) in row.iter().zip(&columns) {
             let Some(column_inside) = *column_inside else {
@@ -276,33 +278,6 @@ fn integrated_2d_db(
                 false => beyond += z.norm_sqr(),
             }
         }
-    }
+    });
     Some(10.0 * (beyond / within).log10())
-}
-
-fn upsampled_chip(
-    fine: Vec<Complex64>,
-    chip: &Chip,
-    grid: &ImageGrid,
-    first: [usize; 2],
-    steps: [f64; 2],
-) -> UpsampledChip {
-    let finer = |axis: &Axis, first: usize, step: f64, count: usize| Axis {
-        start: axis.at(first),
-        step: step / UPSAMPLING as f64,
-        count: count * UPSAMPLING,
-    };
-    let narrow = |z: &Complex64| Complex32::new(z.re as f32, z.im as f32);
-    UpsampledChip {
-        image: Image {
-            rows: chip.rows * UPSAMPLING,
-            columns: chip.columns * UPSAMPLING,
-            pixels: fine.iter().map(narrow).collect(),
-        },
-        grid: ImageGrid {
-            rows: finer(&grid.rows, first[0], steps[0], chip.rows),
-            columns: finer(&grid.columns, first[1], steps[1], chip.columns),
-            ..grid.clone()
-        },
-    }
 }

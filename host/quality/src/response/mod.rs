@@ -1,9 +1,8 @@
-//! The response of a point: where it lies, how wide it is, how high its side lobes are.
+//! Impulse response (point target) measurement: position, 3 dB width, PSLR and ISLR.
 //!
-//! A chip around the brightest pixel near a position is interpolated by zero padding its spectrum, once
-//! the spectrum has been turned to lie about zero (`chip.rs`). The peak is found to a fraction
-//! of a pixel, and cuts run through it along the grid's axes, and on a Cartesian grid along and
-//! across a line of sight if one is given. Of each cut:
+//! A chip around the brightest pixel near a position is shifted to zero frequency and interpolated by zero padding (`chip.rs`). The peak is found to a fraction
+//! of a pixel. Cuts run through it along the grid's axes and, on a Cartesian grid, along and
+//! across the line of sight if one is given. For each cut:
 //!
 //! ```text
 //! width   between the points of half the peak's power
@@ -11,31 +10,29 @@
 //! ISLR    10 log10 (energy outside the main lobe, within the cut / energy inside it)
 //! ```
 //!
-//! by two rules of what the main lobe is: between the first minima, or within a given number of
+//! with two definitions of the main lobe: between the first minima, or within a given number of
 //! 3 dB widths ([`Settings::main_lobe_widths`]). The first suits clean responses, the second noisy ones,
-//! whose first minimum can be anywhere. The ISLR of two dimensions is that of the rectangle of both cuts' spans against
+//! whose first minimum is random. The two-dimensional ISLR compares the rectangle of both cuts' spans with
 //! the rectangle between the first minima.
 //!
-//! All of that is in units of the response and not of pixels: a chip reaches [`REACH_WIDTHS`] widths where there is room, of every
-//! second or third pixel and so on where pixels are many a width (an image holds no more than its band), and
-//! side lobes count within [`SPAN_WIDTHS`].
+//! Extents are in 3 dB widths, not pixels: a chip extends [`REACH_WIDTHS`] widths where the image allows. An oversampled image
+//! is decimated to every n-th pixel. Sidelobes are evaluated within [`SPAN_WIDTHS`].
 //!
-//! An image whose pixels are too coarse for the spatial frequencies at the point is refused if [`Settings::looks`] tells them
-//! ([`ResponseError::TooCoarse`]): it has folded, and what it shows is not the response.
+//! If [`Settings::looks`] is given, an image that undersamples the spectral support at the point is refused
+//! ([`ResponseError::TooCoarse`]), because its response is aliased.
 //!
-//! Neglected: a chip is a piece of the response, and zero padding takes it for periodic. What it
-//! does not hold differs between its edges by the side lobes there, for an unweighted band and 12 widths
-//! -32 dB of amplitude; near the peak that comes to less than a hundredth of it. Half the resolution cell is a good
-//! step.
+//! Neglected: the chip truncates the response, and zero padding assumes it periodic. The sidelobes at the
+//! edge, -32 dB of amplitude for an unweighted band and 12 widths, cause an error below a hundredth of that
+//! near the peak. Half the resolution cell is a good pixel spacing.
 //!
-//! The phase is that at the peak. Between pixels it depends on how often the phase turns a pixel, which
-//! the pixels tell up to whole turns only. [`Settings::carrier`] tells the rest ([`Carrier`]); without it
-//! the slowest turn is taken, and the phase is good for images that were brought down to zero frequency only:
-//! [`Response::turn_is_known`] says which. A carrier does not make the phase better than the position: a
-//! thousandth of 3 cm off in range is 0.7 degrees.
+//! The phase is that at the peak. Between pixels it depends on the phase gradient, which
+//! the pixels determine modulo one turn per pixel. [`Settings::carrier`] resolves the ambiguity ([`Carrier`]). Without it
+//! the smallest gradient is assumed, which is right only for images at baseband;
+//! [`Response::turn_is_known`] reports it. The phase is no more accurate than the position: a range error of
+//! a thousandth of 3 cm is 0.7 degrees.
 //!
-//! Accuracy (`tests/images/quality.rs`): position to 1/128 of the resolution, width to 1 %, PSLR and ISLR to
-//! 0.2 dB of theory, for unweighted, Hamming and Taylor bands. Memory: the chip at
+//! **Accuracy** (`tests/images/quality.rs`): position 1/128 of the resolution, width 1 %, PSLR and ISLR
+//! 0.2 dB of theory, for uniform, Hamming and Taylor weighting. **Memory** the chip at
 //! [`UPSAMPLING`] times its rate, at most 27 MB.
 
 mod carrier;
@@ -48,9 +45,14 @@ mod search;
 mod size;
 mod strongest;
 
-use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::Image;
+use num_complex::{Complex32, Complex64};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{
+    Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
+};
 use subaperture_resolution::support::Looks;
+
+use self::chip::Chip;
 
 pub use carrier::{Carrier, Geometry};
 pub use cut::{Cut, Direction, SPAN_WIDTHS};
@@ -60,51 +62,53 @@ pub use search::brightest_in;
 pub use strongest::{Strongest, strongest};
 pub use subaperture_resolution::theory::SideLobes;
 
-/// Samples of a chip's picture and of its cuts a pixel.
+/// Upsampling factor of a chip and its cuts, samples per pixel.
 pub const UPSAMPLING: usize = 16;
 
-/// How far the brightest pixel must stand above the median power of its chip to be a point, dB. Of 81 x
-/// 81 pixels of nothing but noise the brightest stands 11 dB above the median, and above 13.5 dB less
-/// than once in a thousand chips.
-pub const LEAST_PEAK_DB: f64 = 14.0;
+/// Smallest level of a peak above the median power of its chip, dB. In 81 x
+/// 81 pixels of noise the brightest is 11 dB above the median on average, and above 13.5 dB in less
+/// than one of a thousand chips.
+pub const MIN_PEAK_DB: f64 = 14.0;
 
-/// 3 dB widths that a chip reaches from its middle, where there is room.
+/// Half-size of a chip, 3 dB widths, where the image allows.
 pub const REACH_WIDTHS: f64 = 12.0;
 
-/// Most of the cycles that pixels can hold, one a step, that the support may take: chips are pieces, and need some
-/// room to be interpolated.
-pub const MOST_FILLED: f64 = 0.85;
+/// Largest support, cycles per pixel; interpolation of a truncated chip needs some
+/// oversampling.
+pub const MAX_FILLED: f64 = 0.85;
 
-/// Which point to measure.
+/// Point to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// The brightest pixel of the image.
+    /// Brightest pixel of the image.
     Brightest,
-    /// The brightest pixel within [`Settings::search_px`] rows and columns of grid coordinates.
+    /// Brightest pixel within [`Settings::search_px`] rows and columns of grid coordinates.
     Near {
-        /// x, or angle in radians.
+        /// x in metres, or angle in radians.
         column_value: f64,
-        /// y, or range.
+        /// y or range, metres.
         row_value: f64,
     },
 }
 
-/// How to measure.
+/// Settings of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings<'a> {
-    /// Rows and columns around a position that are searched for the brightest pixel.
+    /// Search half-width around a position, pixels.
     pub search_px: usize,
-    /// How far a chip reaches from its middle, rows and columns, where there is room; `None` for
-    /// [`REACH_WIDTHS`], 8 to 40 pixels, or every so manieth where that many widths have more.
+    /// Half-size of the chip, rows and columns. Default (`None`):
+    /// [`REACH_WIDTHS`] widths, 8 to 40 pixels, of every n-th pixel where the image is finer.
     pub half_chip: Option<[usize; 2]>,
-    /// Half of the fixed rule's main lobe, 3 dB widths.
+    /// Half-width of the fixed main lobe, 3 dB widths.
     pub main_lobe_widths: f64,
-    /// Angle of the line of sight in the grid's plane, from x towards y, radians.
+    /// Line of sight in the grid's plane, radians from x towards y. `None`: no cuts along and across it.
     pub line_of_sight_rad: Option<f64>,
-    /// Where the image was seen from, which tells how often its phase turns a pixel.
+    /// Acquisition geometry, which resolves the phase gradient. `None`: the smallest gradient is assumed.
     pub carrier: Option<Carrier>,
-    /// What the image was formed from, which tells how fine its pixels must be.
+    /// Support of the image, for the check of the pixel spacing. `None`: no check.
     pub looks: Option<&'a Looks>,
+    /// Most memory for the pixels around a point of an image that is read part by part, bytes; default: no limit, 270 MB are the most.
+    pub memory_bytes: u64,
 }
 
 impl Default for Settings<'_> {
@@ -116,11 +120,12 @@ impl Default for Settings<'_> {
             line_of_sight_rad: None,
             carrier: None,
             looks: None,
+            memory_bytes: u64::MAX,
         }
     }
 }
 
-/// A point's response.
+/// Measured impulse response.
 #[derive(Clone, Debug, serde::Serialize)]
 #[non_exhaustive]
 pub struct Response {
@@ -144,21 +149,65 @@ pub struct Response {
     pub turn_is_known: bool,
     /// The line of sight that was given, from the grid's x towards its y, radians.
     pub line_of_sight_rad: Option<f64>,
-    /// The cuts: along x, along y, then along and across the line of sight if it was given.
+    /// Cuts along x and y, then along and across the line of sight if given.
     pub cuts: Vec<Cut>,
-    /// ISLR of two dimensions; `None` if a first minimum is not within the chip.
+    /// Two-dimensional ISLR, dB; `None` if a first minimum is outside the chip.
     pub islr_2d_db: Option<f64>,
-    /// The chip, upsampled.
+    /// Upsampled chip.
     #[serde(skip)]
     pub chip: UpsampledChip,
 }
 
-/// A chip at [`UPSAMPLING`] times its rate.
+/// Chip at [`UPSAMPLING`] times its rate.
+///
+/// Values are without the mean phase step. They are computed row by row on access: all values of a chip of 81 x 81 pixels
+/// would take 13 MB.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct UpsampledChip {
-    /// Values, with the mean turn of the phase taken out.
-    pub image: Image,
-    /// Where they lie.
+    chip: Chip,
+    /// Grid of the values.
     pub grid: ImageGrid,
+}
+
+impl UpsampledChip {
+    /// Chip whose first pixel is `first` of the grid, with a spacing of `steps` pixels.
+    fn new(chip: Chip, grid: &ImageGrid, first: [usize; 2], steps: [f64; 2]) -> Self {
+        let finer = |axis: &Axis, i: usize, count: usize| Axis {
+            start: axis.at(first[i]),
+            step: steps[i] / UPSAMPLING as f64,
+            count: count * UPSAMPLING,
+        };
+        Self {
+            grid: ImageGrid {
+                rows: finer(&grid.rows, 0, chip.rows),
+                columns: finer(&grid.columns, 1, chip.columns),
+                ..grid.clone()
+            },
+            chip,
+        }
+    }
+}
+
+impl ImageSource for UpsampledChip {
+    fn size(&self) -> (usize, usize) {
+        (self.grid.rows.count, self.grid.columns.count)
+    }
+
+    fn places(&self) -> PixelBlocks {
+        bands(self.grid.rows.count, self.grid.columns.count)
+    }
+
+    fn window(&self, [rows, columns]: &PixelBlock) -> Result<Image, ImageSourceError> {
+        let mut pixels = Vec::with_capacity(rows.len() * columns.len());
+        self.chip.fine_rows(UPSAMPLING, rows.clone(), |_, row| {
+            let narrow = |z: &Complex64| Complex32::new(z.re as f32, z.im as f32);
+            pixels.extend(row[columns.clone()].iter().map(narrow));
+        });
+        Ok(Image {
+            rows: rows.len(),
+            columns: columns.len(),
+            pixels,
+        })
+    }
 }

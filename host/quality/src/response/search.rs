@@ -1,17 +1,17 @@
-//! Which pixel is meant: the brightest of an image, or of those about a place.
+//! Search for the brightest pixel of an image or near a position.
 
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Parts, peak_of, power};
+use subaperture_model::image::{ImageSource, peak_of, power};
 
 use super::error::unreadable;
 use super::{ResponseError, Settings, Target};
 
-/// Row and column of the brightest pixel of the target.
+/// Row and column of the brightest pixel of a target.
 ///
 /// # Errors
-/// [`ResponseError::Unsuited`] where there is none; [`ResponseError::Unreadable`].
+/// [`ResponseError::Unsuited`] if no pixel is above zero or the position is outside; [`ResponseError::Unreadable`].
 pub fn brightest_in(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     grid: &ImageGrid,
     target: Target,
     settings: &Settings<'_>,
@@ -19,7 +19,7 @@ pub fn brightest_in(
     if image.size() != (grid.rows.count, grid.columns.count) {
         let (rows, columns) = image.size();
         return Err(ResponseError::Unsuited(format!(
-            "the image has {rows} rows x {columns} columns, its grid {} x {}",
+            "expected an image of its grid's size, found {rows} rows x {columns} columns and a grid of {} x {}",
             grid.rows.count, grid.columns.count
         )));
     }
@@ -42,7 +42,7 @@ pub fn brightest_in(
         around(column, grid.columns.count),
     ];
     let window = image.window(&place).map_err(unreadable)?;
-    // Of equals, the one typed.
+    // Of equal pixels, the position given.
     let here = (row - place[0].start) * window.columns + column - place[1].start;
     let mut best = (here, 0.0);
     for (i, &z) in window.pixels.iter().enumerate() {
@@ -58,7 +58,7 @@ pub fn brightest_in(
     (top > 0.0).then_some(at).ok_or_else(none)
 }
 
-/// The pixel nearest to a place in grid coordinates.
+/// Pixel nearest to grid coordinates.
 fn nearest(
     grid: &ImageGrid,
     row_value: f64,

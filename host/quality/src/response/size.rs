@@ -1,24 +1,24 @@
-//! How much of an image a point's measurement takes: the window that is read, the chip that is cut from it.
+//! Size of the window that is read, and of the chip cut from it.
 
 use num_complex::Complex32;
-use subaperture_model::image::{Image, Parts, power};
+use subaperture_model::image::{Image, ImageSource, power};
 
 use super::error::unreadable;
 use super::{REACH_WIDTHS, ResponseError};
 
-/// Least and most that a chip reaches from its middle, pixels.
-const LEAST_HALF: usize = 8;
-const MOST_HALF: usize = 40;
+/// Smallest and largest half-size of a chip, pixels.
+const MIN_HALF: usize = 8;
+const MAX_HALF: usize = 40;
 
-/// Most of a chip's pixels a 3 dB width: of finer images some are left out.
-const MOST_A_WIDTH: f64 = MOST_HALF as f64 / REACH_WIDTHS;
+/// Largest number of chip pixels per 3 dB width; finer images are decimated.
+const MAX_A_WIDTH: f64 = MAX_HALF as f64 / REACH_WIDTHS;
 
-/// How far around a point an image that is read part by part is taken, pixels: at least, and at most, which is 128 MiB.
+/// Smallest and largest half-size of the window read, pixels; the largest is 128 MiB.
 const REACH_PX: (usize, usize) = (64, 2048);
 
-/// How far a chip may reach from a pixel, by the widths of the row and the column through it.
+/// Half-size of the window about a pixel, from the widths of its row and column.
 pub(super) fn reach_px(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     (row, column): (usize, usize),
 ) -> Result<usize, ResponseError> {
     let (rows, columns) = image.size();
@@ -43,7 +43,7 @@ pub(super) fn reach_px(
     Ok(reach.clamp(REACH_PX.0, REACH_PX.1))
 }
 
-/// How far a chip reaches in its own pixels, and how many of the image's each stands for; rows and columns.
+/// Half-size of a chip in its own pixels, and its decimation; rows and columns.
 pub(super) struct Size {
     pub(super) half: [usize; 2],
     pub(super) stride: [usize; 2],
@@ -55,8 +55,8 @@ pub(super) fn chip_size(
     asked: Option<[usize; 2]>,
 ) -> Result<Size, ResponseError> {
     let here = power(image.pixels[row * image.columns + column]);
-    // Pixels from below half the power on the one side to below it on the other, less the part of a
-    // pixel by which both overshoot on average.
+    // Pixels between the samples below half power on both sides, minus their average
+    // overshoot.
     let width = |stride: usize, back: usize, ahead: usize| {
         let at = row * image.columns + column;
         let falls = |i: usize| power(image.pixels[i]) < here / 2.0;
@@ -70,16 +70,16 @@ pub(super) fn chip_size(
         let width_px = width(to_next, at, count - 1 - at);
         let stride = match asked {
             Some(_) => 1,
-            None => (width_px / MOST_A_WIDTH).ceil() as usize,
+            None => (width_px / MAX_A_WIDTH).ceil() as usize,
         };
         let (width, room) = (width_px / stride as f64, pixels / stride);
         let wanted = match asked {
-            Some(half) => half[axis].clamp(LEAST_HALF, MOST_HALF),
-            None => ((REACH_WIDTHS * width).ceil() as usize).clamp(2 * LEAST_HALF, MOST_HALF),
+            Some(half) => half[axis].clamp(MIN_HALF, MAX_HALF),
+            None => ((REACH_WIDTHS * width).ceil() as usize).clamp(2 * MIN_HALF, MAX_HALF),
         };
-        // With four widths the first side lobes of any window are there.
+        // Four widths contain the first sidelobes of any window.
         let needed = ((4.0 * width).ceil() as usize)
-            .clamp(LEAST_HALF, MOST_HALF)
+            .clamp(MIN_HALF, MAX_HALF)
             .min(wanted);
         match room < needed {
             true => Err(ResponseError::Border {

@@ -1,58 +1,58 @@
-//! The strongest points of an image, each apart from the side lobes of those before it.
+//! Detection of the strongest points of an image, excluding sidelobes of stronger points.
 //!
-//! The image is read once, part by part, and of each cell of it the brightest pixel kept. These are measured from the brightest down, but
-//! those that lie where an already measured point's side lobes are looked for ([`super::SPAN_WIDTHS`] widths along both axes of the grid): there a
-//! point is not told from a side lobe. Further out along these axes those are passed over that are no brighter than side lobes can be there:
-//! without a window these fall as `0.36 w / d` of the peak's amplitude, at `d` from a peak `w` wide at half its power, and 3.5 dB are allowed
-//! beside. What is no point, or too near the border to be measured, is passed over.
+//! The image is read once, and the brightest pixel of each cell is kept. These pixels are measured in descending order, except
+//! those within the sidelobe span of a measured point ([`super::SPAN_WIDTHS`] widths along both grid axes), where a
+//! point and a sidelobe cannot be distinguished. Beyond the span along these axes, pixels no brighter than a possible sidelobe are skipped:
+//! unweighted sidelobes fall as `0.36 w / d` of the peak's amplitude, at distance `d` from a peak of 3 dB width `w`, plus a margin of 3.5 dB.
+//! Pixels that are no points, or too close to the border, are skipped.
 //!
-//! Two points nearer to each other than that are told as the stronger one. Memory: a cell's brightest pixel, 24 bytes, of a million cells at the
-//! most, and a chip.
+//! Of two points closer than the span, the stronger is reported. **Memory** 24 bytes per cell, at most a million cells,
+//! and a chip.
 
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::{Parts, power};
+use subaperture_model::image::{ImageSource, power};
 
 use super::error::unreadable;
 use super::measurement::measure_in;
 use super::{Response, ResponseError, Settings, Target};
 
-/// Side of a cell, pixels, of an image of up to [`MOST_CELLS`] of them.
+/// Side of a cell, pixels, for an image of up to [`MAX_CELLS`] cells.
 const CELL: usize = 8;
 
-/// Cells at the most: those of larger images are larger.
-const MOST_CELLS: usize = 1 << 20;
+/// Largest number of cells; larger images have larger cells.
+const MAX_CELLS: usize = 1 << 20;
 
-/// How far around what is no point nothing else is looked for, pixels.
+/// Exclusion radius around a pixel that is no point, pixels.
 const APART_PX: f64 = 16.0;
 
-/// Pixels that are tried for a point that is asked for.
+/// Candidate pixels per requested point.
 const TRIES: usize = 8;
 
-/// Points that were found.
+/// Detected points.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Strongest {
-    /// From the strongest down; fewer than asked where the image has no more.
+    /// Responses in descending order; fewer than requested if the image has no more.
     pub points: Vec<Response>,
-    /// Why bright pixels before the last of them are no points: row, column, reason.
+    /// Skipped bright pixels: row, column, reason.
     pub passed_over: Vec<(usize, usize, ResponseError)>,
 }
 
-/// Of a peak's amplitude and its width at half its power, what side lobes of a band without a window reach, times the distance: `sin x / x`
-/// is 0.886 of a null's distance wide, and falls as `1 / x`; 1.5 times that.
+/// Sidelobe envelope of an unweighted band times distance, relative to peak amplitude times 3 dB width: `sin x / x`
+/// has a width of 0.886 null distances and falls as `1 / x`; margin 1.5.
 const SIDE_LOBES: f64 = 1.5 / (0.886 * std::f64::consts::PI);
 
-/// A rectangle of pixels in which no further point is looked for.
+/// Excluded rectangle around a point.
 struct Taken {
     row: f64,
     column: f64,
     half: [f64; 2],
-    /// Amplitude of a point times its widths along rows and columns, pixels; of what is no point 0.
+    /// Amplitude times 3 dB widths along rows and columns, pixels; 0 for no point.
     lobes: [f64; 2],
 }
 
 impl Taken {
-    /// Whether a pixel of this power lies there, or may be a side lobe further out.
+    /// Whether a pixel of this power is excluded: inside the rectangle, or possibly a sidelobe beyond it.
     fn has(&self, row: usize, column: usize, power: f64) -> bool {
         let off = [row as f64 - self.row, column as f64 - self.column].map(f64::abs);
         let within = [off[0] <= self.half[0], off[1] <= self.half[1]];
@@ -65,13 +65,13 @@ impl Taken {
         }
     }
 
-    /// Where the side lobes of a point are looked for.
+    /// Sidelobe span of a point.
     fn of(response: &Response, grid: &ImageGrid) -> Self {
         let reach = |cut: usize, step: f64| {
             let [low, high] = response.cuts[cut].span;
             (low.abs().max(high.abs()) / step).max(APART_PX)
         };
-        // The cuts along x, and along y: of a polar grid in radians and metres, as the axes.
+        // Cuts along x and y; on a polar grid in radians and metres, as the axes.
         Self {
             row: response.row,
             column: response.column,
@@ -84,12 +84,12 @@ impl Taken {
     }
 }
 
-/// The `count` strongest points of an image.
+/// Find the `count` strongest points of an image.
 ///
 /// # Errors
-/// [`ResponseError::Unreadable`], [`ResponseError::Unsuited`] of an image that is not the grid's, and [`ResponseError::TooCoarse`].
+/// [`ResponseError::Unreadable`]; [`ResponseError::Unsuited`] if image and grid differ in size; [`ResponseError::TooCoarse`].
 pub fn strongest(
-    image: &dyn Parts,
+    image: &dyn ImageSource,
     grid: &ImageGrid,
     count: usize,
     settings: &Settings<'_>,
@@ -100,7 +100,8 @@ pub fn strongest(
     };
     let mut taken: Vec<Taken> = Vec::new();
     let mut tries = TRIES * count;
-    for (power, row, column) in brightest_of_cells(image)? {
+    for (power, row, column) in brightest_of_cells(image, settings.memory_bytes)? {
+        let (row, column) = (row as usize, column as usize);
         if found.points.len() == count || tries == 0 {
             break;
         }
@@ -114,7 +115,7 @@ pub fn strongest(
         };
         match measure_in(image, grid, target, settings) {
             Ok(response) => {
-                // The brightest near by may be a point that is known.
+                // The brightest neighbour may be a known point.
                 let at = [
                     response.row.round() as usize,
                     response.column.round() as usize,
@@ -146,13 +147,24 @@ fn around(row: usize, column: usize) -> Taken {
     }
 }
 
-/// Power, row and column of the brightest pixel of each cell that has one above zero, from the brightest down; of equals the first.
-fn brightest_of_cells(image: &dyn Parts) -> Result<Vec<(f64, usize, usize)>, ResponseError> {
+/// Power, row and column of the brightest pixel of each cell with power, in descending order; of equal pixels the first.
+fn brightest_of_cells(
+    image: &dyn ImageSource,
+    memory_bytes: u64,
+) -> Result<Vec<(f64, u32, u32)>, ResponseError> {
     let (rows, columns) = image.size();
-    let even = (rows as f64 * columns as f64 / MOST_CELLS as f64).sqrt();
+    let even = (rows as f64 * columns as f64 / MAX_CELLS as f64).sqrt();
     let cell = CELL.max(even.ceil() as usize);
     let across = columns.div_ceil(cell);
-    let mut cells = vec![(0.0, 0, 0); rows.div_ceil(cell) * across];
+    let count = rows.div_ceil(cell) * across;
+    let needed_bytes = (count * size_of::<(f64, u32, u32)>()) as u64;
+    if needed_bytes > memory_bytes {
+        return Err(ResponseError::Memory {
+            needed_bytes,
+            allowed_bytes: memory_bytes,
+        });
+    }
+    let mut cells = vec![(0.0, 0, 0); count];
     for place in image.places() {
         let part = image.window(&place).map_err(unreadable)?;
         for (i, &z) in part.pixels.iter().enumerate() {
@@ -161,12 +173,12 @@ fn brightest_of_cells(image: &dyn Parts) -> Result<Vec<(f64, usize, usize)>, Res
             let best = &mut cells[row / cell * across + column / cell];
             let power = power(z);
             if power > best.0 && power.is_finite() {
-                *best = (power, row, column);
+                *best = (power, row as u32, column as u32);
             }
         }
     }
     cells.retain(|(power, ..)| *power > 0.0);
-    cells.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    cells.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     Ok(cells)
 }
 
@@ -180,7 +192,7 @@ mod tests {
 
     const SIDE: usize = 200;
 
-    /// Points of a band that fills half of what pixels hold: `sinc` of both axes, with side lobes of -13 dB.
+    /// Points with a uniform band of half a cycle per pixel: `sinc` along both axes, sidelobes -13 dB.
     fn image(points: &[(f64, f64, f32)]) -> (Image, ImageGrid) {
         let sinc = |x: f64| match x == 0.0 {
             true => 1.0,
@@ -207,8 +219,8 @@ mod tests {
     }
 
     #[test]
-    fn points_come_from_the_strongest_down_and_no_side_lobe_is_one() {
-        // The weakest is far below the side lobes of the strongest, near it.
+    fn points_are_found_in_descending_order_without_sidelobes() {
+        // The weakest is far below the sidelobes of the nearby strongest.
         let points = [(50.0, 60.0, 1.0), (150.3, 140.0, 0.5), (60.0, 150.0, 0.02)];
         let (image, grid) = image(&points);
         let found = strongest(&image, &grid, 3, &Settings::default()).unwrap();
@@ -219,7 +231,7 @@ mod tests {
         }
         let levels: Vec<f64> = found.points.iter().map(|p| p.level_db).collect();
         assert!((levels[0] - levels[1] - 6.02).abs() < 0.2, "{levels:?}");
-        // One is asked for, and one found.
+        // One requested, one found.
         let one = strongest(&image, &grid, 1, &Settings::default()).unwrap();
         assert_eq!(one.points.len(), 1);
         let none = strongest(&image, &grid, 0, &Settings::default()).unwrap();
@@ -227,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_at_the_border_is_passed_over_and_an_empty_image_has_none() {
+    fn border_points_are_skipped_and_empty_image_has_no_points() {
         let (image, grid) = image(&[(1.0, 100.0, 1.0), (120.0, 100.0, 0.3)]);
         let found = strongest(&image, &grid, 1, &Settings::default()).unwrap();
         assert_eq!(found.points[0].row.round(), 120.0);

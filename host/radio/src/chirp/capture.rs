@@ -1,6 +1,8 @@
-//! Bursts of chirps from a radio: recorded, and compressed as they come.
+//! Capture of chirp bursts: recording and pulse compression in real time.
 //!
-//! One thread: between bursts the radio waits for the disk and for whoever takes the profiles; bursts are timed, so that none loses a sample by it. Memory: a burst of both channels, and the compressor's.
+//! One thread does everything: between bursts the radio waits for the disk and for the consumer of the profiles. Bursts
+//! are timed, so that no sample is lost while it waits. Memory: one burst of both channels, and the compressor's
+//! buffers.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,25 +15,26 @@ use crate::error::RadioError;
 use crate::sigmf::{Flag, Setup, Step, Writer};
 use crate::transceiver::{Burst, Configuration, Sample, Side, Transceiver};
 
-/// What was captured.
+/// Summary of a chirp capture.
 #[derive(Clone, Debug)]
 pub struct ChirpSummary {
-    /// Bursts taken.
+    /// Number of bursts captured.
     pub bursts: u64,
-    /// Pulses compressed, and pulses left out because samples were lost.
+    /// Pulses compressed, and pulses skipped because of lost samples.
     pub pulses: [u64; 2],
-    /// Bursts late, with lost samples, clipped.
+    /// Bursts flagged late, with lost samples, clipped.
     pub flagged: [u64; 3],
-    /// Whether it was asked to stop.
+    /// Whether a stop was requested.
     pub stopped: bool,
-    /// What the radio was set to.
+    /// Settings in effect on the radio.
     pub set: Configuration,
 }
 
-/// Sends a plan's bursts, records them to `path` if there is one, and tells `emit` the profile of each pulse with its burst, until it is done or `stop` is set.
+/// Send the bursts of a plan, record them to `path` if given, and call `emit` with the burst index and profile of each
+/// pulse, until the plan is complete or `stop` is set.
 ///
 /// # Errors
-/// If the plan does not fit the radio, the radio fails or the disk does. What was recorded until then is whole.
+/// If the plan does not fit the radio, or the radio or the disk fails. The recording up to then is complete.
 pub fn capture(
     radio: &mut dyn Transceiver,
     plan: &Plan,
@@ -62,7 +65,7 @@ pub fn capture(
     };
     let ended = engine.bursts(radio, emit, stop);
     engine.summary.pulses[1] = engine.compressor.left_out();
-    // Whatever happened, what is recorded is closed.
+    // Close the recording even after an error.
     let finished = engine.writer.map_or(Ok(()), Writer::finish);
     ended?;
     finished?;
@@ -116,9 +119,9 @@ impl Engine<'_> {
                 writer.append(step, both)?;
             }
             self.compressor.begin();
-            let (index, told) = (summary.bursts, &mut summary.pulses[0]);
+            let (index, compressed) = (summary.bursts, &mut summary.pulses[0]);
             self.compressor.push(both, &received.lost, &mut |profile| {
-                *told += 1;
+                *compressed += 1;
                 emit(index, profile);
             });
             summary.bursts += 1;
@@ -127,7 +130,7 @@ impl Engine<'_> {
     }
 }
 
-/// The recording's, as [`super`] says.
+/// Recording parameters, as described in [`super`].
 fn setup(radio: &dyn Transceiver, plan: &Plan, set: &Configuration) -> Setup {
     let about = radio.about();
     Setup {

@@ -1,9 +1,11 @@
-//! Pulse compression as the samples come: the equation at the head of [`super`].
+//! Streaming pulse compression; equation in [`super`].
 //!
-//! Samples come in any lengths; those of one pulse are held until its farthest echo has come, and those that the next pulse needs too after that. Each pulse is correlated by transforms, exactly: padded so that nothing folds.
-//! Pulses of which samples are lost are left out and counted.
+//! Samples are pushed in blocks of any length. The samples of a pulse are held until its farthest echo has arrived;
+//! samples shared with the next pulse are kept. Each pulse is correlated by FFT, zero-padded so that the circular
+//! correlation equals the linear one. Pulses with lost samples are skipped and counted.
 //!
-//! Memory: `72 K` bytes and the transforms' tables, with `K` the next power of two of a chirp and the reach. Cost a pulse: three transforms of `K`; with the ideal replica four, and five sums of `K` sines for where the reference is.
+//! Memory: `72 K` bytes and the FFT tables, where `K` is the power of two at or above chirp plus lags. Cost per pulse:
+//! three FFTs of length `K`; with the ideal replica four, and five sums of `K` sines to locate the reference peak.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -16,32 +18,33 @@ use subaperture_signal::phase::phasor;
 use super::Plan;
 use crate::transceiver::Sample;
 
-/// Most samples by which the reference may come after it was sent: its cable's and the radio's own delay. So many lags are looked at for it.
+/// Largest delay of the reference after transmission, in samples: cable delay plus internal delay of the radio. The
+/// search for the reference covers as many lags.
 pub(super) const LOOP_SAMPLES: usize = 8;
 
-/// Newton's steps to the reference's top, from within half a sample: the error is squared each time.
+/// Newton iterations to the peak of the reference, starting within half a sample; convergence is quadratic.
 const STEPS: usize = 4;
 
-/// What echoes are compared with.
+/// Replica of the matched filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Replica {
-    /// The chirp as it was computed.
+    /// Computed chirp of the plan; includes no distortion of the radio.
     #[default]
     Ideal,
-    /// The reference channel's, of the same pulse.
+    /// Reference channel of the same pulse.
     Reference,
 }
 
-/// A range profile of a pulse.
+/// Range profile of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChirpProfile<'p> {
-    /// The pulse in its burst.
+    /// Index of the pulse in its burst.
     pub pulse: u64,
-    /// From value to value, metres.
+    /// Range spacing of the values, metres.
     pub spacing_m: f64,
-    /// Place of range zero, in values.
+    /// Index of range zero, fractional.
     pub zero: f64,
-    /// Echo over reference.
+    /// Echo divided by reference.
     pub values: &'p [Complex64],
 }
 
@@ -52,20 +55,20 @@ impl ChirpProfile<'_> {
     }
 }
 
-/// Compresses the pulses of a burst.
+/// Streaming pulse compressor for the pulses of a burst.
 pub struct Compressor {
     replica: Replica,
     spacing_m: f64,
     period: u64,
     lags: usize,
-    /// Samples of a replica, and of all that a pulse needs.
+    /// Samples of a replica, and samples needed for one pulse.
     length: usize,
     span: usize,
     transforms: [Arc<dyn Fft<f64>>; 2],
-    /// Of the ideal replica, and its energy.
+    /// Spectrum of the ideal replica, and the replica's energy.
     ideal: Vec<Complex64>,
     energy: f64,
-    /// Number of the next sample, of the first held, and of the next pulse.
+    /// Index of the next sample, of the first held sample, and of the next pulse.
     next: u64,
     first: u64,
     pulse: u64,
@@ -78,10 +81,11 @@ pub struct Compressor {
 }
 
 impl Compressor {
-    /// For the pulses of a plan.
+    /// Make a compressor for the pulses of a plan.
     ///
     /// # Errors
-    /// What of the plan makes no sense by itself ([`Plan::check`] says it of a radio too).
+    /// If chirp or interval are empty, or chirp plus lags exceed 2^22 samples ([`Plan::check`] also checks the plan
+    /// against a radio).
     pub fn new(plan: &Plan, replica: Replica) -> Result<Self, String> {
         let (count, lags) = (plan.chirp_samples(), plan.lags());
         let length = match replica {
@@ -91,7 +95,7 @@ impl Compressor {
         let span = length.saturating_add(lags);
         if count == 0 || plan.period() == 0 || span > 1 << 22 {
             return Err(format!(
-                "chirps of {count} samples every {}, and {lags} lags: there are to be one or more of each, and chirp and lags 2^22 at most",
+                "chirp of {count} samples, interval of {} samples, {lags} lags: expected at least one sample each, and at most 2^22 samples of chirp plus lags",
                 plan.period()
             ));
         }
@@ -124,36 +128,41 @@ impl Compressor {
         })
     }
 
-    /// A new burst begins: what is held is dropped.
+    /// Begin a new burst and drop the samples held.
     pub fn begin(&mut self) {
         (self.next, self.first, self.pulse) = (0, 0, 0);
         self.held.iter_mut().for_each(Vec::clear);
         self.lost.clear();
     }
 
-    /// Pulses left out so far, of all bursts.
+    /// Pulses skipped so far, over all bursts.
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Takes the next samples of both channels, reference and echo, of which those of `lost` are none, and tells every pulse that they complete.
+    /// Push the next samples of both channels, reference and echo, with the index ranges of lost samples in `lost`, and
+    /// call `emit` for each pulse that they complete.
     ///
     /// # Panics
-    /// If the channels are not of one length.
+    /// If the channels differ in length.
     pub fn push(
         &mut self,
         [reference, echo]: [&[Sample]; 2],
         lost: &[Range<usize>],
         emit: &mut dyn FnMut(&ChirpProfile<'_>),
     ) {
-        assert_eq!(reference.len(), echo.len(), "both channels are as long");
+        assert_eq!(
+            reference.len(),
+            echo.len(),
+            "both channels have the same length"
+        );
         let gaps = lost.iter().filter(|gap| !gap.is_empty());
         let base = self.next;
         self.lost
             .extend(gaps.map(|gap| base + gap.start as u64..base + gap.end as u64));
         let mut at = 0;
         while at < echo.len() {
-            // Silence that no pulse needs.
+            // Skip samples between pulses that no profile needs.
             let begins = self.pulse * self.period;
             let skipped = begins
                 .saturating_sub(self.next)
@@ -184,7 +193,7 @@ impl Compressor {
         }
     }
 
-    /// The pulse whose samples are held.
+    /// Compress the pulse whose samples are held.
     fn compress(&mut self, emit: &mut dyn FnMut(&ChirpProfile<'_>)) {
         let own = self.first..self.first + self.span as u64;
         if (self.lost.iter()).any(|gap| gap.start < own.end && own.start < gap.end) {
@@ -212,11 +221,11 @@ impl Compressor {
                 inverse.process(&mut self.work);
                 let near = strongest(&self.work[..self.lags.min(2 * LOOP_SAMPLES)]);
                 let (zero, value) = top(&self.other, near);
-                // Both over the replica's energy, which cancels.
+                // Both correlations are divided by the replica's energy, which cancels.
                 (zero, unit / value)
             }
         };
-        // Of a reference that is nothing.
+        // Skip a pulse whose reference is zero.
         if !(scale.is_finite() && self.energy > 0.0) {
             self.left_out += 1;
             return;
@@ -233,7 +242,7 @@ impl Compressor {
     }
 }
 
-/// Counts as numbers of full scale, and zeros after them.
+/// Convert counts to numbers of full scale 1, and pad with zeros.
 fn fill(to: &mut [Complex64], samples: &[Sample]) {
     let (own, rest) = to.split_at_mut(samples.len());
     for (to, s) in own.iter_mut().zip(samples) {
@@ -242,28 +251,29 @@ fn fill(to: &mut [Complex64], samples: &[Sample]) {
     rest.fill(Complex64::ZERO);
 }
 
-/// Spectra of what is correlated, and with what.
+/// Multiply a spectrum by the conjugate of the replica's spectrum.
 fn correlate(spectrum: &mut [Complex64], replica: &[Complex64]) {
     for (z, r) in spectrum.iter_mut().zip(replica) {
         *z *= r.conj();
     }
 }
 
-/// Index of the largest.
+/// Index of the largest magnitude.
 fn strongest(values: &[Complex64]) -> f64 {
     let power = |i: &usize| values[*i].norm_sqr();
     let best = (0..values.len()).max_by(|a, b| power(a).total_cmp(&power(b)));
     best.unwrap_or(0) as f64
 }
 
-/// The top of `|y|` near `at`, between samples, and `y` there: Newton's steps on the sum over its spectrum, `sum_k Y[k] exp(j 2 pi k l / K) / K`.
+/// Locate the maximum of `|y|` near `at`, interpolated between samples, and return its position and `y` there. Newton
+/// iteration on `sum_k Y[k] exp(j 2 pi k l / K) / K`.
 fn top(spectrum: &[Complex64], mut at: f64) -> (f64, Complex64) {
     let count = spectrum.len() as f64;
     let half = spectrum.len() / 2;
     let sums = |at: f64| {
         let [mut value, mut first, mut second] = [Complex64::ZERO; 3];
         for (k, y) in spectrum.iter().enumerate() {
-            // The upper half of a transform are negative frequencies.
+            // The upper half of an FFT holds the negative frequencies.
             let k = if k < half { k as f64 } else { k as f64 - count };
             let own = y * phasor(k * at / count);
             let turn = TAU * k / count;

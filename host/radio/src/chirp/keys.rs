@@ -1,4 +1,4 @@
-//! The keys of a plan of chirps, and the plan that they make.
+//! TOML keys of a chirp plan.
 
 use subaperture_describe::Description;
 use subaperture_describe::error::Found;
@@ -16,71 +16,71 @@ static CHIRP: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "The pulses.",
+    doc: "Waveform and timing of the pulses.",
     keys: &[
         Key::new(
             "carrier",
             FREQUENCY,
             Need::Default("\"1.2 GHz\""),
-            "The carrier, in the middle of the chirp.",
+            "Centre frequency of the chirp.",
         ),
         Key::new(
             "bandwidth",
             FREQUENCY,
             Need::Required("\"16 MHz\""),
-            "What a chirp sweeps: resolution is c / (2 bandwidth). At most the radio's bandwidth and sample rate.",
+            " (2 bandwidth). At most the radio's bandwidth and sample rate./ (2 bandwidth). At most the radio's bandwidth and sample rate.",
         ),
         Key::new(
             "duration",
             TIME,
             Need::Default("\"50 us\""),
-            "How long it takes.",
+            "Duration of the chirp.",
         ),
         Key::new(
             "interval",
             TIME,
             Need::Default("\"200 us\""),
-            "From pulse to pulse, a whole number of samples: ranges repeat after c / 2 times this.",
+            "Pulse repetition interval, a whole number of samples. The unambiguous range is c / 2 times the interval.",
         ),
         Key::new(
             "pulses",
             Kind::Count(1, 1 << 20),
             Need::Default("16"),
-            "Pulses a burst, one after another without a gap.",
+            "Contiguous pulses per burst.",
         ),
         Key::new(
             "bursts",
             Kind::Count(0, u64::MAX),
             Need::Default("1"),
-            "Bursts; 0 until stopped.",
+            "Number of bursts; 0 runs until stopped.",
         ),
         Key::new(
             "reach",
             Kind::Quantity(Dimension::Length, Bounds::Positive),
             Need::Default("\"300 m\""),
-            "The farthest range of a profile.",
+            "Maximum range of a profile.",
         ),
         Key::new(
             "amplitude",
             Kind::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
             Need::Default("0.7"),
-            "Amplitude of the chirp, of the converter's full scale.",
+            "Amplitude of the chirp, relative to the converter's full scale.",
         ),
         Key::new(
             "lead",
             TIME,
             Need::Default("\"1 ms\""),
-            "From a burst's command to the burst: what the command takes to the device.",
+            "Lead time from a burst's command to its start, for the command to reach the device.",
         ),
     ],
 };
 
 static SCHEMA: Schema = Schema {
     sections: &[&TOP, &CHIRP, &RADIO],
-    introduction: "A plan of a radar of chirps is TOML.",
+    introduction: "The plan of a chirp radar is a TOML file.",
 };
 
-/// Every key with its kind, default and explanation, as text.
+/// Reference text of all keys, with type, default and description.
 pub fn reference() -> String {
     SCHEMA.reference()
 }

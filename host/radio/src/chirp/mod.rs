@@ -1,28 +1,35 @@
-//! A plain radar of chirps at one carrier: Chim 2018, 5.4, at 1.2 GHz and 20.48 MS/s, with a matched filter.
+//! Pulsed chirp (LFM) radar at one carrier, with a matched filter; Chim 2018, 5.4, at 1.2 GHz and 20.48 MS/s.
 //!
 //! ```text
 //! plan ──> Plan::waveform ── repeated in a burst ──> Transceiver ── two channels ──┬─> sigmf::Writer
-//!                                                                                  └─> Compressor ─ pulse by pulse ─> ChirpProfile
+//!                                                                                  └─> Compressor ─ per pulse ─> ChirpProfile
 //! ```
 //!
-//! A chirp of `N` samples and silence up to `P` samples are a period, sent as often as a burst has pulses. Of pulse `p`, with `x_0` the reference, `x_1` the echo and `r` the replica,
+//! A period is a chirp of `N` samples followed by silence up to `P` samples, and is repeated for each pulse of a burst.
+//! For pulse `p`, with `x_0` the reference, `x_1` the echo and `r` the replica,
 //!
 //! ```text
 //! y_c[l] = sum_i x_c[p P + i + l] conj(r[i]) / sum_i |r[i]|^2          range (l - l_0) c / (2 rate)
 //! profile[l] = y_1[l] / a_0
 //! ```
 //!
-//! - [`Replica::Ideal`]: `r` is the chirp as it was computed; `l_0` is where `|y_0|` has its top, between samples too, and `a_0` is `y_0` there.
-//! - [`Replica::Reference`]: `r` is what the reference received of the same pulse, with all that amplifiers and filters do to a chirp, and its noise; `l_0` is 0 and `a_0` 1.
+//! - [`Replica::Ideal`]: `r` is the computed chirp. `l_0` is the interpolated position of the peak of `|y_0|`, and
+//!   `a_0` is `y_0` there.
+//! - [`Replica::Reference`]: `r` is the reference channel of the same pulse. It contains the distortion of the chirp by
+//!   amplifiers and filters, and the reference's noise. `l_0` is 0 and `a_0` is 1.
 //!
-//! Both ways the synthesisers' phases, which both channels have alike, cancel, and ranges count from the reference's own way: a scatterer at a delay `tau` behind it reads its amplitude over the reference's
-//! times `exp(-j 2 pi f tau)` with `f` the carrier. Resolution is `c / (2 B)`; side lobes are those of no window, -13 dB. C calls the same "stretch processing".
+//! With either replica the synthesisers' phases cancel, since they are common to both channels. Ranges are relative to
+//! the delay of the reference path. A scatterer with delay `tau` relative to it appears with its amplitude over the
+//! reference's, times `exp(-j 2 pi f tau)` with `f` the carrier. The resolution is `c / (2 B)`. No window is applied:
+//! the sidelobes are at -13 dB. C calls the same processing "stretch processing".
 //!
-//! Neglected: synthesisers apart by `d` hertz move a peak by `d c / (2 B / T)` and turn the phase over a chirp of `T`: 400 Hz in 50 us is 0.02 turns. Ranges beyond `P` fold. The first echoes of a
-//! burst are weaker where they come later than a chirp begins.
+//! Neglected: an LO offset of `d` hertz between the synthesisers moves a peak by `d c / (2 B / T)` and turns the phase
+//! over a chirp of duration `T`; 400 Hz in 50 us is 0.02 turns. Ranges beyond `P` samples are ambiguous. The first
+//! echoes of a burst are weaker where they arrive after the chirp's start.
 //!
-//! **Recordings** are written by [`crate::sigmf`], a burst a step: one carrier, `period` the samples from pulse to pulse. Its annotations have no place for bandwidth and duration: who compresses a recording again needs the plan
-//! that made it, and `profile` of such a recording means nothing.
+//! **Recordings** are written by [`crate::sigmf`], one burst per step with a single carrier and `period` the samples of
+//! a pulse interval. The annotations do not hold bandwidth and duration: compressing a recording again needs the plan
+//! that made it, and `profile` does not apply to such a recording.
 
 mod capture;
 mod compress;
@@ -38,63 +45,63 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::cis;
 
 use crate::error::RadioError;
-use crate::plan::MOST_SAMPLES;
+use crate::plan::MAX_SAMPLES;
 use crate::transceiver::{Configuration, Ranges};
 
 pub use capture::{ChirpSummary, capture};
 pub use compress::{ChirpProfile, Compressor, Replica};
 pub use keys::reference;
 
-/// What to do.
+/// Plan of a chirp capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// A name for records.
+    /// Name, written to the metadata of the recording.
     pub name: String,
-    /// Carrier, hertz.
+    /// Carrier frequency, hertz.
     pub carrier_hz: f64,
-    /// What a chirp sweeps, hertz, about the carrier.
+    /// Swept bandwidth, hertz, centred on the carrier.
     pub bandwidth_hz: f64,
-    /// How long it takes, seconds.
+    /// Duration of a chirp, seconds.
     pub duration_s: f64,
-    /// From pulse to pulse, seconds; a whole number of samples.
+    /// Pulse repetition interval, seconds; a whole number of samples.
     pub interval_s: f64,
-    /// Pulses a burst.
+    /// Number of pulses per burst.
     pub pulses: usize,
-    /// Bursts.
+    /// Number of bursts; 0 runs until stopped.
     pub bursts: u64,
-    /// Farthest range, metres.
+    /// Maximum range, metres.
     pub reach_m: f64,
-    /// Amplitude, of full scale.
+    /// Amplitude relative to full scale.
     pub amplitude: f64,
-    /// Between a command and its burst, seconds.
+    /// Lead time between a command and its burst, seconds.
     pub lead_s: f64,
-    /// What the radio is set to.
+    /// Clock, gains and ports of the radio.
     pub radio: Configuration,
 }
 
 impl Plan {
-    /// Reads a plan.
+    /// Read a plan from a TOML file.
     ///
     /// # Errors
-    /// If the file cannot be read; then what is wrong with its text.
+    /// The outer error if the file cannot be read, the inner one if its text is invalid.
     pub fn read(path: &Path) -> io::Result<Result<Self, DescriptionError>> {
         Description::read(path).map(|description| Self::describe(&description))
     }
 
-    /// The plan of a description.
+    /// Make a plan from a parsed description.
     ///
     /// # Errors
-    /// Everything that is wrong with it, with its lines.
+    /// All faults of the text, with their lines.
     pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
         keys::build(description).map_err(|faults| description.explain(faults))
     }
 
-    /// Range resolution, metres.
+    /// Range resolution `c / (2 B)`, metres.
     pub fn resolution_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / (2.0 * self.bandwidth_hz)
     }
 
-    /// From sample to sample of a profile, metres.
+    /// Sample spacing of a range profile, metres.
     pub fn spacing_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / (2.0 * self.radio.sample_rate_hz)
     }
@@ -104,24 +111,24 @@ impl Plan {
         (self.duration_s * self.radio.sample_rate_hz).round() as usize
     }
 
-    /// Samples from pulse to pulse.
+    /// Samples of a pulse repetition interval.
     pub fn period(&self) -> usize {
         (self.interval_s * self.radio.sample_rate_hz).round() as usize
     }
 
-    /// Values of a profile.
+    /// Number of values of a range profile.
     pub fn lags(&self) -> usize {
         (self.reach_m / self.spacing_m()).ceil() as usize + 1 + compress::LOOP_SAMPLES
     }
 
-    /// Samples of a burst: its pulses, and what the last one's farthest echo needs.
+    /// Samples of a burst: its pulses, and the tail for the last pulse's farthest echo.
     pub fn samples(&self) -> usize {
         let span = self.chirp_samples() + compress::LOOP_SAMPLES + self.lags();
         let pulses = self.pulses.max(1);
         self.period().saturating_mul(pulses - 1) + self.period().max(span)
     }
 
-    /// A chirp, rising, of unit amplitude: `exp(j pi (B / T) t^2)`, `t` counted from its middle.
+    /// Rising chirp of unit amplitude: `exp(j pi (B / T) t^2)`, with `t` from the middle of the chirp.
     pub fn chirp(&self) -> Vec<Complex64> {
         let (count, rate_hz) = (self.chirp_samples(), self.radio.sample_rate_hz);
         let slope = self.bandwidth_hz / self.duration_s;
@@ -132,7 +139,7 @@ impl Plan {
         (0..count).map(sample).collect()
     }
 
-    /// What is sent, a period of it.
+    /// Transmitted waveform: one period, scaled by the amplitude.
     pub fn waveform(&self) -> Vec<Complex32> {
         let mut period = vec![Complex32::ZERO; self.period()];
         for (to, z) in period.iter_mut().zip(self.chirp()) {
@@ -142,20 +149,18 @@ impl Plan {
         period
     }
 
-    /// Checks the plan by itself and against what a radio can do.
+    /// Check the plan's consistency, and check it against the limits of a radio.
     ///
     /// # Errors
-    /// The first thing that does not fit.
+    /// The first value that does not fit.
     pub fn check(&self, ranges: &Ranges) -> Result<(), RadioError> {
         let say = |what: String| Err(RadioError::Unsupported(what));
-        ranges
-            .carrier_hz
-            .check("the carrier", self.carrier_hz, "Hz")?;
+        ranges.carrier_hz.check("carrier", self.carrier_hz, "Hz")?;
         self.radio.check(ranges)?;
         let most_hz = self.radio.bandwidth_hz.min(self.radio.sample_rate_hz);
         if !(self.bandwidth_hz > 0.0 && self.bandwidth_hz <= most_hz) {
             return say(format!(
-                "a chirp of {} Hz, where the analog bandwidth and the sample rate let {most_hz} Hz through: sweep less, or set both wider",
+                "chirp bandwidth of {} Hz: expected at most {most_hz} Hz, the smaller of analog bandwidth and sample rate. Sweep less, or raise both",
                 self.bandwidth_hz
             ));
         }
@@ -163,12 +168,12 @@ impl Plan {
         let is_whole = (periods - periods.round()).abs() <= 1e-9 * periods;
         if !(is_whole && (8.0..=65536.0).contains(&periods)) {
             return say(format!(
-                "{periods} samples from pulse to pulse; a whole number is needed, 8 to 65536: choose another interval or sample rate"
+                "pulse interval of {periods} samples: expected a whole number from 8 to 65536. Choose another interval or sample rate"
             ));
         }
         if self.chirp_samples() < 8 || self.chirp_samples() > self.period() {
             return say(format!(
-                "a chirp of {} samples, every {}: it has 8 or more, and ends before the next begins",
+                "chirp of {} samples, interval of {} samples: expected a chirp of 8 samples or more that is no longer than the interval",
                 self.chirp_samples(),
                 self.period()
             ));
@@ -176,13 +181,13 @@ impl Plan {
         let folds_m = self.period() as f64 * self.spacing_m();
         if !(self.reach_m > 0.0 && self.reach_m < folds_m) {
             return say(format!(
-                "a reach of {} m, where ranges repeat after {folds_m:.1} m: reach less far, or lengthen the interval",
+                "reach of {} m exceeds the unambiguous range of {folds_m:.1} m: reduce the reach, or lengthen the interval",
                 self.reach_m
             ));
         }
-        if self.samples() > MOST_SAMPLES {
+        if self.samples() > MAX_SAMPLES {
             return say(format!(
-                "bursts of {} samples; {MOST_SAMPLES} are the most: send fewer pulses a burst",
+                "burst of {} samples: expected at most {MAX_SAMPLES}. Send fewer pulses per burst",
                 self.samples()
             ));
         }

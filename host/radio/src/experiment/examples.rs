@@ -1,4 +1,4 @@
-//! Experiments to start from: what `subap capture --example NAME` prints.
+//! Example experiments, as printed by `subap capture --example NAME`.
 
 /// Name and text of every example.
 const EXAMPLES: [(&str, &str); 7] = [
@@ -11,12 +11,12 @@ const EXAMPLES: [(&str, &str); 7] = [
     ("b210", include_str!("examples/b210.toml")),
 ];
 
-/// The names of the examples.
+/// Names of the examples.
 pub fn names() -> [&'static str; 7] {
     EXAMPLES.map(|(name, _)| name)
 }
 
-/// The example of this name.
+/// Text of the example called `name`; `None` if there is none.
 pub fn text(name: &str) -> Option<&'static str> {
     let found = EXAMPLES.iter().find(|(known, _)| *known == name);
     found.map(|&(_, text)| text)

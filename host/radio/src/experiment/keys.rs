@@ -1,4 +1,4 @@
-//! The keys of an experiment beside its plan's, and the experiment that they make.
+//! TOML keys of an experiment beyond those of its plan.
 
 use std::path::PathBuf;
 
@@ -22,97 +22,97 @@ static DEVICE: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "kind",
-    doc: "The radio: simulated, a USRP by UHD, or a recording in its place.",
+    doc: "The radio: simulated, a USRP with the UHD driver, or the replay of a recording.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["simulated", "uhd", "replay"]),
             Need::Required("\"simulated\""),
-            "What the radio is.",
+            "Kind of radio.",
         ),
         Key::new(
             "scenario",
             Kind::Path,
             Need::Required("\"scene.toml\""),
-            "Scenario of what its antennas see, where they are, and its receiver, as subap simulate takes it.",
+            "Scenario file with scene, antenna positions and receiver, as for subap simulate.",
         )
         .when(&["simulated"]),
         Key::new(
             "real_time",
             Kind::Flag,
             Need::Default("false"),
-            "Whether it is held back to true time; else it is as fast as this machine.",
+            "Run in real time; otherwise as fast as this machine allows.",
         )
         .when(&["simulated"]),
         Key::new(
             "impairments",
             Kind::Flag,
             Need::Default("true"),
-            "Whether it has a B210's: random phases, offset and settling after a retune, DC, unequal I and Q, gains in steps.",
+            "Simulate a B210's impairments: random phases, LO offset and settling after a retune, DC offset, IQ imbalance, gain steps.",
         )
         .when(&["simulated"]),
         Key::new(
             "loop_delay",
             DELAY,
             Need::Default("\"15 ns\""),
-            "Delay of the cable from the transmitter's coupler to receiver 0, with the loop as the reference.",
+            "Delay of the loopback cable from the transmitter's coupler to receiver 0, with a loopback reference.",
         )
         .when(&["simulated"]),
         Key::new(
             "cable_delay",
             DELAY,
             Need::Default("\"20 ns\""),
-            "Delay of the cables to both antennas together.",
+            "Total delay of the cables to the transmit and receive antennas.",
         )
         .when(&["simulated"]),
         Key::new(
             "leakage",
             Kind::Quantity(Dimension::Ratio, Bounds::NotNegative),
             Need::Default("3.0"),
-            "How strongly the receiving antennas hear the transmitter directly, relative to the echo of 1 m^2 at the scenario's reference \
-             point; 0 for not at all.",
+            "Amplitude of the direct leakage from the transmit to the receive antennas, relative to the echo of 1 m^2 at the scenario's reference \
+             point; 0 disables it.",
         )
         .when(&["simulated"]),
         Key::new(
             "leakage_delay",
             DELAY,
             Need::Default("\"0.5 ns\""),
-            "Delay from antenna to antenna with the loop as the reference; else it is that of the antennas' places.",
+            "Delay from antenna to antenna with a loopback reference. With a leakage reference it follows from the antenna positions.",
         )
         .when(&["simulated"]),
         Key::new(
             "serial",
             Kind::Text,
             Need::Optional("\"30A1B2C\""),
-            "Serial number, as subap radio list prints it; not needed where there is but one.",
+            "Serial number, as printed by subap radio list. Not needed with a single device.",
         )
         .when(&["uhd"]),
         Key::new(
             "transmit_subdevice",
             Kind::Text,
             Need::Default("\"A:A\""),
-            "Subdevice of the transmitter, as UHD writes it.",
+            "Transmit subdevice, in UHD's notation.",
         )
         .when(&["uhd"]),
         Key::new(
             "receive_subdevices",
             Kind::Text,
             Need::Default("\"A:A A:B\""),
-            "Subdevices of receiver 0, the reference, and receiver 1.",
+            "Subdevices of receiver 0 (the reference) and receiver 1, in UHD's notation.",
         )
         .when(&["uhd"]),
         Key::new(
             "wire",
             Kind::Choice(&["sc16", "sc12"]),
             Need::Default("\"sc16\""),
-            "Bits of a sample on its way: 16, or the 12 that there are.",
+            "Wire format of a sample: 16 bits, or the converter's 12 bits.",
         )
         .when(&["uhd"]),
         Key::new(
             "recording",
             Kind::Path,
             Need::Required("\"walk.sigmf-meta\""),
-            "The recording that is received again.",
+            "Recording to replay.",
         )
         .when(&["replay"]),
     ],
@@ -123,49 +123,49 @@ static FAULTS: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "Faults of the way between the radio and this machine, on purpose: each by a chance a burst.",
+    doc: "Injected faults of the link between the radio and this machine, as probabilities per burst.",
     keys: &[
         Key::new(
             "overflow",
             CHANCE,
             Need::Default("0"),
-            "That the end of a burst is lost.",
+            "Probability of an overrun, which loses the end of a burst.",
         ),
         Key::new(
             "lost_packet",
             CHANCE,
             Need::Default("0"),
-            "That a packet within a burst is lost.",
+            "Probability that a packet within a burst is lost.",
         ),
         Key::new(
             "late",
             CHANCE,
             Need::Default("0"),
-            "That a command comes too late.",
+            "Probability of a late command.",
         ),
         Key::new(
             "underflow",
             CHANCE,
             Need::Default("0"),
-            "That the transmitter pauses for a packet.",
+            "Probability of an underrun: the transmitter pauses for one packet.",
         ),
         Key::new(
             "packet",
             Kind::Count(1, 1 << 20),
             Need::Default("200"),
-            "Samples of a packet.",
+            "Samples per packet.",
         ),
         Key::new(
             "unplug_at",
             Kind::Count(0, u64::MAX),
             Need::Optional("500"),
-            "The burst at which the radio is unplugged.",
+            "Burst at which the radio is disconnected.",
         ),
         Key::new(
             "seed",
             Kind::Count(0, i64::MAX as u64),
             Need::Default("0"),
-            "Seed of the chances.",
+            "Seed of the random faults.",
         ),
     ],
 };
@@ -175,19 +175,19 @@ static FILES: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "Where the recording goes, and what is known of cables and channels.",
+    doc: "Recording to write, and calibration of cables and channels.",
     keys: &[
         Key::new(
             "recording",
             Kind::Path,
             Need::Optional("\"walk\""),
-            "Name of the recording; .sigmf-data and .sigmf-meta are added.",
+            "Name of the recording; the suffixes .sigmf-data and .sigmf-meta are added.",
         ),
         Key::new(
             "calibration",
             Kind::Path,
             Need::Optional("\"calibration.json\""),
-            "What subap radio calibrate has measured with this set-up.",
+            "Calibration file written by subap radio calibrate for this set-up.",
         ),
     ],
 };
@@ -203,7 +203,7 @@ pub(super) static SCHEMA: Schema = Schema {
         &FILES,
         &live::LIVE,
     ],
-    introduction: "An experiment with a radio is TOML: the plan of the capture, the radio, and files.",
+    introduction: "A radio experiment is a TOML file with the capture plan, the radio, and the files.",
 };
 
 pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>> {
@@ -216,7 +216,7 @@ pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>>
         && device.text("kind") == "simulated"
         && device.number("leakage") <= 0.0
     {
-        let what = "the leakage is the reference, so it is above 0";
+        let what = "expected a leakage above 0, since the leakage is the reference";
         return Err(vec![device.fault("leakage", what)]);
     }
     let live = match top.optional_section("live") {

@@ -1,4 +1,4 @@
-//! `[live]`: what is imaged while an experiment is captured, and how its antennas move.
+//! Live imaging during a capture (`[live]`): image grid, and motion of the antennas.
 
 use std::path::{Path, PathBuf};
 
@@ -13,45 +13,45 @@ use subaperture_model::units::Dimension;
 use crate::antennas::Reference;
 use crate::history::{HistoryError, Track};
 
-/// What is imaged, and from where.
+/// Live image, and motion of the antennas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Live {
-    /// Pixels.
+    /// Grid of the live image.
     pub grid: ImageGrid,
-    /// How the antennas' body moves.
-    pub way: Way,
-    /// What phases are referred to, metres; the grid's middle if `None`.
+    /// Motion of the body that carries the antennas.
+    pub way: BodyMotion,
+    /// Motion compensation reference point, metres; `None` for the middle of the grid.
     pub reference_m: Option<DVec3>,
-    /// The image is of the last so many sweeps; of all if `None`.
+    /// Number of latest sweeps in the image; `None` for all.
     pub last: Option<usize>,
 }
 
-/// How a body moves.
+/// Motion of the body that carries the antennas.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Way {
-    /// As a file says, whose time 0 is so many seconds of the device's.
+pub enum BodyMotion {
+    /// Track file, and the device time of the track's time 0, seconds.
     File(PathBuf, f64),
-    /// At constant speed, as on a rail; it is at the position at so many seconds of the device's.
+    /// Constant velocity, as on a rail.
     Rail {
-        /// Metres in the scene frame.
+        /// Position at `at_s`, metres in the scene frame.
         position_m: DVec3,
-        /// Metres a second.
+        /// Velocity, metres per second.
         velocity_m_s: DVec3,
-        /// Seconds.
+        /// Device time of the position, seconds.
         at_s: f64,
     },
-    /// As its echoes tell, from this place on; its axes are the scene's then.
+    /// Estimated from the echoes, starting at a given position; the body axes are initially those of the scene.
     Echoes {
-        /// Metres in the scene frame.
+        /// Start position, metres in the scene frame.
         start_m: DVec3,
     },
 }
 
-impl Way {
-    /// The track.
+impl BodyMotion {
+    /// Make the track.
     ///
     /// # Errors
-    /// If its file cannot be read, or is none; if it is to be found of the echoes.
+    /// If the track file cannot be read or is invalid; if the track is to be estimated from the echoes.
     pub fn track(&self) -> Result<Track, HistoryError> {
         match self {
             Self::File(path, zero_s) => Track::read(path, *zero_s),
@@ -69,7 +69,8 @@ impl Way {
                 zero_s: *at_s,
             }),
             Self::Echoes { .. } => Err(HistoryError::Track(
-                "nobody knows the way before its echoes are heard".to_owned(),
+                "the track is estimated from the echoes: it is not known before the capture"
+                    .to_owned(),
             )),
         }
     }
@@ -80,56 +81,56 @@ pub(super) static LIVE: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "What subap live images while it captures, and how the antennas move: by a file, on a rail, or as their echoes tell.",
+    doc: "Live imaging during a capture: image grid, and motion of the antennas from a file, on a rail, or estimated from the echoes.",
     keys: &[
         Key::new(
             "grid",
             Kind::Text,
             Need::Required("\"x=-3:3:0.05,y=2:8:0.05\""),
-            "Pixels, metres in the scene frame: x and y, each from, to and step.",
+            "Image grid in metres of the scene frame: x and y, each as start:stop:step.",
         ),
         Key::new(
             "track",
             Kind::Path,
             Need::Optional("\"track.csv\""),
-            "The body's track, comma-separated: time, position, attitude. In its place position and velocity.",
+            "Track file (CSV): time, position, attitude of the body. Alternative: position and velocity.",
         ),
         Key::new(
             "position",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"-2.5, 0, 1 m\""),
-            "Where the body is at the time zero; with echoes at first, without it at the origin.",
+            "Position of the body at the time zero. With echoes: start position, default the origin.",
         ),
         Key::new(
             "velocity",
             Kind::Vector(Dimension::Speed),
             Need::Optional("\"0.1, 0, 0 m/s\""),
-            "Its velocity; it looks to where it goes, antennas are placed so.",
+            "Velocity of the body. The body's x axis, to which the antenna positions refer, points along it.",
         ),
         Key::new(
             "echoes",
             Kind::Flag,
             Need::Default("false"),
-            "Whether nobody knows the way and it is found of the echoes of two receivers (MPGA), the leakage as the reference: x is forward at first. Two reflectors and more have to \
-             be seen, and a sweep taken at least every quarter of a wavelength.",
+            "Estimate the track from the echoes of two receivers (MPGA), with the leakage as the reference; x is initially forward. At least two reflectors must be \
+             visible, with at least one sweep per quarter wavelength of travel.",
         ),
         Key::new(
             "zero",
             Kind::Quantity(Dimension::Time, Bounds::Any),
             Need::Default("\"0 s\""),
-            "The radio's time at the track's time 0, or at which the body is at its position.",
+            "Device time of the track's time 0, or at which the body is at its position.",
         ),
         Key::new(
             "reference",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"0, 5, 0 m\""),
-            "What phases are referred to; the grid's middle without.",
+            "Motion compensation reference point; default: the middle of the grid.",
         ),
         Key::new(
             "last",
             Kind::Count(1, 1 << 20),
             Need::Optional("200"),
-            "The image is of the last so many sweeps; of all without.",
+            "Number of latest sweeps in the image; default: all.",
         ),
     ],
 };
@@ -144,7 +145,7 @@ pub(super) fn build(
         .parse()
         .map_err(|error| vec![values.fault("grid", format!("{error}"))])?;
     if grid.polar {
-        let what = "a live image is Cartesian: give x and y, in metres";
+        let what = "expected a Cartesian grid: give x and y, in metres";
         return Err(vec![values.fault("grid", what)]);
     }
     let zero_s = values.number("zero");
@@ -153,22 +154,22 @@ pub(super) fn build(
     let velocity_m_s = values.optional_vector("velocity");
     let echoes = values.flag("echoes");
     if echoes && reference != Reference::Leakage {
-        let what = "a way is found of the echoes of two receivers: plan.reference is \"leakage\", and [antennas] says where they are";
+        let what = "estimating the track from echoes needs two receivers: set plan.reference is \"leakage\" and their positions in [antennas]";
         return Err(vec![values.fault("echoes", what)]);
     }
     let way = match (file, position_m, velocity_m_s) {
-        (None, start_m, None) if echoes => Way::Echoes {
+        (None, start_m, None) if echoes => BodyMotion::Echoes {
             start_m: start_m.unwrap_or_default(),
         },
-        (Some(file), None, None) if !echoes => Way::File(folder.join(file), zero_s),
-        (None, Some(position_m), Some(velocity_m_s)) if !echoes => Way::Rail {
+        (Some(file), None, None) if !echoes => BodyMotion::File(folder.join(file), zero_s),
+        (None, Some(position_m), Some(velocity_m_s)) if !echoes => BodyMotion::Rail {
             position_m,
             velocity_m_s,
             at_s: zero_s,
         },
         _ => {
             let what =
-                "say how the body moves: a track, or position and velocity, or echoes = true";
+                "expected one kind of motion: a track, or position and velocity, or echoes = true";
             return Err(vec![values.fault("track", what)]);
         }
     };

@@ -1,10 +1,10 @@
-//! An experiment with a radio: its plan, which radio, what is wrong with it on purpose, and files, in one text.
+//! Radio experiment: capture plan, radio, injected faults and files, in one TOML file.
 //!
-//! The text is TOML, with the keys of [`crate::plan`] and four sections more; [`reference()`] prints every key, [`examples`] has texts to start
-//! from. Errors point at file, line and column, as those of scenarios do.
+//! The file has the keys of [`crate::plan`] and four more sections. [`reference()`] prints every key; [`examples`] has
+//! files to start from. Errors give file, line and column, as those of scenarios do.
 //!
-//! [`Experiment::with_radio`] opens the radio for as long as something is done with it: the simulated one stands on its scenario, which nobody
-//! else has to hold.
+//! [`Experiment::with_radio`] opens the radio for the duration of a closure, since the simulated radio borrows its
+//! scenario.
 
 pub mod examples;
 mod keys;
@@ -25,85 +25,85 @@ use crate::sigmf::{Recording, SigmfError};
 use crate::simulated::{Analogue, SimulatedRadio, Wiring};
 use crate::transceiver::Transceiver;
 
-pub use live::{Live, Way};
+pub use live::{BodyMotion, Live};
 
-/// What is to be done, with what, and where it goes.
+/// Capture plan, radio and live imaging settings, as described in one TOML file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
-    /// The capture.
+    /// Plan of the stepped-frequency capture.
     pub plan: Plan,
-    /// The radio.
+    /// Radio that the capture runs on.
     pub device: Device,
-    /// What goes wrong on the way, on purpose.
+    /// Faults injected for tests; `None` for none.
     pub faults: Option<Faults>,
-    /// Name of the recording, if the text says one.
+    /// Path of the recording, if given.
     pub recording: Option<PathBuf>,
-    /// The calibration's file, if the text says one.
+    /// Path of the calibration file, if given.
     pub calibration: Option<PathBuf>,
-    /// What is imaged meanwhile, if the text says so.
+    /// Live imaging settings, if given.
     pub live: Option<Live>,
 }
 
-/// Which radio.
+/// Radio backend and its options.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Device {
-    /// One that is none.
+    /// Simulated radio.
     Simulated(Box<Simulated>),
-    /// A USRP by UHD.
+    /// USRP with the UHD driver.
     Uhd(Usrp),
-    /// A recording in its place.
+    /// Replay of a recording.
     Replay(PathBuf),
 }
 
-/// A simulated radio.
+/// Simulated radio.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulated {
-    /// File of its scenario.
+    /// Path of its scenario.
     pub scenario: PathBuf,
-    /// Whether it is held back to true time.
+    /// Whether it runs in real time; otherwise as fast as the machine allows.
     pub real_time: bool,
-    /// What it is connected to.
+    /// Cables between the ports, and leakage.
     pub wiring: Wiring,
-    /// What is wrong with it.
+    /// Impairments of the analogue part: random LO phase, LO offset, settling, DC offset, IQ imbalance.
     pub analogue: Analogue,
 }
 
-/// A USRP.
+/// Options of a USRP opened through UHD.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Usrp {
-    /// Its serial number; none where there is but one.
+    /// Serial number; `None` selects the only device connected.
     pub serial: Option<String>,
-    /// Subdevice of the transmitter, as UHD writes it.
+    /// Transmit subdevice specification, in UHD's notation.
     pub transmit_subdevice: String,
-    /// Subdevices of the receivers.
+    /// Receive subdevice specification, in UHD's notation.
     pub receive_subdevices: String,
-    /// Whether samples have 12 bits on the wire, in place of 16.
+    /// Whether samples have 12 bits on the wire instead of 16.
     pub twelve_bits: bool,
 }
 
-/// Why there is no experiment, or no radio for it.
+/// Error of an experiment, or of opening its radio.
 #[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
-    /// A text cannot be read.
+    /// A file cannot be read.
     #[error("cannot read {path}: {source}")]
     Read {
-        /// Its file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Underlying I/O error.
         source: io::Error,
     },
-    /// A text of the experiment or of its scenario is wrong.
+    /// The text of the experiment or of its scenario is invalid.
     #[error(transparent)]
     Description(#[from] DescriptionError),
-    /// The recording to be replayed.
+    /// Error of the recording to be replayed.
     #[error(transparent)]
     Recording(#[from] SigmfError),
-    /// The radio.
+    /// Error of the radio.
     #[error(transparent)]
     Radio(#[from] RadioError),
 }
 
-/// Every key with its kind, default and explanation, as text.
+/// Reference text of all keys, with type, default and description.
 pub fn reference() -> String {
     keys::SCHEMA.reference()
 }
@@ -114,10 +114,10 @@ fn unread(path: &Path) -> impl FnOnce(io::Error) -> ExperimentError {
 }
 
 impl Experiment {
-    /// Reads an experiment, with settings (key and value, as `plan.steps` and `50`) laid over its text.
+    /// Read an experiment file, and override keys with `settings` (pairs such as `plan.steps` and `50`).
     ///
     /// # Errors
-    /// If the file cannot be read; then everything that is wrong with its text.
+    /// If the file cannot be read; otherwise all faults of its text.
     pub fn read(path: &Path, settings: &[(String, String)]) -> Result<Self, ExperimentError> {
         let mut description = Description::read(path).map_err(unread(path))?;
         for (key, value) in settings {
@@ -126,19 +126,19 @@ impl Experiment {
         Ok(Self::describe(&description)?)
     }
 
-    /// The experiment of a description.
+    /// Make an experiment from a parsed description.
     ///
     /// # Errors
-    /// Everything that is wrong with it, with its lines.
+    /// All faults of the text, with their lines.
     pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
         keys::build(description).map_err(|faults| description.explain(faults))
     }
 
-    /// Opens the radio, lets `act` work with it, and closes it. Opening a USRP takes seconds. A simulated scene and its pulses fit `memory_bytes`, or
-    /// are refused.
+    /// Open the radio, run `act` with it, and close it. Opening a USRP takes seconds. A simulated scene and its pulses
+    /// are refused if they exceed `memory_bytes`.
     ///
     /// # Errors
-    /// If there is no radio; what `act` comes to is its own.
+    /// If the radio cannot be opened. The result of `act` is returned as it is.
     pub fn with_radio<T>(
         &self,
         memory_bytes: u64,
@@ -160,17 +160,22 @@ impl Experiment {
                 }
                 Ok(with(radio, faults, act))
             }
-            Device::Replay(path) => Ok(with(Replay::new(Recording::open(path)?), faults, act)),
+            Device::Replay(path) => {
+                let recording = Recording::open_within(path, memory_bytes)?;
+                Ok(with(Replay::new(recording), faults, act))
+            }
             Device::Uhd(usrp) => with_usrp(usrp, faults, act),
         }
     }
 }
 
-/// Most that antennas of a plan and of its scenario may be apart, metres: a thousandth of a turn at 300 MHz, there and back.
+/// Largest distance between an antenna's position in the plan and in the scenario, metres; equal to a two-way phase of
+/// a thousandth of a turn at 300 MHz.
 const APART_M: f64 = 5e-4;
 
 impl Experiment {
-    /// Refuses a scenario whose antennas are not where the plan says: their leakage would be of other delays than is taken off.
+    /// Refuse a scenario whose antenna positions differ from the plan's: the delays of its leakage would differ from
+    /// those subtracted.
     fn same_places(
         &self,
         scene: &subaperture_simulate::Experiment,
@@ -183,7 +188,7 @@ impl Experiment {
             &radar.receivers[..],
         ) else {
             return Err(RadioError::Unsupported(format!(
-                "{}: the leakage as the reference wants a transmitter and two receivers; give the scenario's radar these",
+                "{}: a leakage reference needs a transmitter and two receivers: add them to the scenario's radar",
                 path.display()
             )));
         };
@@ -198,7 +203,7 @@ impl Experiment {
             .any(|(plan, there)| plan.distance(*there) > APART_M)
         {
             return Err(RadioError::Unsupported(format!(
-                "{}: its antennas are not where [antennas] of the experiment says; write the same places into both",
+                "{}: antenna positions differ from [antennas] of the experiment: give the same positions in both files",
                 path.display()
             )));
         }

@@ -1,30 +1,37 @@
-//! Phase history of a capture: a sweep is a pulse, its carriers are the samples.
+//! Phase history of a capture: one pulse per sweep, one sample per carrier.
 //!
 //! ```text
-//! recording ─ profile::Ranging ─> Capture: a response a sweep and receiver, the time of each carrier
+//! recording ─ profile::Ranging ─> Capture: one response per sweep and receiver, with the time of each carrier
 //!                                    └ channels(Placement: track, antennas, reference point) ─> Channels of one receiver or two
 //! ```
 //!
-//! Receiver `i` at carrier `f_k`, taken at `t_k`, of a scatterer at `p` is `exp(-j 2 pi f_k path_i(p, t_k) / c)`; a sample of phase history is that
-//! times `exp(+j 2 pi f_k path_i(s, t_k) / c)`, with the scene's reference point `s`: each carrier is referred to it at its own moment.
+//! For receiver `i` at carrier `f_k`, taken at time `t_k`, the response of a scatterer at `p` is `exp(-j 2 pi f_k
+//! path_i(p, t_k) / c)`. The phase history sample is this response times `exp(+j 2 pi f_k path_i(s, t_k) / c)`, where
+//! `s` is the motion compensation reference point: each carrier is compensated at its own time.
 //!
-//! **Motion within a sweep.** Carriers take milliseconds each, so that a radar at 1 m/s is decimetres further at the end of a sweep. A pulse's
-//! [`Motion`](subaperture_model::phase_history::Sweep) has antennas on parabolas and carriers at even times. Times are laid on a line by least squares,
-//! `t_k = t + (k - K/2) T`, parabolas through the track's places at the ends and the middle of the sweep. What the true places `A(t_k)` are off by, `d_k` (a burst that was taken again delays those
-//! after it; shuffled carriers are on no line at all; a track bends), is taken off towards the reference point, exactly; towards `p` there remains
+//! **Motion within a sweep.** Each carrier takes milliseconds, so that a radar moving at 1 m/s travels decimetres
+//! during a sweep. The intra-pulse [`Motion`](subaperture_model::phase_history::Sweep) of a pulse models antennas on
+//! parabolas and carriers at evenly spaced times. A least-squares line fits the times, `t_k = t + (k - K/2) T`; the
+//! parabolas pass through the track's positions at the ends and the middle of the sweep. The true antenna positions
+//! `A(t_k)` deviate from this model by `d_k`: a repeated burst delays later carriers, shuffled carriers fit no line,
+//! and tracks bend. The deviation is compensated exactly towards the reference point `s`. Towards `p` there remains a
+//! path error of
 //!
 //! ```text
-//! |(u(p) - u(s)) . d_k|        for each of both antennas, u the directions from them
+//! |(u(p) - u(s)) . d_k|        for each of the two antennas, with u the unit vector from the antenna
 //! ```
 //!
-//! which is bounded over the scene's extent ([`Placement::extent`]; without one, by directions that are opposite), and refused above an eighth of the shortest wavelength: 45 degrees of phase.
-//! For carriers in their order that bound allows all that walks; shuffled ones it allows while the radar moves by less than that within a sweep, or
-//! the scene is narrow.
+//! The error is bounded over the scene's extent ([`Placement::extent`]; without an extent, opposite directions are
+//! assumed). A bound above an eighth of the shortest wavelength (45 degrees of phase) is an error. At walking speed,
+//! ordered carriers meet the bound. Shuffled carriers meet it only if the radar moves by less than that within a sweep,
+//! or if the scene is narrow.
 //!
-//! **Missing carriers** are filled from the others ([`crate::profile::gaps`]), after what the track knows of the motion is taken off; sweeps of which too few are there, or that a leakage does
-//! not explain, are left out and told ([`Capture::left_out`]).
+//! **Missing carriers** are interpolated from the others ([`crate::profile::gaps`]) after compensation of the known
+//! motion. Sweeps with too few carriers, or without a detectable leakage reference, are skipped and listed in
+//! [`Capture::left_out`].
 //!
-//! Memory: 40 bytes a carrier and receiver while it is open, 8 in each history; refused beyond [`Options::memory_bytes`]. Cost: mixing all samples once.
+//! Memory: 40 bytes per carrier and receiver while the capture is open, and 8 in each history; more than
+//! [`Options::memory_bytes`] is an error. Cost: one pass that mixes all samples.
 
 mod motion;
 mod placed;
@@ -41,35 +48,35 @@ use subaperture_model::phase_history::{ChannelError, ReadError};
 use crate::profile::ProfileError;
 use crate::sigmf::SigmfError;
 
-/// Why a capture is no phase history.
+/// Reason why a capture cannot become phase history.
 #[derive(Debug, thiserror::Error)]
 pub enum HistoryError {
-    /// The recording.
+    /// Error of the recording.
     #[error(transparent)]
     Recording(#[from] SigmfError),
-    /// Options that make no sense, or no calibration of this set-up.
+    /// Invalid options, or a calibration of another set-up.
     #[error(transparent)]
     Profile(#[from] ProfileError),
-    /// Not one sweep is of use.
-    #[error("{path}: none of {sweeps} sweeps is of use: {first}")]
+    /// No sweep is usable.
+    #[error("{path}: no usable sweep among {sweeps}; the first is unusable because: {first}")]
     NoSweep {
-        /// The recording.
+        /// Path of the recording.
         path: String,
-        /// How many there are.
+        /// Number of sweeps in it.
         sweeps: usize,
-        /// What is wrong with the first.
+        /// Fault of the first sweep.
         first: String,
     },
-    /// The track.
+    /// Error of the track or of the placement.
     #[error("{0}")]
     Track(String),
-    /// The radar moved too much while it swept.
+    /// The radar moved too much within a sweep.
     #[error(transparent)]
     Motion(#[from] MotionError),
-    /// What was made makes no sense as phase history.
+    /// The resulting phase history is invalid.
     #[error(transparent)]
     History(#[from] ReadError),
-    /// The receivers do not belong together.
+    /// The channels of the receivers are inconsistent.
     #[error(transparent)]
     Channels(#[from] ChannelError),
 }

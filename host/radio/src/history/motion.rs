@@ -1,4 +1,4 @@
-//! Where the antennas were while a sweep lasted.
+//! Antenna positions during a sweep.
 
 use glam::DVec3;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -8,42 +8,42 @@ use subaperture_model::phase_history::{Pulse, Sweep as Motions};
 use super::track::Track;
 use crate::profile::Sweep;
 
-/// Part of the shortest wavelength that a path may be off by.
-const MOST_OFF: f64 = 0.125;
+/// Largest path error accepted, in shortest wavelengths.
+const MAX_OFF: f64 = 0.125;
 
-/// Part of a sweep's time that its line has to pass over for carriers to be in an order.
-const LEAST_TOLD: f64 = 0.5;
+/// Smallest fraction of a sweep's duration that the fitted line must cover for the carriers to count as ordered.
+const MIN_COVERED: f64 = 0.5;
 
-/// The radar moved too much while it swept.
+/// Motion within a sweep exceeds the model's error bound.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "at {time_s:.3} s the radar was {off_m:.3} m from where carriers at even times on a parabola have it, which leaves up to {left_m:.3} m of path within the scene, \
-     and {allowed_m:.3} m are allowed: take carriers in their order, move slower, or name a narrower extent"
+    "sweep at {time_s:.3} s: the antennas deviate by {off_m:.3} m from a parabola with evenly timed carriers, which leaves a path error of up to {left_m:.3} m within the scene; \
+     expected at most {allowed_m:.3} m. Take carriers in ascending or descending order, move slower, or give a smaller extent"
 )]
 pub struct MotionError {
-    /// Of the sweep's middle.
+    /// Device time of the middle of the sweep, seconds.
     pub time_s: f64,
-    /// Farthest that an antenna is off, metres.
+    /// Largest deviation of an antenna from the model, metres.
     pub off_m: f64,
-    /// What that leaves of a path, metres.
+    /// Largest remaining path error, metres.
     pub left_m: f64,
-    /// What is allowed, metres.
+    /// Largest path error accepted, metres.
     pub allowed_m: f64,
 }
 
-/// Times of a sweep's carriers, on a line.
+/// Line fitted to the times of a sweep's carriers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Of carrier `K/2`, seconds of the device's time.
+    /// Device time of carrier `K/2`, seconds.
     pub(super) middle_s: f64,
-    /// From carrier to carrier; negative where they fall.
+    /// Time from carrier to carrier, seconds; negative for descending carriers, 0 for shuffled ones.
     pub(super) carrier_s: f64,
-    /// First and last.
+    /// Device times of the first and last carriers, seconds.
     pub(super) span_s: (f64, f64),
 }
 
 impl Timing {
-    /// Least squares over the carriers that are there: two at least, for a sweep that can be filled has more.
+    /// Least-squares fit over the carriers present. A sweep that passed its check has at least two.
     pub(super) fn of(sweep: &Sweep) -> Self {
         let centre = (sweep.values.len() / 2) as f64;
         let count = sweep.usable().max(1) as f64;
@@ -61,9 +61,10 @@ impl Timing {
             cross += (k as f64 - mean_k) * (time_s - mean_t);
         }
         let slope_s = if square > 0.0 { cross / square } else { 0.0 };
-        // Of carriers that are shuffled the line says nothing.
-        let told = slope_s.abs() * sweep.values.len() as f64 > LEAST_TOLD * (span_s.1 - span_s.0);
-        let carrier_s = if told { slope_s } else { 0.0 };
+        // For shuffled carriers the slope is meaningless: the line would cover only a small part of the sweep.
+        let ordered =
+            slope_s.abs() * sweep.values.len() as f64 > MIN_COVERED * (span_s.1 - span_s.0);
+        let carrier_s = if ordered { slope_s } else { 0.0 };
         Self {
             middle_s: mean_t + (centre - mean_k) * carrier_s,
             carrier_s,
@@ -71,7 +72,7 @@ impl Timing {
         }
     }
 
-    /// Whether these are times: those of a file may be beyond what sums hold.
+    /// Whether all times are finite; sums over times of a damaged file may overflow.
     pub(super) fn is_finite(&self) -> bool {
         let (from_s, to_s) = self.span_s;
         [self.middle_s, self.carrier_s, from_s, to_s]
@@ -84,7 +85,7 @@ impl Timing {
     }
 }
 
-/// The antennas of a receiver's channel during a sweep.
+/// Antenna motion of a receiver's channel during a sweep.
 pub(super) struct Motion<'a> {
     timing: &'a Timing,
     track: Option<&'a Track>,
@@ -109,7 +110,7 @@ impl<'a> Motion<'a> {
             velocities_m_s: [DVec3::ZERO; 2],
             accelerations_m_s2: [DVec3::ZERO; 2],
         };
-        // Through both ends of the line and its middle.
+        // Parabola through both ends and the middle of the line.
         let half_s = 0.5 * num_samples as f64 * timing.carrier_s.abs();
         if track.is_some() && half_s > 0.0 {
             let at = |time_s: f64| motion.antennas_m(time_s);
@@ -124,7 +125,7 @@ impl<'a> Motion<'a> {
         motion
     }
 
-    /// Transmitter and receiver at a time of the device.
+    /// Positions of transmitter and receiver at a device time, metres.
     pub(super) fn antennas_m(&self, time_s: f64) -> [DVec3; 2] {
         match self.track {
             Some(track) => {
@@ -135,13 +136,13 @@ impl<'a> Motion<'a> {
         }
     }
 
-    /// From transmitter to a point to receiver at a time of the device, metres.
+    /// Path from transmitter to point to receiver at a device time, metres.
     pub(super) fn path_m(&self, point_m: DVec3, time_s: f64) -> f64 {
         let [transmitter_m, receiver_m] = self.antennas_m(time_s);
         (point_m - transmitter_m).length() + (point_m - receiver_m).length()
     }
 
-    /// As a pulse has it.
+    /// Intra-pulse motion of the pulse.
     pub(super) fn sweep(&self) -> Motions {
         Motions {
             sample_s: self.timing.carrier_s,
@@ -153,7 +154,7 @@ impl<'a> Motion<'a> {
         }
     }
 
-    /// Whether what carriers are off is little enough: the module's bound.
+    /// Check the path error against the bound of the module.
     pub(super) fn check(
         &self,
         sweep: &Sweep,
@@ -176,16 +177,16 @@ impl<'a> Motion<'a> {
             sweep: self.sweep(),
         };
         let spread = [transmitter_m, receiver_m].map(|from_m| spread(from_m, reference_m, extent));
-        let allowed_m = MOST_OFF * SPEED_OF_LIGHT_M_S / highest_hz;
+        let allowed_m = MAX_OFF * SPEED_OF_LIGHT_M_S / highest_hz;
         let (mut off_m, mut left_m) = (0f64, 0f64);
         for (k, time_s) in sweep.moments() {
             let on_line = self.timing.line_s(k, self.num_samples);
             let after = (on_line - self.timing.middle_s) / self.timing.carrier_s;
-            let told = match self.timing.carrier_s == 0.0 {
+            let modelled = match self.timing.carrier_s == 0.0 {
                 true => [transmitter_m, receiver_m],
                 false => pulse.antennas_after_m(after),
             };
-            let off = [0, 1].map(|i| self.antennas_m(time_s)[i].distance(told[i]));
+            let off = [0, 1].map(|i| self.antennas_m(time_s)[i].distance(modelled[i]));
             off_m = off_m.max(off[0]).max(off[1]);
             left_m = left_m.max(off[0] * spread[0] + off[1] * spread[1]);
         }
@@ -201,7 +202,7 @@ impl<'a> Motion<'a> {
     }
 }
 
-/// Most that the directions to a scene's places differ from that to its reference: the chord between them.
+/// Largest distance between the unit vectors to points of the scene and to its reference point.
 fn spread(from_m: DVec3, reference_m: DVec3, extent: Option<Extent>) -> f64 {
     // Opposite directions.
     const ANY: f64 = 2.0;
@@ -214,7 +215,7 @@ fn spread(from_m: DVec3, reference_m: DVec3, extent: Option<Extent>) -> f64 {
         return ANY;
     }
     let towards = (reference_m - from_m).normalize_or_zero();
-    // Of a rectangle that the radar is not in, the corners are the farthest off.
+    // Seen from outside a rectangle, the corners are the farthest from the reference direction.
     let corners = [extent.x_m.0, extent.x_m.1]
         .into_iter()
         .flat_map(|x| [extent.y_m.0, extent.y_m.1].map(|y| DVec3::new(x, y, reference_m.z)));

@@ -1,4 +1,4 @@
-//! A capture whose antennas are somewhere.
+//! Phase history of a capture with known antenna positions.
 
 use std::fs::File;
 use std::ops::Range;
@@ -22,23 +22,24 @@ use super::track::Track;
 use crate::antennas::Antennas;
 use crate::profile::Sweep;
 
-/// Where a capture was made.
+/// Geometry of a capture.
 #[derive(Debug)]
 pub struct Placement<'a> {
-    /// The body's track; `None` for one that stands at the origin, or whose way is to be found.
+    /// Track of the body; `None` for a body at rest at the origin, or for a track that is to be estimated.
     pub track: Option<&'a Track>,
-    /// The antennas on the body; those of the recording's plan if `None`, and if it has none both at the body's origin.
+    /// Antennas on the body. `None` uses those of the recording's plan; if the plan has none, both are at the body's
+    /// origin.
     pub antennas: Option<Antennas>,
-    /// What phases are referred to, metres in the scene frame: the scene's middle.
+    /// Motion compensation reference point, metres in the scene frame; usually the middle of the scene.
     pub reference_m: DVec3,
-    /// The part of the scene that is looked at.
+    /// Imaged part of the scene; `None` if unknown.
     pub extent: Option<Extent>,
-    /// Where the scene frame lies; formats of files may want one on the Earth.
+    /// Position of the scene frame on the Earth; some file formats require one.
     pub frame: SceneFrame,
 }
 
 impl Placement<'_> {
-    /// Of a radar that stands, or whose way is not known, in a frame of its own.
+    /// Placement of a radar at rest, or with an unknown track, in a local frame.
     pub fn standing(reference_m: DVec3) -> Self {
         Self {
             track: None,
@@ -51,11 +52,11 @@ impl Placement<'_> {
 }
 
 impl Placement<'_> {
-    /// A sweep of a receiver as a pulse and its samples, echoes from no farther than `reach_m`: what [`Capture::channels`] makes of a recorded one, for
-    /// those that come one at a time.
+    /// Convert one sweep of a receiver into a pulse and its samples, with echoes up to `reach_m`. Equivalent to
+    /// [`Capture::channels`] for sweeps that arrive one at a time.
     ///
     /// # Errors
-    /// If it is beyond the track's ends; too few carriers; motion that is too much.
+    /// If the sweep extends beyond the track, has too few carriers, or exceeds the bound on motion within a sweep.
     pub fn pulse(
         &self,
         sweep: &Sweep,
@@ -69,7 +70,7 @@ impl Placement<'_> {
             && !(track.knows(from_s) && track.knows(to_s))
         {
             return Err(HistoryError::Track(format!(
-                "a sweep from {from_s} s to {to_s} s of the device's time is beyond the track, {} s to {} s",
+                "sweep from {from_s} s to {to_s} s of device time extends beyond the track, {} s to {} s",
                 track.span_s.0 + track.zero_s,
                 track.span_s.1 + track.zero_s
             )));
@@ -77,7 +78,7 @@ impl Placement<'_> {
         let antennas = self.antennas.unwrap_or_default();
         let Some(&receiver_m) = antennas.receivers_m.get(receiver) else {
             return Err(HistoryError::Track(format!(
-                "a receiver {receiver}; there are 0 and 1"
+                "unknown receiver {receiver}: expected 0 or 1"
             )));
         };
         let arms_m = [antennas.transmitter_m, receiver_m];
@@ -86,15 +87,17 @@ impl Placement<'_> {
 }
 
 impl Capture {
-    /// What receiver number `receiver` of [`Self::receivers`] sees in a sweep of [`Self::sweeps`], as if the radar stood where it was at the sweep's middle: towards the placement's
-    /// reference point. Without that a range profile has what comes nearer with `v` by `f v T / B` too near, of a sweep of `T` seconds that rises by `B`. Where the placement has no track
-    /// it is as it was taken.
+    /// Motion-compensated response of receiver `receiver` (index into [`Self::receivers`]) in sweep `sweep` (index into
+    /// [`Self::sweeps`]), as if the radar stood at its position at the middle of the sweep. The compensation is exact
+    /// towards the placement's reference point. Without it, range-Doppler coupling moves a target that approaches with
+    /// velocity `v` too near by `f v T / B`, for a sweep of duration `T` rising over the bandwidth `B`. Without a track
+    /// the response is returned unchanged.
     ///
     /// # Errors
-    /// A sweep beyond the track's ends.
+    /// If the sweep extends beyond the track.
     ///
     /// # Panics
-    /// If there is no such sweep or receiver.
+    /// If `sweep` or `receiver` is out of range.
     pub fn still(
         &self,
         sweep: usize,
@@ -124,26 +127,28 @@ impl Capture {
     fn beyond(&self, track: &Track) -> HistoryError {
         let (from_s, to_s) = self.span_s();
         HistoryError::Track(format!(
-            "no sweep is within the track: sweeps are from {from_s} s to {to_s} s of the device's time, the track from {} s to {} s: does its time 0 lie \
-             elsewhere?",
+            "no sweep lies within the track: sweeps extend from {from_s} s to {to_s} s of device time, the track from {} s to {} s. Check the device time of the \
+             track's time 0",
             track.span_s.0 + track.zero_s,
             track.span_s.1 + track.zero_s
         ))
     }
 
-    /// Phase history of each receiver, pulses at the device's own times. Sweeps beyond the track's ends are left out.
+    /// Phase history of each receiver, with pulses at device times. Sweeps beyond the track's ends are skipped, with a
+    /// warning.
     ///
     /// # Errors
-    /// A track that no sweep is within; two receivers whose antennas no one has placed; motion within a sweep that is too much.
+    /// If no sweep lies within the track, two receivers have no antenna positions, or motion within a sweep exceeds its
+    /// bound.
     pub fn channels(&self, placement: &Placement) -> Result<Channels<'static>, HistoryError> {
         let antennas = placement.antennas.or(self.setup.antennas);
         if antennas.is_none() && self.receivers().len() > 1 {
-            let what = "two receivers whose antennas have no places: say where they are on the body that carries them";
+            let what = "two receivers without antenna positions: give their positions on the body";
             return Err(HistoryError::Track(what.to_owned()));
         }
         let antennas = antennas.unwrap_or_default();
         if !(antennas.is_finite() && placement.reference_m.is_finite()) {
-            let what = "places of antennas and the reference point are finite numbers";
+            let what = "expected finite coordinates of antennas and reference point";
             return Err(HistoryError::Track(what.to_owned()));
         }
         let timings: Vec<Timing> = self.sweeps.iter().map(|of| Timing::of(&of[0])).collect();
@@ -161,7 +166,7 @@ impl Capture {
         let mut warnings = self.warnings();
         if within.len() < timings.len() {
             warnings.push(format!(
-                "{} of {} sweeps are beyond the track's ends and left out",
+                "{} of {} sweeps extend beyond the track's ends and are skipped",
                 timings.len() - within.len(),
                 timings.len()
             ));
@@ -215,7 +220,7 @@ impl Capture {
     }
 }
 
-/// A sweep as a pulse of a receiver whose antennas are at `arms_m` on the body.
+/// Convert a sweep into a pulse of a receiver, with its antennas at `arms_m` on the body.
 fn pulse(
     sweep: &Sweep,
     timing: &Timing,
@@ -248,11 +253,11 @@ fn pulse(
     Ok((pulse, samples))
 }
 
-/// A receiver's history, with what there is to know of it.
+/// Phase history of a receiver, with its warnings and source file.
 struct Placed {
     history: InMemory,
     warnings: Vec<String>,
-    /// The recording's samples.
+    /// Path of the recording's sample file.
     path: PathBuf,
 }
 

@@ -1,4 +1,4 @@
-//! A capture's sweeps, mixed and referred.
+//! Reading of a capture: all sweeps mixed and divided by their reference.
 
 use std::path::{Path, PathBuf};
 
@@ -9,17 +9,17 @@ use super::motion::Timing;
 use crate::profile::{self, Ranging, Sweep};
 use crate::sigmf::{Recording, Setup};
 
-/// How a capture is read.
+/// Options of reading a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// What phases are referred to, how far echoes reach, and the calibration.
+    /// Phase reference, maximum range and calibration.
     pub profile: profile::Options,
-    /// Bytes that all sweeps together may take.
+    /// Memory limit for all sweeps, bytes.
     pub memory_bytes: u64,
 }
 
 impl Default for Options {
-    /// What the plan said, not calibrated, in 1 GiB: two hours of sweeps of 151 carriers by two receivers.
+    /// Reference of the plan, no calibration, and 1 GiB: two hours of sweeps with 151 carriers and two receivers.
     fn default() -> Self {
         Self {
             profile: profile::Options::default(),
@@ -28,22 +28,23 @@ impl Default for Options {
     }
 }
 
-/// A sweep that is not in the history.
+/// Sweep skipped as unusable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
-    /// Its index in the recording.
+    /// Index of the sweep in the recording.
     pub sweep: u64,
-    /// What is wrong with it.
+    /// Reason why it was skipped, for the report.
     pub why: String,
 }
 
-/// A capture whose every sweep is mixed, calibrated and referred; where its antennas were is not said yet.
+/// Capture whose sweeps are mixed, calibrated and divided by their reference. Antenna positions are given later, by a
+/// [`Placement`](super::Placement).
 #[derive(Debug)]
 pub struct Capture {
     pub(super) path: PathBuf,
     pub(super) setup: Setup,
     pub(super) reach_m: f64,
-    /// Of each sweep, of each receiver.
+    /// Responses by sweep, then by receiver.
     pub(super) sweeps: Vec<Vec<Sweep>>,
     receivers: &'static [usize],
     indices: Vec<u64>,
@@ -52,12 +53,12 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Opens a recording by any of its files, or its name, and reads it once.
+    /// Open a recording by any of its files, or by its name, and read it once.
     ///
     /// # Errors
-    /// If it is no recording; options that do not fit it; no sweep of use; more than the memory allowed.
+    /// If the path is not a recording, the options do not fit it, no sweep is usable, or the memory limit is exceeded.
     pub fn open(path: &Path, options: Options) -> Result<Self, HistoryError> {
-        let mut recording = Recording::open(path)?;
+        let mut recording = Recording::open_within(path, options.memory_bytes)?;
         let setup = recording.setup().clone();
         let mut ranging = Ranging::new(&setup, options.profile)?;
         let receivers = ranging.reference().receivers();
@@ -74,7 +75,7 @@ impl Capture {
         }
         let (mut sweeps, mut indices, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
         for &index in &all {
-            // What cannot be filled is no pulse.
+            // A sweep with too few carriers to be interpolated is skipped.
             let read = ranging
                 .read(&mut recording, index)
                 .and_then(|sweeps| sweeps.iter().try_for_each(Sweep::check).map(|()| sweeps));
@@ -82,7 +83,7 @@ impl Capture {
                 Ok(of_receivers) if !Timing::of(&of_receivers[0]).is_finite() => {
                     left_out.push(LeftOut {
                         sweep: index,
-                        why: "its steps have times that are none".to_owned(),
+                        why: "its steps have non-finite times".to_owned(),
                     });
                 }
                 Ok(of_receivers) => {
@@ -100,9 +101,10 @@ impl Capture {
             return Err(HistoryError::NoSweep {
                 path: path.display().to_string(),
                 sweeps: all.len(),
-                first: left_out
-                    .first()
-                    .map_or_else(|| "it has no steps".to_owned(), |left| left.why.clone()),
+                first: left_out.first().map_or_else(
+                    || "the recording has no steps".to_owned(),
+                    |left| left.why.clone(),
+                ),
             });
         }
         Ok(Self {
@@ -117,35 +119,35 @@ impl Capture {
         })
     }
 
-    /// What holds for all of the recording.
+    /// Parameters of the recording.
     pub fn setup(&self) -> &Setup {
         &self.setup
     }
 
-    /// Sweeps that are pulses, by their indices in the recording.
+    /// Indices in the recording of the sweeps that became pulses.
     pub fn sweeps(&self) -> &[u64] {
         &self.indices
     }
 
-    /// Sweeps that are none.
+    /// Sweeps skipped as unusable.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
 
-    /// Which of the radio's receivers the channels are of.
+    /// Receivers of the radio to which the channels belong.
     pub fn receivers(&self) -> &'static [usize] {
         self.receivers
     }
 
-    /// The response of receiver number `receiver` of [`Self::receivers`] in a sweep of [`Self::sweeps`].
+    /// Response of receiver `receiver` (index into [`Self::receivers`]) in sweep `sweep` (index into [`Self::sweeps`]).
     ///
     /// # Panics
-    /// If there is no such sweep or receiver.
+    /// If `sweep` or `receiver` is out of range.
     pub fn response(&self, sweep: usize, receiver: usize) -> &Sweep {
         &self.sweeps[sweep][receiver]
     }
 
-    /// Device times of the first and the last carrier, seconds.
+    /// Device times of the first and last carriers, seconds.
     pub fn span_s(&self) -> (f64, f64) {
         let times = self.sweeps.iter().flat_map(|of| of[0].moments());
         times.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), (_, at)| {
@@ -153,12 +155,12 @@ impl Capture {
         })
     }
 
-    /// What has to be known before trusting it, a sentence each.
+    /// Warnings about the capture, one sentence each.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if let Some(first) = self.left_out.first() {
             warnings.push(format!(
-                "{} of {} sweeps are left out, sweep {} for example: {}",
+                "{} of {} sweeps are skipped, for example sweep {}: {}",
                 self.left_out.len(),
                 self.left_out.len() + self.indices.len(),
                 first.sweep,
@@ -166,11 +168,11 @@ impl Capture {
             ));
         }
         if self.interrupted {
-            warnings.push("the capture was cut off, or still goes on".to_owned());
+            warnings.push("the capture was interrupted or is still running".to_owned());
         }
         warnings
     }
 }
 
-/// What a carrier of a receiver takes: its value, and its time.
+/// Memory of a carrier of one receiver: its value and its time.
 const CARRIER_BYTES: usize = size_of::<Option<num_complex::Complex64>>() + size_of::<f64>();

@@ -1,4 +1,4 @@
-//! A body's track on the device's clock.
+//! Track of the body that carries the antennas, on the device's clock.
 
 use std::path::Path;
 
@@ -7,22 +7,22 @@ use subaperture_model::track::{Fix, Pose, SampledTrack, Trajectory};
 
 use super::HistoryError;
 
-/// How the body that carries the antennas moved.
+/// Track of the body that carries the antennas.
 #[derive(Debug)]
 pub struct Track {
-    /// Its poses by the track's own time.
+    /// Poses as a function of track time.
     pub poses: Box<dyn Trajectory>,
-    /// From when to when it is known, seconds of its own time.
+    /// First and last track times, seconds.
     pub span_s: (f64, f64),
-    /// The device's time at the track's time 0, seconds.
+    /// Device time of track time 0, seconds.
     pub zero_s: f64,
 }
 
 impl Track {
-    /// A track as comma-separated values ([`track_csv`]); `zero_s` is the device's time at its time 0.
+    /// Read a track file of comma-separated values ([`track_csv`]); `zero_s` is the device time of track time 0.
     ///
     /// # Errors
-    /// If it cannot be read, or is none.
+    /// If the file cannot be read or is not a valid track.
     pub fn read(path: &Path, zero_s: f64) -> Result<Self, HistoryError> {
         let fixes =
             track_csv::read(path).map_err(|error| HistoryError::Track(error.to_string()))?;
@@ -36,14 +36,14 @@ impl Track {
         })
     }
 
-    /// The pose at a time of the device.
+    /// Pose at a device time.
     pub fn pose(&self, device_s: f64) -> Pose {
         self.poses.pose(device_s - self.zero_s)
     }
 
-    /// Whether a time of the device is within what is known.
+    /// Whether a device time lies within the track.
     pub(super) fn knows(&self, device_s: f64) -> bool {
-        // A fix is told to a microsecond or so.
+        // Times in track files are rounded to about a microsecond.
         let slack_s = 1e-5;
         let at_s = device_s - self.zero_s;
         self.span_s.0 - slack_s <= at_s && at_s <= self.span_s.1 + slack_s

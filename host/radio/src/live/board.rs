@@ -1,4 +1,4 @@
-//! Where a capture's state hangs, and whoever likes looks at it.
+//! Shared state of a running capture, for any number of viewers.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,45 +7,45 @@ use super::level::Level;
 use super::picture::Picture;
 use super::step::Counts;
 
-/// How a capture stands after its latest sweep.
+/// State of a capture after its latest sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Status {
-    /// The capture's name.
+    /// Name of the capture.
     pub name: String,
-    /// Carriers a sweep.
+    /// Number of carriers per sweep.
     pub steps: usize,
-    /// Sweeps planned; 0 for as many as there is time.
+    /// Planned number of sweeps; 0 runs until stopped.
     pub sweeps: u64,
     /// Index of the latest sweep; `None` before the first.
     pub sweep: Option<u64>,
-    /// Carriers of it that are of use.
+    /// Number of usable carriers of the latest sweep.
     pub usable: usize,
-    /// Of it late, with lost samples, unsteady, clipped, unlocked.
+    /// Steps of the latest sweep flagged late, with lost samples, unsteady, clipped, unlocked.
     pub flagged: [usize; 5],
-    /// Of it, reference and echo.
+    /// Levels of reference and echo in the latest sweep.
     pub levels: [Level; 2],
-    /// Sweeps a second of the device's time, over the last ones; `None` before the second.
+    /// Sweeps per second of device time, averaged over the last sweeps; `None` before the second.
     pub rate_hz: Option<f64>,
-    /// Since the capture began.
+    /// Counters since the start of the capture.
     pub counts: Counts,
-    /// Bytes free on the recording's disk; `None` where nobody can tell.
+    /// Free bytes on the recording's disk; `None` if unknown.
     pub free_bytes: Option<u64>,
-    /// Seconds until they are used up, at the plan's rate.
+    /// Seconds until the disk is full, at the plan's data rate; `None` if unknown.
     pub disk_lasts_s: Option<f64>,
-    /// Ranges of a row's first place and of its last, metres.
+    /// Ranges of the first and last columns of a row, metres.
     pub ranges_m: [f64; 2],
-    /// Whether levels are relative to a calibration's reflector; otherwise to the reference.
+    /// Whether levels are relative to a calibration's reflector; otherwise they are relative to the reference.
     pub calibrated: bool,
-    /// Why it ended; `None` while it runs.
+    /// Reason why the capture ended; `None` while it runs.
     pub ended: Option<String>,
 }
 
-/// The range profile of a sweep, reduced.
+/// Waterfall row: range profile of one sweep at display resolution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// The sweep's index.
+    /// Index of the sweep.
     pub sweep: u64,
-    /// Level at each place, dB; empty if too little of the sweep came.
+    /// Level of each column, dB; empty if too few carriers were received.
     pub levels_db: Vec<f32>,
 }
 
@@ -53,20 +53,20 @@ struct State {
     status: Status,
     rows: VecDeque<Arc<Row>>,
     picture: Option<Arc<Picture>>,
-    /// Grows with each change.
+    /// Increases with each change.
     revision: u64,
-    /// Of the picture.
+    /// Revision at which the picture was last replaced.
     picture_revision: u64,
 }
 
-/// A capture's state. Whoever looks waits for nobody but another that copies it.
-pub struct Board {
+/// Shared state of a capture. Readers wait only while another thread copies or updates the state.
+pub struct LiveState {
     most_rows: usize,
     state: Mutex<State>,
 }
 
-impl Board {
-    /// With room for some rows, before the first sweep.
+impl LiveState {
+    /// Make a board with room for `most_rows` rows (at least one), before the first sweep.
     pub fn new(status: Status, most_rows: usize) -> Self {
         Self {
             most_rows: most_rows.max(1),
@@ -80,48 +80,48 @@ impl Board {
         }
     }
 
-    /// A panic elsewhere leaves whole values: each is replaced at once.
+    /// A panic in another thread leaves the state valid: each value is replaced as a whole.
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A number that is another after each change.
+    /// Revision number; changes with each update.
     pub fn revision(&self) -> u64 {
         self.lock().revision
     }
 
-    /// The state, and its revision.
+    /// Status and its revision.
     pub fn status(&self) -> (Status, u64) {
         let state = self.lock();
         (state.status.clone(), state.revision)
     }
 
-    /// Rows that it keeps at most.
+    /// Maximum number of rows kept.
     pub fn most_rows(&self) -> usize {
         self.most_rows
     }
 
-    /// The rows kept of sweeps after `sweep`, all without, oldest first.
+    /// Rows of sweeps after `sweep`, or all rows if `None`; oldest first.
     pub fn rows_after(&self, sweep: Option<u64>) -> Vec<Arc<Row>> {
         let state = self.lock();
         let newer = |row: &&Arc<Row>| sweep.is_none_or(|sweep| row.sweep > sweep);
         state.rows.iter().filter(newer).cloned().collect()
     }
 
-    /// The latest row that holds a profile.
+    /// Latest row that contains a profile.
     pub fn latest_row(&self) -> Option<Arc<Row>> {
         let state = self.lock();
         let full = |row: &&Arc<Row>| !row.levels_db.is_empty();
         state.rows.iter().rev().find(full).cloned()
     }
 
-    /// The image as it was put up last, and its revision; 0 is none.
+    /// Latest image and its revision; revision 0 if there is no image.
     pub fn picture(&self) -> (Option<Arc<Picture>>, u64) {
         let state = self.lock();
         (state.picture.clone(), state.picture_revision)
     }
 
-    /// Puts up an image. One that is not whole ([`Picture::is_whole`]) is left out.
+    /// Publish an image. An invalid one ([`Picture::is_whole`]) is ignored.
     pub fn show_picture(&self, picture: Picture) {
         if !picture.is_whole() {
             return;
@@ -133,14 +133,14 @@ impl Board {
         state.picture = Some(picture);
     }
 
-    /// Says why the capture ended.
+    /// Publish the reason why the capture ended.
     pub fn end(&self, why: &str) {
         let mut state = self.lock();
         state.status.ended = Some(why.to_owned());
         state.revision += 1;
     }
 
-    /// Puts up a sweep.
+    /// Publish a sweep: update the status and append its row.
     pub(super) fn show_sweep(&self, change: impl FnOnce(&mut Status), row: Row) {
         let row = Arc::new(row);
         let mut state = self.lock();
@@ -165,8 +165,8 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_bounded_and_told_once() {
-        let board = Board::new(Status::default(), 3);
+    fn board_keeps_newest_rows_and_returns_only_those_after_a_sweep() {
+        let board = LiveState::new(Status::default(), 3);
         for sweep in 0..5 {
             board.show_sweep(|status| status.sweep = Some(sweep), row(sweep));
         }
@@ -193,8 +193,8 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_is_too_large_or_ragged_is_left_out() {
-        let board = Board::new(Status::default(), 1);
+    fn oversized_or_ragged_picture_is_ignored() {
+        let board = LiveState::new(Status::default(), 1);
         let picture = |columns, count| Picture {
             columns,
             x_m: [0.0, 1.0],
@@ -205,7 +205,7 @@ mod tests {
         for bad in [
             picture(0, 0),
             picture(3, 7),
-            picture(1024, MOST_PIXELS_AND_A_ROW),
+            picture(1024, MAX_PIXELS_AND_A_ROW),
         ] {
             board.show_picture(bad);
             assert_eq!(board.picture(), (None, 0));
@@ -215,5 +215,5 @@ mod tests {
         assert_eq!((shown.unwrap().rows(), revision), (3, 2));
     }
 
-    const MOST_PIXELS_AND_A_ROW: usize = super::super::MOST_PIXELS + 1024;
+    const MAX_PIXELS_AND_A_ROW: usize = super::super::MAX_PIXELS + 1024;
 }

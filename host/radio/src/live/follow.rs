@@ -1,4 +1,4 @@
-//! From steps to sweeps, from sweeps to rows of the board.
+//! Assembly of live steps into sweeps, and of sweeps into rows of the board.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -8,37 +8,37 @@ use num_complex::Complex64;
 use subaperture_io::atomic::free_bytes;
 use subaperture_signal::window::Window;
 
-use super::board::{Board, Row, Status};
+use super::board::{LiveState, Row, Status};
 use super::level::Level;
 use super::step::LiveStep;
 use crate::plan::Plan;
 use crate::profile::{Options, Profile, ProfileError, Ranging, Steps, Sweep};
 use crate::sigmf::Setup;
 
-/// Sweeps over which their rate is told.
+/// Number of sweeps over which the sweep rate is averaged.
 const RATE_OVER: usize = 16;
-/// How often the disk is asked for its room.
+/// Interval between queries of the free disk space.
 const DISK_EVERY: Duration = Duration::from_secs(1);
-/// What a profile reads at the least, dB: float64's rounding is below.
+/// Lowest level of a displayed profile, dB; below the rounding error of float64.
 const FLOOR_DB: f32 = -300.0;
 
-/// How a capture is to be shown.
+/// Display options of a running capture.
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Sweeps of the waterfall.
+    /// Rows of the waterfall, in sweeps.
     pub rows: usize,
-    /// Places of a row, at the most.
+    /// Maximum number of columns of a row.
     pub columns: usize,
-    /// Window over carriers.
+    /// Window function over the carriers.
     pub window: Window,
-    /// What phases are referred to, how far echoes reach, the calibration.
+    /// Phase reference, maximum range and calibration.
     pub profile: Options,
-    /// A file on the disk that is recorded to.
+    /// File on the disk that holds the recording, for its free space; `None` to skip this.
     pub disk: Option<PathBuf>,
 }
 
 impl Default for View {
-    /// 256 sweeps of 512 places, Taylor's window of 35 dB, no calibration.
+    /// 256 sweeps of 512 columns, Taylor window with -35 dB sidelobes, no calibration.
     fn default() -> Self {
         Self {
             rows: 256,
@@ -50,21 +50,21 @@ impl Default for View {
     }
 }
 
-/// A sweep as it came, referred, and calibrated if there is a calibration.
+/// Sweep of a running capture, divided by its reference and calibrated if a calibration is given.
 #[derive(Clone, Debug)]
 pub struct LiveSweep {
-    /// Its index.
+    /// Index of the sweep.
     pub index: u64,
-    /// What each receiver that has an antenna sees; none if that cannot be told of what came.
+    /// Response of each receiver that has an antenna; empty if the received data do not determine it.
     pub receivers: Vec<Sweep>,
-    /// Why there are none.
+    /// Reason why `receivers` is empty.
     pub why: Option<String>,
-    /// The profile of the last of them; `None` if too little of it came.
+    /// Range profile of the last receiver; `None` if too few carriers were received.
     pub profile: Option<Profile>,
 }
 
-/// Puts sweeps together of steps.
-pub struct Follower {
+/// Assembler of sweeps from live steps.
+pub struct SweepAssembler {
     columns: usize,
     window: Window,
     disk: Option<PathBuf>,
@@ -74,11 +74,11 @@ pub struct Follower {
     bytes_a_second: f64,
     fineness: usize,
     empty: Steps,
-    /// The sweep that is being taken.
+    /// Index of the current sweep.
     index: Option<u64>,
     steps: Steps,
     taken: Vec<bool>,
-    /// Those that the plan leaves out.
+    /// Carriers that the plan avoids.
     avoided: Vec<bool>,
     levels: [Vec<Level>; 2],
     flagged: [usize; 5],
@@ -89,20 +89,21 @@ pub struct Follower {
     latest: Option<LiveStep>,
 }
 
-impl Follower {
-    /// Of a plan as the radio was set to it, `setup`, with `bytes_a_second` on disk; and the board it writes on.
+impl SweepAssembler {
+    /// Make a follower and its board, for a plan with the radio parameters `setup` in effect and `bytes_a_second`
+    /// written to disk.
     ///
     /// # Errors
-    /// A calibration of another set-up; a reach beyond what can be told apart.
+    /// If the calibration belongs to another set-up, or the reach exceeds the unambiguous range.
     pub fn new(
         plan: &Plan,
         setup: &Setup,
         bytes_a_second: f64,
         view: View,
-    ) -> Result<(Self, Board), ProfileError> {
+    ) -> Result<(Self, LiveState), ProfileError> {
         let calibrated = view.profile.calibration.is_some();
         let ranging = Ranging::new(setup, view.profile)?;
-        // Four places a resolution cell at the least, that no peak is more than 0.3 dB between two of them.
+        // At least four columns per resolution cell: the scalloping loss of a peak is at most 0.3 dB.
         let fineness = (2 * view.columns.max(1))
             .div_ceil(setup.steps.max(1))
             .clamp(4, 64);
@@ -137,21 +138,21 @@ impl Follower {
             free_bytes: None,
             latest: None,
         };
-        Ok((follower, Board::new(status, view.rows)))
+        Ok((follower, LiveState::new(status, view.rows)))
     }
 
-    /// The farthest echoes, metres.
+    /// Maximum range, metres.
     pub fn reach_m(&self) -> f64 {
         self.ranging.reach_m()
     }
 
-    /// The receivers that [`LiveSweep::receivers`] are of.
+    /// Receivers to which [`LiveSweep::receivers`] belong.
     pub fn receivers(&self) -> &'static [usize] {
         self.ranging.reference().receivers()
     }
 
-    /// Takes a step; the sweep that it ends, put up on the board.
-    pub fn take(&mut self, board: &Board, step: &LiveStep) -> Option<LiveSweep> {
+    /// Process a step, and return the sweep that it completes, after publishing it on the board.
+    pub fn take(&mut self, board: &LiveState, step: &LiveStep) -> Option<LiveSweep> {
         if step.step >= self.taken.len() {
             return None;
         }
@@ -169,7 +170,7 @@ impl Follower {
             self.steps.take(step.step, burst, middle_s);
         }
         for (all, level) in self.levels.iter_mut().zip(step.levels) {
-            // As many as a sweep has, whatever comes.
+            // At most as many as a sweep has steps, whatever arrives.
             if all.len() < self.taken.len() {
                 all.push(level);
             }
@@ -184,12 +185,12 @@ impl Follower {
         ended
     }
 
-    /// Ends the sweep that is being taken, if one is: for the end of a capture too.
-    pub fn end(&mut self, board: &Board) -> Option<LiveSweep> {
+    /// End the current sweep, if there is one; also used at the end of a capture.
+    pub fn end(&mut self, board: &LiveState) -> Option<LiveSweep> {
         let index = self.index.take()?;
         let latest = self.latest?;
         let steps = std::mem::replace(&mut self.steps, self.empty.clone());
-        // A leakage may not explain what came; then it is a sweep without a profile.
+        // If the leakage reference cannot be determined, the sweep has no profile.
         let (receivers, why) = match self.ranging.sweeps(&steps) {
             Ok(receivers) => (receivers, None),
             Err(error) => (Vec::new(), Some(error.to_string())),
@@ -230,7 +231,8 @@ impl Follower {
         })
     }
 
-    /// Levels at as many places as there are columns, at most, from range 0 to the reach: the largest of those nearest to each.
+    /// Reduce a profile to at most the configured number of columns from range 0 to the reach; each column is the
+    /// maximum over its nearest samples.
     fn reduced(&self, profile: &Profile) -> Vec<f32> {
         let reach_m = self.ranging.reach_m();
         let last = (reach_m / profile.spacing_m).floor() as usize;

@@ -1,22 +1,22 @@
-//! How much of the converter's range a channel takes.
+//! Level of a channel relative to the converter's full scale.
 
 use std::ops::Range;
 
 use crate::transceiver::Sample;
 
-/// The level of a channel.
+/// Level of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Level {
-    /// Root of the mean of `|s|^2`, of full scale: 1 for a tone that fills it.
+    /// Root of the mean of `|s|^2`, relative to full scale: 1 for a full-scale tone.
     pub rms: f64,
-    /// Largest I or Q, of full scale.
+    /// Largest magnitude of I or Q, relative to full scale.
     pub peak: f64,
-    /// Samples of which I or Q was at full scale.
+    /// Number of samples with I or Q at full scale.
     pub clipped: u64,
 }
 
 impl Level {
-    /// Of a burst's samples, but for those that are none.
+    /// Level of a burst's samples, without the lost ones.
     pub fn of(samples: &[Sample], lost: &[Range<usize>], clipped: u32) -> Self {
         // |s|^2 is at most 2^31, and a burst has fewer than 2^32 samples.
         let (mut power, mut peak, mut count) = (0u64, 0u16, 0usize);
@@ -42,7 +42,7 @@ impl Level {
         }
     }
 
-    /// Of several bursts of equal length together.
+    /// Combined level of several bursts of equal length.
     pub fn together(all: &[Self]) -> Self {
         let power: f64 = all.iter().map(|level| level.rms * level.rms).sum();
         Self {
@@ -57,10 +57,10 @@ impl Level {
 mod tests {
     use super::*;
 
-    /// A burst of 3 + 4 j counts in thousands: 5000 of 32768, and 4000 the larger part; what lies in the gaps, which overlap and reach
-    /// beyond the end, counts for nothing.
+    /// A burst of 3000 - 4000 j counts has an RMS of 5000 of 32768 and a peak of 4000. Samples in the gaps, which
+    /// overlap and extend beyond the end, are ignored.
     #[test]
-    fn the_level_is_of_the_samples_that_came() {
+    fn level_ignores_lost_samples() {
         let mut samples = vec![Sample::new(3000, -4000); 64];
         samples[10..20].fill(Sample::new(i16::MIN, 0));
         samples[60..].fill(Sample::ZERO);
@@ -75,9 +75,9 @@ mod tests {
         );
     }
 
-    /// Powers are averaged, peaks and counts are not.
+    /// Powers are averaged; peaks combine by maximum, and counts are summed.
     #[test]
-    fn levels_go_together_by_power() {
+    fn combined_level_averages_power() {
         let of = |rms, peak, clipped| Level { rms, peak, clipped };
         let both = Level::together(&[of(0.3, 0.5, 2), of(0.4, 0.45, 0)]);
         assert!((both.rms - (0.125f64).sqrt()).abs() < 1e-15);

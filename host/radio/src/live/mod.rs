@@ -1,23 +1,24 @@
-//! A capture as it runs, for those who look: the latest range profile, those before it, levels, what went wrong, the room left.
+//! Live view of a running capture: latest range profile, waterfall, levels, fault counters, free disk space.
 //!
 //! ```text
-//! capture ── LiveStep (try, never waits) ──> Follower (a thread) ── a sweep at a time ──> Board <── Status, rows ── terminal, web page
-//!                                               └── LiveSweep ──> whoever forms an image of it
+//! capture ── LiveStep (try_send, never waits) ──> Follower (a thread) ── per sweep ──> Board <── Status, rows ── terminal, web page
+//!                                               └── LiveSweep ──> image formation
 //! ```
 //!
-//! A sweep's profile is that of its recording: what [`crate::profile`] leaves out of one is left out here, filled by the same rule, transformed by
-//! the same sum; to the bit, as `tests/live.rs` has it. For the waterfall it is reduced to [`View::columns`] places, each the
-//! largest magnitude that it stands for, so that no peak is lost between them.
+//! The profile of a live sweep is bit-identical to that of the recorded sweep (`tests/live.rs`): the rules of
+//! [`crate::profile`] for skipped and interpolated carriers and its transform are shared. The waterfall reduces a
+//! profile to [`View::columns`] columns, each the largest magnitude of its samples, so that no peak is lost.
 //!
-//! A sweep ends with its last step, or with the first of a later one: steps that the channel had no room for are missing from it like
-//! steps that were lost. With less than two of three there is no profile, and the waterfall has an empty row.
+//! A sweep ends with its last step, or with the first step of a later sweep. Steps dropped by a full queue are missing,
+//! like lost steps. A sweep with less than two thirds of its carriers has no profile, and its waterfall row is empty.
 //!
-//! Levels are of full scale: the RMS of a tone that fills the converter is 1 (0 dBFS), the peak is the largest I or Q. Samples that did not come are none.
+//! Levels are relative to full scale: a full-scale tone has an RMS of 1 (0 dBFS), and the peak is the largest I or Q.
+//! Lost samples are ignored.
 //!
-//! **Memory**: the board's rows, [`View::rows`] times [`View::columns`] times 4 bytes, a sweep, and a picture of at most
-//! [`MOST_PIXELS`]; nothing grows with a capture's length. **Cost** in the capture: a pass over the samples of each burst, and a message of
-//! some 300 bytes, and that only while somebody follows; in the follower a profile a sweep. Who looks copies under a lock that the follower takes once a
-//! sweep and the capture never.
+//! **Memory**: the board's rows ([`View::rows`] times [`View::columns`] times 4 bytes), one sweep, and a picture of at
+//! most [`MAX_PIXELS`]; it does not grow with time. **Cost** in the capture, only while a viewer is attached: one pass
+//! over the samples of each burst and a message of some 300 bytes. The follower computes one profile per sweep. Viewers
+//! copy the state under a lock that the follower takes once per sweep and the capture never takes.
 
 mod board;
 mod follow;
@@ -25,8 +26,8 @@ mod level;
 mod picture;
 mod step;
 
-pub use board::{Board, Row, Status};
-pub use follow::{Follower, LiveSweep, View};
+pub use board::{LiveState, Row, Status};
+pub use follow::{LiveSweep, SweepAssembler, View};
 pub use level::Level;
-pub use picture::{MOST_PIXELS, Picture};
+pub use picture::{MAX_PIXELS, Picture};
 pub use step::{Counts, LiveStep};

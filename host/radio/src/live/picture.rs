@@ -1,36 +1,36 @@
-//! An image as it forms.
+//! Live image in display levels.
 
-/// Pixels that a picture has at most: what is larger is to be reduced first.
-pub const MOST_PIXELS: usize = 1 << 20;
+/// Maximum number of pixels of a picture. Larger images must be reduced first.
+pub const MAX_PIXELS: usize = 1 << 20;
 
-/// An image in levels, rows of y ascending.
+/// Image in levels, rows by ascending y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Pixels a row.
+    /// Number of pixels per row.
     pub columns: usize,
-    /// Where the outermost columns are, metres.
+    /// x of the first and last columns, metres.
     pub x_m: [f64; 2],
-    /// Where the outermost rows are, metres.
+    /// y of the first and last rows, metres.
     pub y_m: [f64; 2],
-    /// Level of each pixel, 20 log10 of its magnitude, a row after the other.
+    /// Level of each pixel, `20 log10` of its magnitude, dB; row by row.
     pub levels_db: Vec<f32>,
-    /// Pulses that it is of.
+    /// Number of pulses in the image.
     pub pulses: u64,
 }
 
 impl Picture {
-    /// Rows.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.levels_db.len() / self.columns.max(1)
     }
 
-    /// Whether it has rows of equal length, and no more pixels than are kept.
+    /// Whether all rows have equal length and there are at most [`MAX_PIXELS`] pixels.
     pub fn is_whole(&self) -> bool {
         let count = self.levels_db.len();
-        self.columns > 0 && count.is_multiple_of(self.columns) && count <= MOST_PIXELS
+        self.columns > 0 && count.is_multiple_of(self.columns) && count <= MAX_PIXELS
     }
 
-    /// Its highest level, dB; `None` without one.
+    /// Highest finite level, dB; `None` if there is none.
     pub fn highest_db(&self) -> Option<f32> {
         let finite = self.levels_db.iter().copied().filter(|db| db.is_finite());
         finite.reduce(f32::max)

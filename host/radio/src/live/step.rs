@@ -1,48 +1,48 @@
-//! A step as the capture tells it while it runs.
+//! Message from the capture to the live view, one per step.
 
 use super::level::Level;
 use crate::tone::Mixed;
 
-/// What has been counted since a capture began, in the order of its summary.
+/// Counters since the start of a capture, in the order of its summary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Steps taken.
+    /// Number of steps captured.
     pub steps: u64,
-    /// Of them late, with lost samples, unsteady, clipped, unlocked.
+    /// Steps flagged late, with lost samples, unsteady, clipped, unlocked.
     pub flagged: [u64; 5],
-    /// Bursts asked for.
+    /// Bursts requested from the radio.
     pub bursts: u64,
-    /// Overflows, underflows, late commands, lost packets, gone.
+    /// Overruns, underruns, late commands, lost packets, disconnections.
     pub events: [u64; 5],
-    /// Samples of a channel that did not come.
+    /// Lost samples per channel.
     pub lost_samples: u64,
-    /// How often the radio waited for the disk.
+    /// Number of times that the radio waited for the disk.
     pub waits: u64,
     /// Bursts in the queue to the disk.
     pub queue: usize,
-    /// As many as it holds.
+    /// Capacity of that queue, bursts.
     pub queue_holds: usize,
-    /// Steps that were not shown.
+    /// Steps dropped from the live view.
     pub not_shown: u64,
     /// Sweeps that began later than the plan's interval.
     pub late_sweeps: u64,
 }
 
-/// A step of a capture, and how the capture stands.
+/// Step of a capture, with the counters of the capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LiveStep {
     /// Index of the sweep.
     pub sweep: u64,
     /// Index of the carrier.
     pub step: usize,
-    /// Device time of its first sample, seconds.
+    /// Device time of the first sample, seconds.
     pub time_s: f64,
-    /// What its burst came to; `None` if nothing of it came.
+    /// Mixed result of the burst; `None` if all its samples are lost.
     pub mixed: Option<Mixed>,
-    /// Of reference and echo.
+    /// Levels of reference and echo.
     pub levels: [Level; 2],
-    /// Whether it is late, has lost samples, is unsteady, clipped, unlocked.
+    /// Flags: late, lost samples, unsteady, clipped, unlocked.
     pub flagged: [bool; 5],
-    /// Since the capture began, this step included.
+    /// Counters since the start of the capture, this step included.
     pub counts: Counts,
 }

@@ -1,4 +1,4 @@
-//! The keys of a plan, and the plan that they make.
+//! TOML keys of a stepped-frequency capture plan.
 
 use subaperture_describe::Description;
 use subaperture_describe::error::Found;
@@ -20,7 +20,7 @@ pub(crate) static TOP: Section = Section {
         "name",
         Kind::Text,
         Need::Default("\"capture\""),
-        "A name for titles and records.",
+        "Name of the capture, for titles and records.",
     )],
 };
 
@@ -33,37 +33,37 @@ pub(crate) static PLAN: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "The carriers, how long at each, in which order, how often.",
+    doc: "Carriers, dwell time, order and repetition of the sweeps.",
     keys: &[
         Key::new(
             "start",
             FREQUENCY,
             Need::Required("\"1.1 GHz\""),
-            "The first carrier.",
+            "First carrier.",
         ),
         Key::new(
             "stop",
             FREQUENCY,
             Need::Required("\"1.3 GHz\""),
-            "The end of the last carrier's step: resolution is c / (2 (stop - start)).",
+            "Upper edge of the last carrier's step. Range resolution is c / (2 (stop - start)).",
         ),
         Key::new(
             "steps",
             Kind::Count(1, 1 << 16),
             Need::Required("50"),
-            "Carriers a sweep: ranges repeat after this many times the resolution.",
+            "Carriers per sweep. The unambiguous range is this many times the resolution.",
         ),
         Key::new(
             "avoid",
             Kind::Rows(&[Dimension::Frequency, Dimension::Frequency], 1),
             Need::Optional("[\"1.164 GHz, 1.188 GHz\"]"),
-            "Bands in which nothing is sent, each from and to: carriers whose step reaches into one are left out, up to a third, and profiles fill them.",
+            "Bands without transmission, each as lower and upper edge. Carriers whose step overlaps a band are skipped, at most a third of all, and interpolated in range profiles.",
         ),
         Key::new(
             "order",
             Kind::Choice(&["up", "down", "up-down", "shuffled"]),
             Need::Default("\"up\""),
-            "The order of carriers; up-down turns at the ends, shuffled is another each sweep.",
+            "Order of the carriers. up-down alternates from sweep to sweep; shuffled is a new random order each sweep.",
         ),
         Key::new(
             "seed",
@@ -75,56 +75,56 @@ pub(crate) static PLAN: Section = Section {
             "dwell",
             TIME,
             Need::Default("\"1 ms\""),
-            "Time recorded at each carrier.",
+            "Recording time at each carrier.",
         ),
         Key::new(
             "tone",
             FREQUENCY,
             Need::Default("\"125 kHz\""),
-            "The tone above its carrier; the sample rate is a whole multiple of it, 3 or more.",
+            "Offset of the tone above its carrier (IF). The sample rate must be a whole multiple of it, at least 3 times.",
         ),
         Key::new(
             "amplitude",
             Kind::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
             Need::Default("0.7"),
-            "Amplitude of the tone, of the converter's full scale.",
+            "Amplitude of the tone, relative to the converter's full scale.",
         ),
         Key::new(
             "sweeps",
             Kind::Count(0, u64::MAX),
             Need::Default("1"),
-            "Sweeps; 0 until stopped.",
+            "Number of sweeps; 0 runs until stopped.",
         ),
         Key::new(
             "pri",
             TIME_OR_NONE,
             Need::Default("\"0 s\""),
-            "From sweep to sweep; 0 for one after another.",
+            "Sweep repetition interval; 0 for back-to-back sweeps.",
         ),
         Key::new(
             "lead",
             TIME,
             Need::Default("\"1 ms\""),
-            "From a burst's command to the burst: what the command takes to the device.",
+            "Lead time from a burst's command to its start, for the command to reach the device.",
         ),
         Key::new(
             "steady",
             Kind::Quantity(Dimension::Ratio, Bounds::Positive),
             Need::Default("0.02"),
-            "A reference is steady if its amplitude differs by no more than this part, and its phase from a straight line by no \
-             more than this many radians.",
+            "Settling threshold of the reference tone: largest relative deviation of its amplitude, and largest deviation of its phase \
+             from a straight line in radians.",
         ),
         Key::new(
             "bursts",
             Kind::Count(1, 1000),
             Need::Default("8"),
-            "Bursts at a carrier, at most, until the reference is steady; the last is kept and marked.",
+            "Maximum number of bursts at a carrier until the reference is steady. If it never is, the last burst is kept and flagged.",
         ),
         Key::new(
             "reference",
             Kind::Choice(&["loopback", "leakage"]),
             Need::Default("\"loopback\""),
-            "What phases are referred to: the transmitter by a cable to receiver 0, or heard directly by both receivers' antennas.",
+            "Phase reference: a loopback cable from the transmitter to receiver 0, or the direct leakage received by both antennas.",
         ),
     ],
 };
@@ -134,25 +134,25 @@ pub(crate) static ANTENNAS: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "Where the antennas are on what carries them: x forward, y left, z up. The leakage as the reference needs it.",
+    doc: "Antenna positions on the body: x forward, y left, z up. Required with a leakage reference.",
     keys: &[
         Key::new(
             "transmitter",
             Kind::Vector(Dimension::Length),
             Need::Required("\"0, 0, 0 m\""),
-            "The antenna that sends.",
+            "Transmit antenna.",
         ),
         Key::new(
             "receiver_0",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"20, 0, 0 cm\""),
-            "That of receiver 0; with a loop there is none.",
+            "Antenna of receiver 0; unused with a loopback reference.",
         ),
         Key::new(
             "receiver_1",
             Kind::Vector(Dimension::Length),
             Need::Required("\"30.7, 0, 0 cm\""),
-            "That of receiver 1.",
+            "Antenna of receiver 1.",
         ),
     ],
 };
@@ -162,19 +162,19 @@ pub(crate) static RADIO: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "What the radio is set to.",
+    doc: "Radio settings.",
     keys: &[
         Key::new(
             "master_clock",
             FREQUENCY,
             Need::Default("\"16 MHz\""),
-            "Its master clock.",
+            "Master clock rate.",
         ),
         Key::new(
             "sample_rate",
             FREQUENCY,
             Need::Default("\"1 MHz\""),
-            "Complex samples a second, both ways.",
+            "Complex sample rate of transmitter and receivers.",
         ),
         Key::new(
             "bandwidth",
@@ -186,7 +186,7 @@ pub(crate) static RADIO: Section = Section {
             "transmit_gain",
             Kind::Quantity(Dimension::Level, Bounds::NotNegative),
             Need::Default("\"60 dB\""),
-            "Gain of the transmitter.",
+            "Transmit gain.",
         ),
         Key::new(
             "reference_gain",
@@ -204,41 +204,41 @@ pub(crate) static RADIO: Section = Section {
             "transmit_antenna",
             Kind::Text,
             Need::Default("\"TX/RX\""),
-            "The transmitter's port.",
+            "Transmit port.",
         ),
         Key::new(
             "reference_antenna",
             Kind::Text,
             Need::Default("\"RX2\""),
-            "Receiver 0's port.",
+            "Port of receiver 0.",
         ),
         Key::new(
             "receive_antenna",
             Kind::Text,
             Need::Default("\"RX2\""),
-            "Receiver 1's port.",
+            "Port of receiver 1.",
         ),
         Key::new(
             "clock",
             Kind::Choice(&["internal", "external", "gpsdo"]),
             Need::Default("\"internal\""),
-            "What frequencies come from.",
+            "Source of the reference clock.",
         ),
         Key::new(
             "pps",
             Kind::Choice(&["internal", "external", "gpsdo"]),
             Need::Default("\"internal\""),
-            "What times come from.",
+            "Source of the pulse per second, which defines device time.",
         ),
     ],
 };
 
 static SCHEMA: Schema = Schema {
     sections: &[&TOP, &PLAN, &ANTENNAS, &RADIO],
-    introduction: "A plan of a capture is TOML.",
+    introduction: "A capture plan is a TOML file.",
 };
 
-/// Every key with its kind, default and explanation, as text.
+/// Reference text of all keys, with type, default and description.
 pub fn reference() -> String {
     SCHEMA.reference()
 }
@@ -250,20 +250,21 @@ pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
     Ok(built)
 }
 
-/// The plan of a text that may have more sections.
+/// Build the plan of a description that may have more sections.
 pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
     let (plan, radio) = (top.section("plan"), top.section("radio"));
     let (start_hz, stop_hz) = (plan.number("start"), plan.number("stop"));
     if stop_hz <= start_hz {
         return Err(vec![plan.fault(
             "stop",
-            "the stop has to be above the start: exchange them, and say order = \"down\"",
+            "expected a stop frequency above the start: exchange them, and set order = \"down\"",
         )]);
     }
     let avoid = plan.optional_rows("avoid").unwrap_or_default();
     let avoid: Vec<(f64, f64)> = avoid.iter().map(|row| (row[0], row[1])).collect();
     if avoid.iter().any(|(from_hz, to_hz)| to_hz <= from_hz) {
-        let what = "a band to avoid is from and to, and to is above from";
+        let what =
+            "expected the lower and upper edges of a band, where the upper edge is above the lower";
         return Err(vec![plan.fault("avoid", what)]);
     }
     let seed = plan.count("seed");
@@ -277,7 +278,7 @@ pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
             if first.is_none() && reference == Reference::Leakage {
                 return Err(vec![places.fault(
                     "receiver_0",
-                    "the leakage as the reference is heard by both receivers: say where receiver 0's antenna is",
+                    "a leakage reference uses both receivers: give the position of receiver 0's antenna",
                 )]);
             }
             Some(Antennas {
@@ -313,7 +314,7 @@ pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
     })
 }
 
-/// What a radio is set to, of its section.
+/// Radio settings of the [radio] section.
 pub(crate) fn configuration(radio: &Values) -> Configuration {
     let source = |key: &str| match radio.text(key) {
         "external" => Source::External,

@@ -1,27 +1,35 @@
-//! What cables, channels and the empty scene do, measured once and kept as a file with its date.
+//! Calibration of cables, channels and the empty scene, stored in a file with its date.
 //!
-//! Two captures make it: one of nothing (the sky), and one with one reflector in a place that was measured with a tape.
+//! A calibration needs two captures: one of the empty scene (the sky), and one with a reflector at a position measured
+//! by tape.
 //!
-//! **With a loop.** The sky holds the leakage from antenna to antenna. With `s_n` of the sky and the reflector's echo `a exp(-j 2 pi f_n (2 R / c + d))` in what is left,
+//! **Loopback reference.** The sky capture contains the leakage from antenna to antenna. With the sky's response `s_n`,
+//! and the reflector's echo `a exp(-j 2 pi f_n (2 R / c + d))` in the difference,
 //!
 //! ```text
 //! calibrated z_n = (z_n - s_n) exp(+j 2 pi f_n d) / a
 //! ```
 //!
-//! so that ranges count from where the tape began, and amplitudes are relative to that reflector's. `d` is the delay of the antenna's cables
-//! less that of the loop; `a` is read at the peak, so that channels' gains and phases are in it. The sky is taken off where its leakage stays what it was.
+//! so that ranges start at the tape's zero, and amplitudes are relative to that reflector. `d` is the delay of the
+//! antenna cables minus that of the loopback cable. `a` is read at the peak, and so contains the channels' gains and
+//! phases. Subtracting the sky requires that its leakage has not changed.
 //!
-//! **With the leakage as the reference** the sky is the leakage's own shape in both receivers ([`super::leakage::Leakage::shapes`]), of phases such that
-//! receiver 0's is its delay's, by the antennas' places. Echoes over it are free of cables, gains and phases that they share with it: both receivers' zeros are those of the antennas' phase
-//! centres. What antennas send sideways they send with another phase than ahead, and what differs between the receivers in it is in `d` and `a` of each, by the reflector:
+//! **Leakage reference.** The sky capture is the frequency response of the leakage in both receivers
+//! ([`super::leakage::Leakage::shapes`]), with phases such that receiver 0's response has the delay given by the
+//! antenna positions. Dividing the echoes by it cancels cables, gains and phases that they share with the leakage:
+//! range zero of each receiver is then at its antenna's phase centre. An antenna's phase differs between the sideways
+//! and forward directions; this remainder, which differs between the receivers, is in each receiver's `d` and `a`,
+//! measured by the reflector:
 //!
 //! ```text
 //! calibrated z_i,n = z_i,n exp(+j 2 pi f_n d_i) / a_i
 //! ```
 //!
-//! Neglected: gains that change with frequency, and reflectors' phases: a trihedral's is that of a point at its apex.
+//! Neglected: the change of gains with frequency, and the reflector's phase. A trihedral has the phase of a point at
+//! its apex.
 //!
-//! It holds for the carriers, the tone, the gains, the ports, the reference and the antennas' places it was made with, and is refused for others.
+//! A calibration is valid for the carriers, tone, gains, ports, reference and antenna positions with which it was
+//! measured, and is refused for others.
 
 use std::io::Write;
 use std::path::Path;
@@ -30,6 +38,8 @@ use glam::DVec3;
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 use subaperture_io::atomic::{WriteError, write_atomically};
+use subaperture_io::input::open_file;
+use subaperture_io::json::{self, Limits};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::phasor;
 use subaperture_signal::window::Window;
@@ -37,39 +47,44 @@ use subaperture_signal::window::Window;
 use super::error::{CalibrationError, ProfileError};
 use super::fits::differs;
 use super::gaps;
-use super::leakage::{Leakage, MOST_REACH, Solver};
+use super::leakage::{Leakage, MAX_REACH, Solver};
 use super::sweep::{Steps, Sweep};
 use super::transform::Peak;
 use crate::antennas::{Antennas, Reference};
 use crate::sigmf::Setup;
 
-/// Longest file that is read, bytes.
-const LONGEST_BYTES: u64 = 16 << 20;
+/// Limits on a calibration file: two receivers with at most 65536 carriers each.
+const LIMITS: Limits = Limits {
+    bytes: 16 << 20,
+    string_bytes: 64 << 10,
+    value_bytes: 0,
+};
 
-/// What was measured.
+/// Calibration of a radio set-up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// When, as whoever made it writes dates.
+    /// Date of the measurement, in the caller's format.
     pub date: String,
-    /// With what.
+    /// Set-up with which it was measured.
     pub setup: Setup,
-    /// Of each receiver with an antenna ([`Reference::receivers`]).
+    /// Calibration of each receiver with an antenna ([`Reference::receivers`]).
     pub receivers: Vec<Receiver>,
 }
 
-/// Of a receiver.
+/// Calibration of one receiver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Receiver {
-    /// Delay to be taken off, seconds.
+    /// Delay to subtract, seconds.
     pub delay_s: f64,
-    /// Amplitude of the reflector, real and imaginary part.
+    /// Complex amplitude of the reflector, real and imaginary parts.
     pub amplitude: [f64; 2],
-    /// The empty scene, real and imaginary part of each carrier.
+    /// Response of the empty scene at each carrier, real and imaginary parts.
     pub sky: Vec<[f64; 2]>,
 }
 
 impl Receiver {
-    /// Of a sweep without the sky's part, which has a reflector's echo after `path_m` from the transmitter to it and to the receiver; the strongest within `search_m` of half of that.
+    /// Calibrate a receiver with a sweep from which the sky is subtracted. The reflector's path from transmitter to
+    /// reflector to receiver is `path_m`; its echo is the strongest within `search_m` of half that path.
     fn of(
         sweep: &Sweep,
         sky: &[Complex64],
@@ -86,16 +101,17 @@ impl Receiver {
             return Err(CalibrationError::NotSeen { range_m }.into());
         };
         let delay_s = 2.0 * (peak.range_m - range_m) / SPEED_OF_LIGHT_M_S;
-        // What the echo is late by in all: with the phase of that taken off, carriers are in step at the peak, and their mean is its amplitude.
+        // Total delay of the echo. After its phase is removed, all carriers are in phase at the peak, and their
+        // weighted mean is the amplitude.
         let late_s = path_m / SPEED_OF_LIGHT_M_S + delay_s;
         let values = sweep.filled(reach_m)?;
         let weights = Window::default().weights(values.len());
-        let in_step = values
+        let in_phase = values
             .iter()
             .zip(&weights)
             .enumerate()
             .map(|(n, (z, weight))| z * phasor(sweep.frequency_hz(n) * late_s) * weight);
-        let amplitude = in_step.sum::<Complex64>() / weights.iter().sum::<f64>();
+        let amplitude = in_phase.sum::<Complex64>() / weights.iter().sum::<f64>();
         Ok(Self {
             delay_s,
             amplitude: [amplitude.re, amplitude.im],
@@ -103,12 +119,12 @@ impl Receiver {
         })
     }
 
-    /// The empty scene at each carrier.
+    /// Response of the empty scene at each carrier.
     fn sky(&self) -> impl Iterator<Item = Complex64> {
         self.sky.iter().map(|z| Complex64::new(z[0], z[1]))
     }
 
-    fn taken_off(&self, sweep: &Sweep) -> Sweep {
+    fn corrected(&self, sweep: &Sweep) -> Sweep {
         let amplitude = Complex64::new(self.amplitude[0], self.amplitude[1]);
         let value = |(n, value): (usize, &Option<Complex64>)| {
             value.map(|z| z * phasor(sweep.frequency_hz(n) * self.delay_s) / amplitude)
@@ -121,11 +137,12 @@ impl Receiver {
 }
 
 impl Calibration {
-    /// With a loop: of a sweep of the sky and one with a reflector at `range_m`, half of the way from the transmitter to it and to the receiver; the strongest within
-    /// `search_m` of there, and what cables add must be less.
+    /// Measure a calibration with a loopback reference from a sweep of the sky and a sweep with a reflector. `range_m`
+    /// is half the path from transmitter to reflector to receiver. The strongest echo within `search_m` of it is used;
+    /// the delay of the cables must be smaller than that.
     ///
     /// # Errors
-    /// If a sweep has too many gaps, or no reflector is seen.
+    /// If a sweep has too many gaps, or the reflector is not visible.
     pub fn measure(
         date: &str,
         setup: &Setup,
@@ -149,10 +166,12 @@ impl Calibration {
         })
     }
 
-    /// With the leakage as the reference: of the steps of the sky and of a reflector at `place_m` in the body's axes.
+    /// Measure a calibration with a leakage reference from the steps of the sky and of a reflector at `place_m` in body
+    /// axes, metres.
     ///
     /// # Errors
-    /// If the antennas' places are not known, a sweep has too many gaps, the leakage is nothing somewhere, or no reflector is seen.
+    /// If the antenna positions are unknown, a sweep has too many gaps, the leakage is zero at a carrier, or the
+    /// reflector is not visible.
     pub fn measure_leakage(
         date: &str,
         setup: &Setup,
@@ -163,12 +182,12 @@ impl Calibration {
     ) -> Result<Self, ProfileError> {
         let Some(antennas) = setup.antennas else {
             return Err(ProfileError::Options(
-                "a calibration of the leakage wants the antennas' places, and the recording does not say them: add [antennas] to the plan".to_owned(),
+                "a leakage calibration needs the antenna positions, which the recording does not contain: add [antennas] to the plan".to_owned(),
             ));
         };
         let shapes = shapes(&antennas, sky)?;
         let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
-        let reach_m = MOST_REACH * unambiguous_m;
+        let reach_m = MAX_REACH * unambiguous_m;
         let leakage = Leakage {
             delays_s: [0, 1].map(|i| antennas.direct_s(i)),
             shapes: Some(shapes.clone()),
@@ -187,27 +206,29 @@ impl Calibration {
         })
     }
 
-    /// With a loop: a sweep without cables, channels and the empty scene.
+    /// Apply a calibration with a loopback reference: subtract the empty scene, and remove the delay and gain of cables
+    /// and channels.
     ///
     /// # Errors
-    /// If it was made with another set-up.
+    /// If the calibration was made with another set-up.
     pub fn apply(&self, setup: &Setup, sweep: &Sweep) -> Result<Sweep, CalibrationError> {
         self.check(setup)?;
         let [receiver] = self.receivers.as_slice() else {
             return Err(CalibrationError::Other {
                 date: self.date.clone(),
-                what: "the leakage as the reference, and this is one receiver's sweep by a loop"
-                    .to_owned(),
+                what:
+                    "a leakage reference, but this sweep of one receiver has a loopback reference"
+                        .to_owned(),
             });
         };
         let mut echo = sweep.clone();
         for (value, sky) in echo.values.iter_mut().zip(receiver.sky()) {
             *value = value.map(|z| z - sky);
         }
-        Ok(receiver.taken_off(&echo))
+        Ok(receiver.corrected(&echo))
     }
 
-    /// The leakage's shape in both receivers, if it is of that.
+    /// Frequency response of the leakage in both receivers; `None` for a calibration with a loopback reference.
     pub fn shapes(&self) -> Option<[Vec<Complex64>; 2]> {
         match self.receivers.as_slice() {
             [first, second] => Some([first, second].map(|receiver| receiver.sky().collect())),
@@ -215,18 +236,18 @@ impl Calibration {
         }
     }
 
-    /// With the leakage as the reference: what receiver `i` sees, without what is its own.
+    /// Apply a calibration with a leakage reference: remove the delay and gain of receiver `i`.
     ///
     /// # Panics
-    /// If it is of no such receiver.
+    /// If the calibration has no receiver `i`.
     pub fn apply_to(&self, i: usize, sweep: &Sweep) -> Sweep {
-        self.receivers[i].taken_off(sweep)
+        self.receivers[i].corrected(sweep)
     }
 
-    /// Whether it was made with this set-up.
+    /// Check that the calibration was made with this set-up.
     ///
     /// # Errors
-    /// What differs.
+    /// [`CalibrationError::Other`] with the first difference.
     pub fn check(&self, setup: &Setup) -> Result<(), CalibrationError> {
         match differs(&self.setup, setup) {
             None => Ok(()),
@@ -237,10 +258,10 @@ impl Calibration {
         }
     }
 
-    /// Writes it as JSON.
+    /// Write the calibration as a JSON file.
     ///
     /// # Errors
-    /// If the disk refuses.
+    /// If writing fails.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         write_atomically(path, 0, |file| {
             serde_json::to_writer_pretty(&mut *file, self)?;
@@ -248,33 +269,25 @@ impl Calibration {
         })
     }
 
-    /// Reads it.
+    /// Read a calibration file.
     ///
     /// # Errors
-    /// If it cannot be read, or is none.
+    /// If the file cannot be read or is not a valid calibration.
     pub fn read(path: &Path) -> Result<Self, CalibrationError> {
         let fault = |what: String| CalibrationError::File {
             path: path.display().to_string(),
             what,
         };
-        let length = std::fs::metadata(path)
-            .map_err(|error| fault(error.to_string()))?
-            .len();
-        if length > LONGEST_BYTES {
-            return Err(fault(format!(
-                "{length} bytes are too many for a calibration"
-            )));
-        }
-        let text = std::fs::read(path).map_err(|error| fault(error.to_string()))?;
-        let read: Self = serde_json::from_slice(&text)
-            .map_err(|error| fault(format!("no calibration: {error}")))?;
+        let file = open_file(path).map_err(|error| fault(error.to_string()))?;
+        let read: Self = json::typed(file, LIMITS)
+            .map_err(|error| fault(format!("invalid calibration: {error}")))?;
         let whole = |receiver: &Receiver| {
             receiver.sky.len() == read.setup.steps && receiver.amplitude != [0.0; 2]
         };
         let count = read.setup.reference.receivers().len();
         if read.receivers.len() != count || !read.receivers.iter().all(whole) {
             return Err(fault(
-                "a calibration has of each receiver a value of the sky for each carrier, and an amplitude"
+                "invalid calibration: expected, for each receiver, a sky value for every carrier and a non-zero amplitude"
                     .to_owned(),
             ));
         }
@@ -282,13 +295,13 @@ impl Calibration {
         if read.setup.reference == Reference::Leakage
             && read.receivers.iter().any(|it| it.sky().any(nothing))
         {
-            return Err(fault("a leakage of nothing is no reference".to_owned()));
+            return Err(fault("invalid calibration: the leakage is zero at a carrier, and cannot be the reference".to_owned()));
         }
         Ok(read)
     }
 }
 
-/// Of the sky's steps, the leakage of both receivers with the phases that receiver 0's delay has.
+/// Leakage of both receivers from the sky's steps, with phases such that receiver 0 has its geometric delay.
 fn shapes(antennas: &Antennas, sky: &Steps) -> Result<[Vec<Complex64>; 2], ProfileError> {
     let [first, second] = [0, 1].map(|i| {
         let mut shape = sky.over(Reference::Leakage);
@@ -303,14 +316,15 @@ fn shapes(antennas: &Antennas, sky: &Steps) -> Result<[Vec<Complex64>; 2], Profi
     });
     let filled = |shape: Sweep| {
         shape.check()?;
-        // The direct way, and what cables differ by, are near 0.
+        // The direct wave and the differences of the cables have delays near zero.
         let reach_m = 0.25 * SPEED_OF_LIGHT_M_S / (2.0 * shape.step_hz);
         gaps::fill(&shape.values, shape.step_hz, reach_m).map_err(ProfileError::Options)
     };
     let shapes = [filled(first)?, filled(second)?];
     if shapes.iter().flatten().any(|z| *z == Complex64::ZERO) {
         return Err(ProfileError::Leakage(
-            "no leakage is heard in the sky's capture: are both antennas connected?".to_owned(),
+            "no leakage received in the sky capture: check that both antennas are connected"
+                .to_owned(),
         ));
     }
     Ok(shapes)

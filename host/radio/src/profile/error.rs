@@ -1,63 +1,63 @@
-//! Why there is no profile, and why a calibration is of no use.
+//! Errors of range profiles and calibrations.
 
 use crate::sigmf::SigmfError;
 
-/// Why there is no profile.
+/// Reason why no range profile could be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// The recording cannot be read.
     #[error(transparent)]
     Recording(#[from] SigmfError),
-    /// It has no such sweep.
+    /// The recording does not contain this sweep.
     #[error("the recording has no sweep {0}")]
     NoSweep(u64),
-    /// Too little is left of a sweep.
+    /// Too few usable steps in a sweep.
     #[error(
-        "{left} of {steps} steps are usable, and a profile needs two of three: {}",
-        "record again, or look at another sweep"
+        "{left} of {steps} steps are usable; expected at least two thirds: {}",
+        "record again, or choose another sweep"
     )]
     TooFew {
-        /// Steps left.
+        /// Number of usable steps.
         left: usize,
-        /// Steps of a sweep.
+        /// Number of steps per sweep.
         steps: usize,
     },
-    /// What was asked for makes no sense.
+    /// The options are invalid or do not fit the recording, with the reason.
     #[error("{0}")]
     Options(String),
-    /// The leakage is no reference here.
+    /// The leakage cannot serve as the reference.
     #[error("{0}")]
     Leakage(String),
-    /// The calibration is of something else.
+    /// Invalid or unsuitable calibration.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
 }
 
-/// Why a calibration is of no use.
+/// Reason why a calibration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationError {
-    /// It was made with another set-up.
-    #[error("the calibration of {date} was made with {what}: calibrate anew")]
+    /// The calibration was made with another set-up.
+    #[error("the calibration of {date} was made with {what}: calibrate again")]
     Other {
-        /// Its date.
+        /// Date of the calibration.
         date: String,
-        /// What differs, and how.
+        /// Difference between the set-ups.
         what: String,
     },
-    /// Nothing is seen of the reflector.
+    /// The reflector is not visible.
     #[error(
-        "no reflector is seen near {range_m} m: is it there, and larger than what else reflects?"
+        "no reflector found near {range_m} m: check its position, and that it is stronger than other echoes"
     )]
     NotSeen {
-        /// Where it should be.
+        /// Range at which the reflector was expected, metres.
         range_m: f64,
     },
-    /// The file.
+    /// The file cannot be read or is invalid.
     #[error("{path}: {what}")]
     File {
-        /// Its path.
+        /// Path of the file.
         path: String,
-        /// What is wrong.
+        /// Fault of the file.
         what: String,
     },
 }

@@ -1,19 +1,24 @@
-//! Whether two set-ups are one, as far as a calibration goes.
+//! Comparison of the set-up of a calibration with that of a capture.
 
 use crate::antennas::Antennas;
 use crate::sigmf::Setup;
 
-/// Farthest that an antenna may be from where it was, metres: half a degree of phase at 1.5 GHz.
+/// Largest shift of an antenna accepted, metres; half a degree of phase at 1.5 GHz.
 const MOVED_M: f64 = 3e-4;
 
-/// The first thing in which what a calibration was made with differs from what it is to be used with, in words.
+/// First difference between the set-up of a calibration and that of a capture, in words; `None` if they match.
 pub(super) fn differs(own: &Setup, asked: &Setup) -> Option<String> {
     let numbers = [
         ("a first carrier of", own.start_hz, asked.start_hz, "Hz"),
-        ("steps of", own.step_hz, asked.step_hz, "Hz"),
-        ("a rate of", own.sample_rate_hz, asked.sample_rate_hz, "Hz"),
+        ("a step of", own.step_hz, asked.step_hz, "Hz"),
         (
-            "a transmitting gain of",
+            "a sample rate of",
+            own.sample_rate_hz,
+            asked.sample_rate_hz,
+            "Hz",
+        ),
+        (
+            "a transmit gain of",
             own.transmit_gain_db,
             asked.transmit_gain_db,
             "dB",
@@ -25,19 +30,19 @@ pub(super) fn differs(own: &Setup, asked: &Setup) -> Option<String> {
             "dB",
         ),
         (
-            "a receiving gain of",
+            "a receive gain of",
             own.receive_gain_db[1],
             asked.receive_gain_db[1],
             "dB",
         ),
         (
-            "carriers numbering",
+            "a number of carriers of",
             own.steps as f64,
             asked.steps as f64,
             "",
         ),
         (
-            "samples a period of the tone numbering",
+            "a tone period in samples of",
             own.period as f64,
             asked.period as f64,
             "",
@@ -45,9 +50,9 @@ pub(super) fn differs(own: &Setup, asked: &Setup) -> Option<String> {
     ];
     for (what, of, asked, unit) in numbers {
         let alike = (of - asked).abs() <= 1e-9 * of.abs();
-        // A number that is none is like nothing.
+        // A NaN differs from every number.
         if !alike {
-            return Some(format!("{what} {of} {unit}, and this has {asked}"));
+            return Some(format!("{what} {of} {unit}, but this set-up has {asked}"));
         }
     }
     if own.hardware != asked.hardware || own.receive_antennas != asked.receive_antennas {
@@ -58,11 +63,15 @@ pub(super) fn differs(own: &Setup, asked: &Setup) -> Option<String> {
                 setup.receive_antennas.join(", ")
             )
         };
-        return Some(format!("{}, and this is {}", name(own), name(asked)));
+        return Some(format!(
+            "{}, but this set-up has {}",
+            name(own),
+            name(asked)
+        ));
     }
     if own.reference != asked.reference {
         return Some(format!(
-            "the {} as the reference, and this has the {}",
+            "a {} reference, but this set-up has {}",
             own.reference.name(),
             asked.reference.name()
         ));
@@ -74,11 +83,11 @@ pub(super) fn differs(own: &Setup, asked: &Setup) -> Option<String> {
     };
     match (&own.antennas, &asked.antennas) {
         (Some(own), Some(asked)) if apart_m(own, asked) > MOVED_M => Some(format!(
-            "an antenna {:.4} m from where it is now",
+            "an antenna {:.4} m away from its present position",
             apart_m(own, asked)
         )),
         (Some(_), None) | (None, Some(_)) => {
-            Some("antennas whose places only one of the two plans says".to_owned())
+            Some("antenna positions in only one of the two plans".to_owned())
         }
         _ => None,
     }

@@ -1,4 +1,4 @@
-//! From a sweep's steps to what each receiver's antenna sees of the scene, calibrated.
+//! Calibrated response of the scene in each receiver, from the steps of a sweep.
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
@@ -9,39 +9,41 @@ use super::sweep::{Steps, Sweep};
 use crate::antennas::Reference;
 use crate::sigmf::{Recording, Setup};
 
-/// Part of the unambiguous range that echoes are taken to reach where nothing is said, with a loop and by the leakage.
+/// Default maximum range as fractions of the unambiguous range, with a loopback reference and with a leakage reference.
 const REACH: (f64, f64) = (0.75, 0.45);
 
-/// What ranges are made by.
+/// Options of range processing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// What phases are referred to; what the recording's plan says if `None`.
+    /// Phase reference; `None` uses that of the recording's plan.
     pub reference: Option<Reference>,
-    /// The farthest echoes, metres; three quarters of the unambiguous range if `None`, 45 % of it where the reference is the leakage.
+    /// Maximum range of echoes, metres. Default: three quarters of the unambiguous range with a loopback reference, 45
+    /// % with a leakage reference.
     pub reach_m: Option<f64>,
-    /// What cables, channels and the empty scene do.
+    /// Calibration of cables, channels and empty scene; `None` for none.
     pub calibration: Option<Calibration>,
 }
 
-/// Makes sweeps of steps, one after another.
+/// Range processing: converts steps into calibrated sweeps.
 #[derive(Debug)]
 pub struct Ranging {
     reference: Reference,
     reach_m: f64,
     calibration: Option<Calibration>,
-    /// Where the leakage is the reference.
+    /// Phase estimation with a leakage reference.
     solver: Option<Solver>,
 }
 
 impl Ranging {
-    /// For recordings of a set-up.
+    /// Make range processing for recordings of a set-up.
     ///
     /// # Errors
-    /// Carriers that are too few; a reach beyond what can be told apart; a calibration of another set-up.
+    /// If there are fewer than two carriers, `reach_m` exceeds the unambiguous range, or the calibration belongs to
+    /// another set-up.
     pub fn new(setup: &Setup, options: Options) -> Result<Self, ProfileError> {
         if setup.steps < 2 {
             return Err(ProfileError::Options(
-                "a recording at one carrier, as of chirps: range profiles are made across two carriers and more".to_owned(),
+                "recording at a single carrier, for example of chirps: a range profile needs at least two carriers".to_owned(),
             ));
         }
         let reference = options.reference.unwrap_or(setup.reference);
@@ -53,7 +55,7 @@ impl Ranging {
         let reach_m = options.reach_m.unwrap_or(part * unambiguous_m);
         if !(reach_m > 0.0 && reach_m <= unambiguous_m) {
             return Err(ProfileError::Options(format!(
-                "a reach of {reach_m} m; it is above 0 and no more than {unambiguous_m:.2} m"
+                "reach of {reach_m} m: expected a value above 0 and at most the unambiguous range of {unambiguous_m:.2} m"
             )));
         }
         if let Some(calibration) = &options.calibration {
@@ -75,20 +77,21 @@ impl Ranging {
         })
     }
 
-    /// The farthest echoes, metres.
+    /// Maximum range, metres.
     pub fn reach_m(&self) -> f64 {
         self.reach_m
     }
 
-    /// What phases are referred to.
+    /// Phase reference in use.
     pub fn reference(&self) -> Reference {
         self.reference
     }
 
-    /// A sweep of a recording, of each receiver that has an antenna ([`Reference::receivers`]).
+    /// Read a sweep of a recording, and return the response of each receiver that has an antenna
+    /// ([`Reference::receivers`]).
     ///
     /// # Errors
-    /// As [`Steps::read`] and [`Self::sweeps`].
+    /// Those of [`Steps::read`] and [`Self::sweeps`].
     pub fn read(
         &mut self,
         recording: &mut Recording,
@@ -97,10 +100,10 @@ impl Ranging {
         self.sweeps(&Steps::read(recording, sweep)?)
     }
 
-    /// What each receiver that has an antenna sees.
+    /// Response of each receiver that has an antenna.
     ///
     /// # Errors
-    /// A calibration that does not fit; a leakage that is no reference ([`super::leakage`]).
+    /// If the calibration does not fit, or the leakage cannot serve as the reference ([`super::leakage`]).
     pub fn sweeps(&mut self, steps: &Steps) -> Result<Vec<Sweep>, ProfileError> {
         if let Some(solver) = &mut self.solver {
             let found = solver.solve(steps)?.sweeps;
@@ -115,7 +118,7 @@ impl Ranging {
         }
         let sweep = steps.over(self.reference);
         let calibrated = match &self.calibration {
-            // Whether it fits was seen to at the beginning.
+            // The set-up was checked by `new`.
             Some(calibration) => calibration.apply(&calibration.setup, &sweep)?,
             None => sweep,
         };
@@ -130,7 +133,7 @@ fn solver(
 ) -> Result<Solver, ProfileError> {
     let Some(antennas) = setup.antennas else {
         return Err(ProfileError::Options(
-            "the leakage as the reference wants the antennas' places, and the recording does not say them: add [antennas] to the plan".to_owned(),
+            "a leakage reference needs the antenna positions, which the recording does not contain: add [antennas] to the plan".to_owned(),
         ));
     };
     let leakage = Leakage {

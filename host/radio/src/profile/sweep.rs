@@ -1,4 +1,4 @@
-//! A sweep of a recording: its steps as they were mixed, and the echo over its reference.
+//! Sweep of a recording: mixed steps, and their echo divided by the reference.
 
 use num_complex::Complex64;
 use subaperture_signal::phase::phasor;
@@ -13,24 +13,24 @@ use crate::tone::{Mixed, Tone};
 use crate::transceiver::Sample;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
-/// A reference that is off its tone by more, as [`crate::tone`] measures it, is no reference.
+/// Deviation of the reference from a steady tone ([`crate::tone`]) above which a step is skipped.
 const USELESS: f64 = 0.3;
 
-/// Both channels over the carriers of a sweep, each step but for the phase that its synthesisers had.
+/// Mixed values of both channels over the carriers of a sweep, up to the unknown synthesiser phase of each step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Steps {
-    /// Frequency of step 0, hertz: carrier and tone.
+    /// Frequency of step 0, hertz: carrier plus tone.
     pub start_hz: f64,
-    /// From step to step, hertz.
+    /// Frequency step, hertz.
     pub step_hz: f64,
-    /// What a burst of each carrier came to; `None` where it was left out.
+    /// Mixed burst of each carrier; `None` if skipped.
     pub mixed: Vec<Option<Mixed>>,
-    /// Device times of the middles of these bursts, seconds; 0 where there is none.
+    /// Device times of the middles of the bursts, seconds; 0 if skipped.
     pub times_s: Vec<f64>,
 }
 
 impl Steps {
-    /// No step of a sweep yet.
+    /// Sweep without any steps yet.
     pub fn empty(setup: &Setup) -> Self {
         let band = setup.band();
         Self {
@@ -41,10 +41,11 @@ impl Steps {
         }
     }
 
-    /// Takes a burst of carrier `step` whose middle was at `time_s`, unless it is of no use or a better one is there.
+    /// Add a burst of carrier `step` whose middle is at `time_s`. It is ignored if it is unusable or a steadier one is
+    /// present.
     ///
     /// # Panics
-    /// If there is no such carrier.
+    /// If `step` is out of range.
     pub fn take(&mut self, step: usize, burst: Mixed, time_s: f64) {
         let better = self.mixed[step].is_none_or(|there| burst.unsteady < there.unsteady);
         if burst.whole >= 0.5 && burst.unsteady <= USELESS && better {
@@ -53,12 +54,12 @@ impl Steps {
         }
     }
 
-    /// Mixes every step of a sweep of a recording; the best of several bursts of a carrier.
+    /// Mix every step of a sweep of a recording, keeping the steadiest of several bursts at a carrier.
     ///
     /// # Errors
-    /// If there is no such sweep, or it cannot be read.
+    /// If the sweep does not exist or cannot be read.
     pub fn read(recording: &mut Recording, sweep: u64) -> Result<Self, ProfileError> {
-        // Sweeps follow one another in a recording.
+        // Sweeps are contiguous in a recording.
         let first = recording.steps().partition_point(|step| step.sweep < sweep);
         let end = recording
             .steps()
@@ -83,7 +84,7 @@ impl Steps {
         Ok(steps)
     }
 
-    /// The echo of channel 1 over channel 0, or by itself.
+    /// Channel 1 divided by channel 0; with [`Reference::None`], channel 1 alone.
     pub fn over(&self, reference: Reference) -> Sweep {
         let value = |burst: &Mixed| match reference {
             Reference::None => burst.unreferred,
@@ -99,7 +100,7 @@ impl Steps {
         }
     }
 
-    /// These carriers with no values.
+    /// Sweep with these carriers and no values.
     pub(super) fn empty_sweep(&self) -> Sweep {
         Sweep {
             start_hz: self.start_hz,
@@ -110,25 +111,25 @@ impl Steps {
     }
 }
 
-/// The scene's response over the carriers of a sweep.
+/// Frequency response of the scene over the carriers of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// Frequency of value 0, hertz: carrier and tone.
+    /// Frequency of value 0, hertz: carrier plus tone.
     pub start_hz: f64,
-    /// From value to value, hertz.
+    /// Frequency step, hertz.
     pub step_hz: f64,
-    /// Echo over reference; `None` where a step was left out.
+    /// Echo divided by reference; `None` if the step was skipped.
     pub values: Vec<Option<Complex64>>,
-    /// Device times of the middles of the steps, seconds; 0 where there is none.
+    /// Device times of the middles of the steps, seconds; 0 if skipped.
     pub times_s: Vec<f64>,
 }
 
 impl Sweep {
-    /// Mixes every step of a sweep of a recording: channel 1 over channel 0, or with [`Reference::None`] by itself. What is referred to a leakage is of both
-    /// channels: [`super::Ranging`].
+    /// Read a sweep of a recording: channel 1 divided by channel 0, or alone with [`Reference::None`]. A leakage
+    /// reference needs both channels; see [`super::Ranging`].
     ///
     /// # Errors
-    /// If there is no such sweep, or it cannot be read.
+    /// If the sweep does not exist or cannot be read.
     pub fn read(
         recording: &mut Recording,
         sweep: u64,
@@ -137,12 +138,12 @@ impl Sweep {
         Ok(Steps::read(recording, sweep)?.over(reference))
     }
 
-    /// Carriers that are there.
+    /// Number of usable carriers.
     pub fn usable(&self) -> usize {
         self.values.iter().flatten().count()
     }
 
-    /// The carriers that are there, with their times, seconds of the device's.
+    /// Indices of the usable carriers with their device times, seconds.
     pub fn moments(&self) -> impl Iterator<Item = (usize, f64)> {
         let there = |(n, value): (usize, &Option<Complex64>)| value.map(|_| (n, self.times_s[n]));
         self.values.iter().enumerate().filter_map(there)
@@ -153,8 +154,9 @@ impl Sweep {
         self.start_hz + n as f64 * self.step_hz
     }
 
-    /// The sweep as a radar that stands still would have it: what was `path_m(t)` at the time of each carrier is taken for `path_m` of the first number.
-    /// Exact for what lies where `path_m` is of; of another place the difference of both paths' changes is left.
+    /// Motion-compensated sweep: replaces the path `path_m(t)` at the time of each carrier by the constant path `at_m`,
+    /// metres. Exact for the point to which `path_m` belongs; for other points the difference of the two path changes
+    /// remains.
     #[must_use]
     pub fn compensated(&self, at_m: f64, path_m: impl Fn(f64) -> f64) -> Self {
         let turned = |(n, value): (usize, &Option<Complex64>)| {
@@ -169,10 +171,10 @@ impl Sweep {
         }
     }
 
-    /// Whether it can be filled: two of three carriers are there.
+    /// Check that at least two thirds of the carriers are present, so that gaps can be interpolated.
     ///
     /// # Errors
-    /// How many are.
+    /// [`ProfileError::TooFew`] with the number of usable carriers.
     pub fn check(&self) -> Result<(), ProfileError> {
         let (left, steps) = (self.usable(), self.values.len());
         match 3 * left < 2 * steps {
@@ -181,19 +183,19 @@ impl Sweep {
         }
     }
 
-    /// The response with all carriers, those left out filled as [`gaps`] says for echoes up to `reach_m`.
+    /// Response at all carriers, with missing ones interpolated as in [`gaps`] for echoes up to `reach_m`.
     ///
     /// # Errors
-    /// If more than a third is missing; if `reach_m` is not between 0 and the unambiguous range.
+    /// If more than a third of the carriers is missing, or `reach_m` is not between 0 and the unambiguous range.
     pub fn filled(&self, reach_m: f64) -> Result<Vec<Complex64>, ProfileError> {
         self.check()?;
         gaps::fill(&self.values, self.step_hz, reach_m).map_err(ProfileError::Options)
     }
 
-    /// The range profile, at some `fineness` places a resolution cell, of echoes up to `reach_m`.
+    /// Range profile with `fineness` samples per resolution cell, for echoes up to `reach_m`.
     ///
     /// # Errors
-    /// As [`Self::filled`].
+    /// Those of [`Self::filled`].
     pub fn profile(
         &self,
         window: Window,

@@ -1,8 +1,8 @@
-//! From the response over carriers to a profile over range, and its peaks.
+//! Transform of a frequency response into a range profile, and peak detection.
 //!
-//! The sum is an inverse transform of the weighted values, padded with zeros to `fineness` places a resolution cell, times the carrier's phase at
-//! each range: exact at each place. A peak is the top of the parabola through the squared magnitudes of three places; with 16 places a cell its error is
-//! below a thousandth of a cell for one echo.
+//! The profile is the inverse FFT of the weighted values, zero-padded to `fineness` samples per resolution cell, times
+//! the carrier's phase at each range; it is exact at each sample. A peak is the maximum of the parabola through three
+//! squared magnitudes. With 16 samples per cell its error is below a thousandth of a cell for a single echo.
 
 use num_complex::Complex64;
 use subaperture_fft::Transforms;
@@ -10,26 +10,26 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::phasor;
 use subaperture_signal::window::Window;
 
-/// A complex range profile, from 0 to the unambiguous range.
+/// Complex range profile from 0 to the unambiguous range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// From place to place, metres.
+    /// Sample spacing, metres.
     pub spacing_m: f64,
-    /// A scatterer of amplitude 1 reads 1.
+    /// Complex samples; a scatterer of amplitude 1 has a peak of 1.
     pub values: Vec<Complex64>,
 }
 
-/// A local maximum.
+/// Local maximum of a range profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
-    /// Its range, metres.
+    /// Range, metres.
     pub range_m: f64,
-    /// Its magnitude.
+    /// Magnitude at the peak; 1 for a scatterer of amplitude 1.
     pub magnitude: f64,
 }
 
 impl Profile {
-    /// Of values at `start_hz + n step_hz`.
+    /// Transform values at the frequencies `start_hz + n step_hz`.
     pub fn new(
         values: &[Complex64],
         start_hz: f64,
@@ -57,7 +57,8 @@ impl Profile {
         }
     }
 
-    /// Maxima of at least `least` in magnitude, by range. The profile's ends meet: ranges repeat.
+    /// Maxima with a magnitude of at least `least`, in ascending range. The profile is circular, since ranges are
+    /// ambiguous.
     pub fn peaks(&self, least: f64) -> Vec<Peak> {
         let n = self.values.len();
         let power = |i: usize| self.values[i % n].norm_sqr();
@@ -80,7 +81,7 @@ impl Profile {
         (0..n).filter_map(peak).collect()
     }
 
-    /// The largest magnitude over the mean one: some ten and more where there are echoes, 2 to 4 where there is noise.
+    /// Ratio of the largest to the mean magnitude: about ten or more with echoes, 2 to 4 for noise.
     pub fn contrast(&self) -> f64 {
         let magnitudes = || self.values.iter().map(|z| z.norm());
         magnitudes().fold(0.0, f64::max) * self.values.len() as f64 / magnitudes().sum::<f64>()
@@ -91,10 +92,10 @@ impl Profile {
 mod tests {
     use super::*;
 
-    /// One echo, 50 steps of 4 MHz: it reads its amplitude with its phase at a place on it; without a window the response is Dirichlet's kernel, zero at
-    /// `c / (2 N step)`, 0.7495 m, to both sides, and ranges beyond 37.47 m fold.
+    /// One echo, 50 steps of 4 MHz: a sample at its range has the echo's amplitude. Without a window the response is a
+    /// Dirichlet kernel with zeros `c / (2 N step)`, 0.7495 m, to both sides. Ranges beyond 37.47 m are ambiguous.
     #[test]
-    fn an_echo_reads_its_amplitude_at_its_range_and_nothing_a_resolution_off() {
+    fn profile_has_echo_amplitude_at_its_range_and_zero_one_resolution_away() {
         let unambiguous_m = SPEED_OF_LIGHT_M_S / 8e6;
         let resolution_m = unambiguous_m / 50.0;
         let at = |range_m: f64| {

@@ -1,8 +1,5 @@
-//! The metadata: what holds for all of a recording, and for a step.
+//! SigMF metadata of a recording and of its steps.
 
-use std::collections::BTreeMap;
-
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use subaperture_model::phase_history::Band;
@@ -10,48 +7,48 @@ use subaperture_model::phase_history::Band;
 use crate::antennas::{Antennas, Reference};
 use crate::transceiver::Received;
 
-/// What the name of the steps' keys begins with.
+/// Namespace of the steps' keys.
 pub(super) const SPACE: &str = "subaperture";
-/// Version of SigMF that is written.
+/// SigMF version written.
 pub(super) const VERSION: &str = "1.2.0";
-/// Two channels of 16-bit I and Q side by side.
+/// Two interleaved channels of 16-bit I and Q.
 pub(super) const DATATYPE: &str = "ci16_le";
 
-/// What holds for all steps.
+/// Parameters common to all steps of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
-    /// A name.
+    /// Name of the recording.
     pub name: String,
-    /// The device: kind and serial number.
+    /// Device: product and serial number.
     pub hardware: String,
-    /// Complex samples a second.
+    /// Sample rate, samples per second.
     pub sample_rate_hz: f64,
-    /// Samples a period of the tone.
+    /// Samples per period of the tone.
     pub period: usize,
-    /// Samples a step.
+    /// Number of samples per step and channel.
     pub samples: usize,
     /// First carrier, hertz.
     pub start_hz: f64,
-    /// From carrier to carrier, hertz.
+    /// Carrier spacing, hertz.
     pub step_hz: f64,
-    /// Carriers a sweep.
+    /// Number of carriers per sweep.
     pub steps: usize,
-    /// Gain of the transmitter, dB.
+    /// Transmit gain, dB.
     pub transmit_gain_db: f64,
-    /// Gains of the receivers, dB.
+    /// Gains of receivers 0 and 1, dB.
     pub receive_gain_db: [f64; 2],
-    /// Ports of the receivers.
+    /// Ports of receivers 0 and 1.
     pub receive_antennas: [String; 2],
-    /// What phases are referred to.
+    /// Signal that the echo is divided by.
     #[serde(default)]
     pub reference: Reference,
-    /// Where the antennas are, if the plan said so.
+    /// Antenna positions, if the plan contains them.
     #[serde(default)]
     pub antennas: Option<Antennas>,
 }
 
 impl Setup {
-    /// Frequencies of what a sweep comes to: carriers, each with the tone.
+    /// Frequencies of a sweep's response: carriers plus the tone.
     pub fn band(&self) -> Band {
         Band {
             start_hz: self.start_hz + self.sample_rate_hz / self.period as f64,
@@ -61,24 +58,24 @@ impl Setup {
     }
 }
 
-/// Why a step is not as good as others.
+/// Fault of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Flag {
-    /// The burst came too late and was not sent: no sample of it is one.
+    /// The burst was late and was not sent: all its samples are lost.
     Late,
-    /// Samples were lost.
+    /// Samples within the burst were lost.
     Lost,
     /// The reference was not steady.
     Unsteady,
-    /// Samples at full scale.
+    /// Samples reached full scale.
     Clipped,
-    /// A synthesiser said that it was not locked.
+    /// A synthesiser reported loss of lock.
     Unlocked,
 }
 
 impl Flag {
-    /// Every one, in the order in which they are counted.
+    /// All flags, in the order of counters.
     pub const ALL: [Self; 5] = [
         Self::Late,
         Self::Lost,
@@ -88,22 +85,22 @@ impl Flag {
     ];
 }
 
-/// A step: a burst at a carrier.
+/// Step of a recording: one burst at a carrier.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Its first sample in the recording.
+    /// Index of its first sample in the recording.
     #[serde(rename = "core:sample_start")]
     pub start: u64,
-    /// Samples of each channel.
+    /// Number of samples per channel.
     #[serde(rename = "core:sample_count")]
     pub samples: usize,
-    /// Lower edge of the band that it stands for, hertz.
+    /// Lower edge of the band that the step represents, hertz.
     #[serde(rename = "core:freq_lower_edge")]
     pub lower_hz: f64,
-    /// Upper edge, hertz.
+    /// Upper edge of that band, hertz.
     #[serde(rename = "core:freq_upper_edge")]
     pub upper_hz: f64,
-    /// Its carrier, hertz.
+    /// Carrier, hertz.
     #[serde(rename = "subaperture:carrier_hz")]
     pub carrier_hz: f64,
     /// Index of the sweep.
@@ -112,25 +109,25 @@ pub struct Step {
     /// Index of the carrier.
     #[serde(rename = "subaperture:step")]
     pub step: usize,
-    /// Device time of its first sample, seconds.
+    /// Device time of the first sample, seconds.
     #[serde(rename = "subaperture:time_s")]
     pub time_s: f64,
-    /// Gains of both receivers, dB.
+    /// Gains of receivers 0 and 1, dB.
     #[serde(rename = "subaperture:gain_db")]
     pub gain_db: [f64; 2],
-    /// Bursts until it was taken.
+    /// Number of bursts sent until this one was kept.
     #[serde(rename = "subaperture:bursts")]
     pub bursts: u32,
-    /// What is wrong with it.
+    /// Faults of the step.
     #[serde(rename = "subaperture:flags")]
     pub flags: Vec<Flag>,
-    /// Samples that are none, from and to, counted from its first.
+    /// Ranges of lost samples (start, end), relative to the first sample.
     #[serde(rename = "subaperture:lost")]
     pub lost: Vec<(usize, usize)>,
 }
 
 impl Step {
-    /// A burst of `samples` as it was received at a carrier, in a recording of this set-up. Its place in the recording is set as it is written.
+    /// Make a step for a received burst of `samples` at a carrier. The writer sets its position in the recording.
     pub(crate) fn received(
         setup: &Setup,
         received: &Received,
@@ -165,15 +162,13 @@ impl Step {
     }
 }
 
-/// `.sigmf-meta` as it is read.
+/// Content of `.sigmf-meta` except its annotations.
 #[derive(Deserialize)]
 pub(super) struct Meta {
     pub(super) global: Global,
-    #[serde(default)]
-    pub(super) annotations: Vec<Annotation>,
 }
 
-/// Its global part.
+/// Global object of the metadata.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Global {
     #[serde(rename = "core:datatype")]
@@ -198,20 +193,12 @@ fn one() -> u32 {
     1
 }
 
-/// An extension's namespace.
+/// Namespace of an extension.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Extension {
     pub(super) name: String,
     pub(super) version: String,
     pub(super) optional: bool,
-}
-
-/// A step, or what others have annotated.
-#[derive(Deserialize)]
-#[serde(untagged)]
-pub(super) enum Annotation {
-    Step(Box<Step>),
-    Other(BTreeMap<String, IgnoredAny>),
 }
 
 impl Global {

@@ -1,19 +1,21 @@
-//! Recordings as SigMF 1.2: `NAME.sigmf-data`, counts `ci16_le` of both channels side by side (reference I, Q, echo I, Q, ...), and
-//! `NAME.sigmf-meta`, JSON with a capture segment and an annotation for each step.
+//! Recordings in SigMF 1.2: `NAME.sigmf-data` with interleaved `ci16_le` samples of both channels (reference I, Q, echo
+//! I, Q, ...), and `NAME.sigmf-meta`, JSON with a capture segment and an annotation per step.
 //!
 //! ```text
-//! Writer ── data appended, then a line of NAME.sigmf-journal ── finish ──> meta with all steps, journal gone
-//! killed ──> data, journal, and the meta of the beginning, which knows no steps: Recording::open takes them of the journal
+//! Writer ── append data, then a line to NAME.sigmf-journal ── finish ──> meta with all steps, journal removed
+//! killed ──> data, journal, and the initial meta without steps: Recording::open reads the steps from the journal
 //! ```
 //!
-//! A journal, and not a meta that is rewritten now and then: rewriting costs as much as there are steps, each time, and loses those
-//! since the last; a line a step costs the same for every step and loses none whose line is whole. The first meta is valid SigMF by
-//! itself, so other readers open a killed capture too, without its steps. A step's line is written after its samples, so lines never
-//! tell of samples that are not there; a torn last line is left out. That holds for a process that is killed; for a machine that
-//! loses its power, data are forced to disk at the end only, and lines beyond the data's end are left out.
+//! The journal replaces periodic rewriting of the metadata. Rewriting costs time in proportion to the number of steps
+//! and loses the steps since the last time. A journal line costs the same for every step, and no complete line is lost.
+//! The initial metadata file is valid SigMF, so that other readers can open a killed capture too, without its steps. A
+//! step's line is written after its samples, so that no line refers to missing samples; an incomplete last line is
+//! ignored. This holds when the process is killed. After a power failure, lines beyond the end of the data are ignored,
+//! since data are synced to disk only at the end.
 //!
-//! Our own keys bear `subaperture:`; annotations without them are others', and skipped; one with such a key that is no step is an error. Memory: of a writer one line; of a reader 200 bytes a
-//! step. The files of a recording are never written over.
+//! Keys of this project begin with `subaperture:`. Annotations without such keys are skipped; an annotation that has
+//! one but is not a valid step is an error. Memory: one line in the writer, 200 bytes per step in the reader. Existing
+//! files are never overwritten.
 
 mod metadata;
 mod read;
@@ -22,32 +24,46 @@ mod write;
 pub use metadata::{Flag, Setup, Step};
 pub use read::Recording;
 pub use write::Writer;
+pub(crate) use write::discard;
 
 use std::path::{Path, PathBuf};
 
-/// What is wrong with a recording, or with writing it.
+/// Error of reading or writing a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum SigmfError {
-    /// The system refused.
+    /// The file could not be read or written.
     #[error("{path}: {source}")]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Not what is read here.
+    /// The file is not a recording of this format.
     #[error("{path}: {what}")]
     Format {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong, and what is wanted.
+        /// Fault and expected content.
         what: String,
     },
-    /// Something stands there.
-    #[error("{0} is there already, and recordings are not written over: choose another name")]
+    /// The steps exceed the memory limit.
+    #[error(
+        "{}: only the first {steps} steps fit the memory limit of {allowed_bytes} bytes: allow more memory",
+        path.display()
+    )]
+    Memory {
+        /// Path of the file.
+        path: PathBuf,
+        /// Number of steps that fit.
+        steps: usize,
+        /// Memory limit, bytes.
+        allowed_bytes: u64,
+    },
+    /// A file of this name exists.
+    #[error("{0} exists, and recordings are never overwritten: choose another name")]
     Exists(PathBuf),
-    /// The metadata could not be put in place.
+    /// The metadata file could not be written.
     #[error(transparent)]
     Write(#[from] subaperture_io::atomic::WriteError),
 }
@@ -66,12 +82,12 @@ impl SigmfError {
     }
 }
 
-/// Ends of names.
+/// File name suffixes.
 const DATA: &str = "sigmf-data";
 const META: &str = "sigmf-meta";
 const JOURNAL: &str = "sigmf-journal";
 
-/// The file of a recording with this ending; `path` is the recording's name, with any of the endings or none.
+/// Path of a recording's file with this suffix; `path` is the recording's name, with or without a suffix.
 fn beside(path: &Path, ending: &str) -> PathBuf {
     let known = path
         .extension()

@@ -1,20 +1,31 @@
-//! Recordings, read.
+//! Reader of SigMF recordings.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::metadata::{Annotation, DATATYPE, Meta, SPACE, Setup, Step};
+use serde::Deserialize;
+use serde_json::Value;
+use subaperture_io::input::open_file;
+use subaperture_io::json::{self, JsonError, Limits};
+
+use super::metadata::{DATATYPE, Meta, SPACE, Setup, Step};
 use super::{DATA, JOURNAL, META, SigmfError, beside};
-use crate::plan::MOST_SAMPLES;
+use crate::plan::MAX_SAMPLES;
 use crate::transceiver::Sample;
 
-/// Longest metadata or journal that is read, bytes: an hour of steps every 5 ms.
-const LONGEST_BYTES: u64 = 512 << 20;
-/// Longest line of a journal, bytes; far longer than a step with all the gaps that it can have.
-const LONGEST_LINE: u64 = 1 << 20;
+/// Limits on metadata and journals: an hour of steps every 5 ms. A step takes some hundred bytes, or some ten thousand
+/// with the largest number of gaps.
+const LIMITS: Limits = Limits {
+    bytes: 512 << 20,
+    string_bytes: 64 << 10,
+    value_bytes: 1 << 20,
+};
 
-/// A recording's steps and its samples, which are read when asked for.
+/// Memory per step, including the growth of the lists.
+const STEP_BYTES: u64 = 3 * size_of::<Step>() as u64;
+
+/// Recording opened for reading. Its steps are in memory; samples are read on request.
 #[derive(Debug)]
 pub struct Recording {
     setup: Setup,
@@ -26,34 +37,57 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens a recording by any of its files, or its name. One that was killed while it was written opens with what is whole.
+    /// Open a recording by any of its files, or by its name. The complete part of an interrupted recording is opened.
     ///
     /// # Errors
-    /// If a file is missing or is not what is written here; steps that point beyond the data.
+    /// If a file is missing or has another format, or if a step extends beyond the data.
     pub fn open(path: &Path) -> Result<Self, SigmfError> {
+        Self::open_within(path, u64::MAX)
+    }
+
+    /// Open like [`Self::open`], with at most `memory_bytes` for the steps.
+    ///
+    /// # Errors
+    /// Those of [`Self::open`]; [`SigmfError::Memory`].
+    pub fn open_within(path: &Path, memory_bytes: u64) -> Result<Self, SigmfError> {
         let (meta_path, path) = (beside(path, META), beside(path, DATA));
-        let meta = File::open(&meta_path).map_err(SigmfError::io(&meta_path))?;
-        short(&meta, &meta_path)?;
-        let meta: Meta = serde_json::from_reader(BufReader::new(meta)).map_err(|error| {
-            SigmfError::format(&meta_path, format!("no SigMF metadata: {error}"))
+        let file = open_file(&meta_path).map_err(SigmfError::io(&meta_path))?;
+        let mut annotated = Steps::within(memory_bytes);
+        let mut index = 0;
+        let read = json::each_element(file, LIMITS, "annotations", &["global"], &mut |element| {
+            let annotation = annotation(element, index)?;
+            index += 1;
+            annotation.map_or(Ok(()), |step| annotated.push(step))
+        });
+        if annotated.are_too_many {
+            return Err(annotated.too_many(&meta_path));
+        }
+        let no_metadata = |what: String| {
+            SigmfError::format(&meta_path, format!("invalid SigMF metadata: {what}"))
+        };
+        let rest = read.map_err(|error| match error {
+            JsonError::Io(source) => SigmfError::io(&meta_path)(source),
+            error => no_metadata(error.to_string()),
         })?;
+        let meta: Meta = serde_json::from_value(Value::Object(rest))
+            .map_err(|error| no_metadata(error.to_string()))?;
         if meta.global.datatype != DATATYPE || meta.global.num_channels != 2 {
             let what = format!(
-                "{} channels of {}; two of {DATATYPE}, reference and echo, are wanted",
+                "{} channels of type {}: expected two of {DATATYPE}, reference and echo",
                 meta.global.num_channels, meta.global.datatype
             );
             return Err(SigmfError::format(&meta_path, what));
         }
         let Some(setup) = meta.global.setup else {
-            let what = "this is SigMF, but no capture of stepped carriers: it has no \"subaperture:setup\"";
+            let what = "SigMF file without \"subaperture:setup\": expected a stepped-frequency capture of this project";
             return Err(SigmfError::format(&meta_path, what));
         };
         check(&setup).map_err(|what| SigmfError::format(&meta_path, what))?;
-        let data = File::open(&path).map_err(SigmfError::io(&path))?;
+        let data = open_file(&path).map_err(SigmfError::io(&path))?;
         let bytes = data.metadata().map_err(SigmfError::io(&path))?.len();
         let journal_path = beside(&path, JOURNAL);
-        // Only one that is not there is none: steps of one that cannot be read are lost otherwise.
-        let journal = match File::open(&journal_path) {
+        // Only NotFound means that there is no journal. Any other error must be reported, or its steps would be lost.
+        let journal = match open_file(&journal_path) {
             Ok(journal) => Some(journal),
             Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(SigmfError::io(&journal_path)(error)),
@@ -61,27 +95,12 @@ impl Recording {
         let interrupted = journal.is_some();
         let steps = match journal {
             Some(journal) => {
-                short(&journal, &journal_path)?;
-                let mut steps = lines(journal).map_err(SigmfError::io(&journal_path))?;
-                // What a machine without power has not brought to disk.
+                let mut steps = lines(journal, memory_bytes, &journal_path)?;
+                // Drop steps whose samples did not reach the disk before a power failure.
                 steps.retain(|step| lies_within(step, bytes));
                 steps
             }
-            None => {
-                let all = meta.annotations.into_iter().enumerate();
-                let steps = all.filter_map(|(index, annotation)| match annotation {
-                    Annotation::Step(step) => Some(Ok(*step)),
-                    Annotation::Other(keys) => {
-                        let own = keys.into_keys().find(|key| is_own(key))?;
-                        let what = format!(
-                            "annotation {index} has \"{own}\" and is no step, for a key is missing or has another type: restore the \
-                             file, or take the annotation out"
-                        );
-                        Some(Err(SigmfError::format(&meta_path, what)))
-                    }
-                });
-                steps.collect::<Result<_, _>>()?
-            }
+            None => annotated.steps,
         };
         for (index, step) in steps.iter().enumerate() {
             let gaps = step
@@ -90,12 +109,12 @@ impl Recording {
                 .all(|gap| gap.0 <= gap.1 && gap.1 <= step.samples);
             if !lies_within(step, bytes)
                 || !gaps
-                || !makes_sense(step)
-                || step.samples > MOST_SAMPLES
+                || !is_plausible(step)
+                || step.samples > MAX_SAMPLES
                 || step.step >= setup.steps
             {
                 let what = format!(
-                    "step {index} makes no sense, or does not lie in the data of {bytes} bytes; is this file cut off, or another's?"
+                    "step {index} is invalid or extends beyond the data of {bytes} bytes: the file may be truncated, or belong to another recording"
                 );
                 return Err(SigmfError::format(&path, what));
             }
@@ -110,33 +129,33 @@ impl Recording {
         })
     }
 
-    /// What holds for all steps.
+    /// Parameters of the recording.
     pub fn setup(&self) -> &Setup {
         &self.setup
     }
 
-    /// The file of samples.
+    /// Path of the sample file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The steps in the order of the recording.
+    /// Steps in recording order.
     pub fn steps(&self) -> &[Step] {
         &self.steps
     }
 
-    /// Whether its writer was killed, or still writes: its steps are those of the journal.
+    /// Whether the writer was killed or is still writing. The steps are then those of the journal.
     pub fn interrupted(&self) -> bool {
         self.interrupted
     }
 
-    /// Reads step `index` into two channels, which become as long as it.
+    /// Read step `index` into two channels, which are resized to its length.
     ///
     /// # Errors
-    /// If the system refuses.
+    /// If reading fails.
     ///
     /// # Panics
-    /// If there is no such step.
+    /// If `index` is out of range.
     pub fn read(
         &mut self,
         index: usize,
@@ -163,15 +182,15 @@ impl Recording {
     }
 }
 
-/// Highest frequency, hertz, and farthest time, seconds: 3000 years.
-const MOST_HZ: f64 = 1e12;
-const MOST_S: f64 = 1e11;
+/// Highest frequency, hertz, and latest time, seconds (3000 years), accepted.
+const MAX_HZ: f64 = 1e12;
+const MAX_S: f64 = 1e11;
 
-fn makes_sense(step: &Step) -> bool {
-    (0.0..=MOST_HZ).contains(&step.carrier_hz) && step.time_s.abs() <= MOST_S
+fn is_plausible(step: &Step) -> bool {
+    (0.0..=MAX_HZ).contains(&step.carrier_hz) && step.time_s.abs() <= MAX_S
 }
 
-/// Whether a key is of our own namespace.
+/// Whether a key belongs to the namespace of this project.
 fn is_own(key: &str) -> bool {
     key.strip_prefix(SPACE)
         .is_some_and(|rest| rest.starts_with(':'))
@@ -184,44 +203,89 @@ fn lies_within(step: &Step, bytes: u64) -> bool {
 }
 
 fn check(setup: &Setup) -> Result<(), String> {
-    let positive = |x: f64| x > 0.0 && x <= MOST_HZ;
+    let positive = |x: f64| x > 0.0 && x <= MAX_HZ;
     let sound = positive(setup.sample_rate_hz)
         && positive(setup.start_hz)
         && positive(setup.step_hz)
         && (1..=1 << 16).contains(&setup.steps)
         && (3..=65536).contains(&setup.period)
-        && (1..=MOST_SAMPLES).contains(&setup.samples);
+        && (1..=MAX_SAMPLES).contains(&setup.samples);
     match sound {
         true => Ok(()),
-        false => Err("\"subaperture:setup\" makes no sense: rates and frequencies are above 0 and at most 1e12 Hz, steps 1 to 65536, periods 3 to 65536".to_owned()),
+        false => Err("invalid \"subaperture:setup\": expected rates and frequencies above 0 and at most 1e12 Hz, 1 to 65536 steps, and periods of 3 to 65536 samples".to_owned()),
     }
 }
 
-fn short(file: &File, path: &Path) -> Result<(), SigmfError> {
-    let length = file.metadata().map_err(SigmfError::io(path))?.len();
-    if length > LONGEST_BYTES {
-        return Err(SigmfError::format(
-            path,
-            format!("{length} bytes of metadata; {LONGEST_BYTES} are the most that is read"),
-        ));
-    }
-    Ok(())
+/// Steps being read, with a memory limit.
+struct Steps {
+    steps: Vec<Step>,
+    memory_bytes: u64,
+    bytes: u64,
+    are_too_many: bool,
 }
 
-/// The steps of a journal up to the first line that is none.
-fn lines(journal: File) -> std::io::Result<Vec<Step>> {
-    let mut reader = BufReader::new(journal);
-    let (mut steps, mut line) = (Vec::new(), Vec::new());
+impl Steps {
+    fn within(memory_bytes: u64) -> Self {
+        Self {
+            steps: Vec::new(),
+            memory_bytes,
+            bytes: 0,
+            are_too_many: false,
+        }
+    }
+
+    fn push(&mut self, step: Step) -> Result<(), String> {
+        let lists = size_of_val(step.flags.as_slice()) + size_of_val(step.lost.as_slice());
+        self.bytes += STEP_BYTES + lists as u64;
+        if self.bytes > self.memory_bytes {
+            self.are_too_many = true;
+            return Err("the steps exceed the memory limit".to_owned());
+        }
+        self.steps.push(step);
+        Ok(())
+    }
+
+    fn too_many(&self, path: &Path) -> SigmfError {
+        SigmfError::Memory {
+            path: path.to_owned(),
+            steps: self.steps.len(),
+            allowed_bytes: self.memory_bytes,
+        }
+    }
+}
+
+/// Step of an annotation; `None` for an annotation of other software.
+fn annotation(element: Value, index: usize) -> Result<Option<Step>, String> {
+    if let Ok(step) = Step::deserialize(&element) {
+        return Ok(Some(step));
+    }
+    let keys = element
+        .as_object()
+        .ok_or("expected an annotation to be an object")?;
+    match keys.keys().find(|key| is_own(key)) {
+        None => Ok(None),
+        Some(own) => Err(format!(
+            "annotation {index} has \"{own}\" but is not a valid step: a key is missing or has another type. Restore the file, or remove the \
+             annotation"
+        )),
+    }
+}
+
+/// Steps of a journal up to the first invalid line.
+fn lines(journal: File, memory_bytes: u64, path: &Path) -> Result<Vec<Step>, SigmfError> {
+    let mut reader = BufReader::new(journal.take(LIMITS.bytes));
+    let (mut steps, mut line) = (Steps::within(memory_bytes), Vec::new());
     loop {
         line.clear();
         reader
             .by_ref()
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut line)?;
+            .take(LIMITS.value_bytes)
+            .read_until(b'\n', &mut line)
+            .map_err(SigmfError::io(path))?;
         let whole = line.last() == Some(&b'\n');
         match serde_json::from_slice(&line) {
-            Ok(step) if whole => steps.push(step),
-            _ => return Ok(steps),
+            Ok(step) if whole => steps.push(step).map_err(|_| steps.too_many(path))?,
+            _ => return Ok(steps.steps),
         }
     }
 }

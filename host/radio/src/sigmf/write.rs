@@ -1,4 +1,4 @@
-//! A recording, written step by step.
+//! Writer of SigMF recordings.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, ErrorKind, Write};
@@ -10,29 +10,29 @@ use super::metadata::{Global, Setup, Step};
 use super::{DATA, JOURNAL, META, SigmfError, beside};
 use crate::transceiver::Sample;
 
-/// A recording that grows.
+/// Recording opened for writing.
 #[derive(Debug)]
 pub struct Writer {
     setup: Setup,
     data: File,
     journal: File,
     paths: [PathBuf; 3],
-    /// Samples of each channel written.
+    /// Samples written per channel.
     written: u64,
     bytes: Vec<u8>,
 }
 
 impl Writer {
-    /// Begins the recording `path` (a name; endings are added).
+    /// Create the recording `path` (a name; suffixes are added).
     ///
     /// # Errors
-    /// If one of its files is there, or cannot be made.
+    /// If one of its files exists or cannot be created.
     pub fn create(path: &Path, setup: Setup) -> Result<Self, SigmfError> {
         let paths = [DATA, META, JOURNAL].map(|ending| beside(path, ending));
         if let Some(there) = paths.iter().find(|path| path.symlink_metadata().is_ok()) {
             return Err(SigmfError::Exists(there.clone()));
         }
-        // The metadata first: it makes missing folders, and is valid by itself.
+        // The metadata are written first: this creates missing folders, and the file is valid without steps.
         write_meta(&paths[1], &setup, None)?;
         let new = |path: &Path| {
             File::create_new(path).map_err(|source| match source.kind() {
@@ -50,22 +50,23 @@ impl Writer {
         })
     }
 
-    /// Samples of each channel written so far.
+    /// Samples written so far per channel.
     pub fn written(&self) -> u64 {
         self.written
     }
 
-    /// Appends a step of two channels of `step.samples`; its place in the recording is set here.
+    /// Append a step with two channels of `step.samples` samples. The writer sets its position in the recording.
     ///
     /// # Errors
-    /// If the disk is full, for example: what was written before stays whole, and so does the recording if nothing more is appended.
+    /// If writing fails, for example because the disk is full. Earlier steps stay intact, and so does the recording if
+    /// nothing more is appended.
     ///
     /// # Panics
-    /// If the channels are not as long as the step says.
+    /// If a channel's length differs from `step.samples`.
     pub fn append(&mut self, mut step: Step, channels: [&[Sample]; 2]) -> Result<(), SigmfError> {
         assert!(
             channels.iter().all(|channel| channel.len() == step.samples),
-            "a step's channels are as long as it says"
+            "the channels' lengths equal the step's"
         );
         step.start = self.written;
         self.bytes.resize(8 * step.samples, 0);
@@ -88,10 +89,10 @@ impl Writer {
             .map_err(SigmfError::io(&self.paths[2]))
     }
 
-    /// Forces all to disk and writes the metadata of all steps.
+    /// Sync the data to disk, and write the metadata with all steps.
     ///
     /// # Errors
-    /// Then the journal stays, and the recording opens by it.
+    /// If writing fails. The journal then stays, and the recording opens with it.
     pub fn finish(self) -> Result<(), SigmfError> {
         self.data
             .sync_all()
@@ -104,7 +105,14 @@ impl Writer {
     }
 }
 
-/// Writes the metadata; steps are copied line by line from the journal, so that memory does not grow with them.
+/// Remove the files of a recording, as far as they exist.
+pub(crate) fn discard(path: &Path) {
+    for ending in [DATA, META, JOURNAL] {
+        let _ = fs::remove_file(beside(path, ending));
+    }
+}
+
+/// Write the metadata. Steps are copied line by line from the journal, so that memory does not grow with them.
 fn write_meta(path: &Path, setup: &Setup, journal: Option<&Path>) -> Result<(), SigmfError> {
     write_atomically(path, 0, |file| {
         let mut out = BufWriter::new(file);
@@ -141,7 +149,7 @@ fn separate(out: &mut impl Write, first: &mut bool) -> io::Result<()> {
     Ok(())
 }
 
-/// Every whole line of the journal, without its end.
+/// Call `take` with every complete line of the journal, without its line end.
 fn each_line(
     journal: Option<&Path>,
     mut take: impl FnMut(&[u8]) -> io::Result<()>,

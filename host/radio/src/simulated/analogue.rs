@@ -1,58 +1,58 @@
-//! Faults of an AD9361 that the simulator's receivers do not have: each absent where it is zero.
+//! Analogue impairments of an AD9361 beyond those of the simulator's receivers; each is disabled at zero.
 
 use num_complex::Complex64;
 use subaperture_signal::phase::cis;
 
-/// What the analogue part does.
+/// Analogue impairments of the simulated radio.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Analogue {
-    /// Whether a synthesiser has a phase of its own after each retune.
+    /// Whether each retune gives a synthesiser a random phase.
     pub random_phase: bool,
-    /// Most by which a synthesiser is off its carrier, hertz, at random for each retune. One side's; they add up.
+    /// Largest LO offset of each synthesiser, hertz; random for each retune. The offsets of the two sides add.
     pub frequency_offset_hz: f64,
-    /// What a synthesiser does after a retune.
+    /// Settling transient after a retune; `None` for none.
     pub settling: Option<Settling>,
-    /// Offset of each receiver, of full scale.
+    /// DC offset of each receiver, relative to full scale.
     pub dc_offset: [Complex64; 2],
-    /// Of I against Q.
+    /// IQ imbalance of each receiver.
     pub imbalance: [Imbalance; 2],
-    /// Whether gains go in steps: 0.25 dB of the transmitter, 1 dB of the receivers.
+    /// Whether gains are rounded to steps: 0.25 dB for the transmitter, 1 dB for the receivers.
     pub gain_steps: bool,
 }
 
-/// A transient that decays by `exp(-t / time_constant_s)` after each retune of a side.
+/// Settling transient, which decays as `exp(-t / time_constant_s)` after each retune of a side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settling {
-    /// Its time, seconds.
+    /// Time constant, seconds.
     pub time_constant_s: f64,
-    /// Phase at the retune, radians.
+    /// Phase deviation at the retune, radians.
     pub phase_rad: f64,
-    /// Part of the amplitude that is missing at the retune, 0 to 1.
+    /// Relative amplitude loss at the retune, 0 to 1.
     pub amplitude: f64,
 }
 
-/// Of I against Q: the image is `(gain - 1 + j phase) / 2` of the signal.
+/// IQ imbalance. The image is `(gain - 1 + j phase) / 2` of the signal, with `gain` the ratio of Q to I.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Imbalance {
-    /// By which part Q is larger.
+    /// Excess gain of Q over I, as a fraction.
     pub gain: f64,
-    /// By how much they are not at right angles, radians.
+    /// Quadrature error, radians.
     pub phase_rad: f64,
 }
 
-/// What is left of a transient when it is over: below float64's digits.
+/// Remainder below which a transient counts as over; less than the precision of float64.
 const OVER: f64 = 1e-17;
 
 impl Settling {
-    /// What is left of it, `since_s` after the retune.
+    /// Remaining fraction of the transient, `since_s` after the retune.
     fn left(&self, since_s: f64) -> f64 {
         libm::exp(-since_s / self.time_constant_s)
     }
 }
 
 impl Analogue {
-    /// All of it, as bad as an AD9361 that has not been calibrated for this carrier: 200 Hz a side, a transient of 1.5 ms that a retune's
-    /// 2 ms do not hide, DC at -40 dB, images at -35 dB.
+    /// All impairments, at the level of an AD9361 not calibrated for this carrier: LO offset of 200 Hz per side, a
+    /// transient of 1.5 ms that outlasts the 2 ms of a retune, DC at -40 dB, images at -35 dB.
     pub fn b210() -> Self {
         Self {
             random_phase: true,
@@ -86,7 +86,7 @@ impl Analogue {
         })
     }
 
-    /// Turns and weakens samples by the transients of both sides, `since_s` after their retunes.
+    /// Apply the phase and amplitude transients of both sides, `since_s` after their retunes.
     pub(super) fn settle(&self, since_s: [f64; 2], rate_hz: f64, samples: &mut [Complex64]) {
         let Some(settling) = self.settling else {
             return;
@@ -104,7 +104,7 @@ impl Analogue {
         }
     }
 
-    /// The offset of DC and the image of a receiver.
+    /// Apply the DC offset and IQ imbalance of a receiver.
     pub(super) fn demodulate(&self, channel: usize, full_scale: f64, samples: &mut [Complex64]) {
         let (Imbalance { gain, phase_rad }, dc) = (
             self.imbalance[channel],

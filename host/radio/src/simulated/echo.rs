@@ -1,4 +1,4 @@
-//! What a receiver hears of a waveform that repeats: a period of it.
+//! Received signal of a periodic waveform: one period.
 
 use std::sync::Arc;
 
@@ -11,10 +11,10 @@ use subaperture_simulate::engine::{Engine, Scratch, Sweep, View};
 
 use super::wiring::Wiring;
 
-/// Lines of a spectrum this much below its strongest are rounding of float32.
-const NOTHING: f64 = 1e-6;
+/// Relative amplitude below which spectral lines are rounding errors of float32.
+const NEGLIGIBLE: f64 = 1e-6;
 
-/// The scene behind the wiring.
+/// Scene with the wiring in front of it.
 pub(super) struct Echo<'a> {
     experiment: &'a Experiment,
     engine: Engine<'a>,
@@ -27,21 +27,21 @@ pub(super) struct Echo<'a> {
 }
 
 impl<'a> Echo<'a> {
-    /// The text of an error says what is wrong.
+    /// Make the echo simulation; the error is a message.
     pub(super) fn new(experiment: &'a Experiment, wiring: &Wiring) -> Result<Self, String> {
         let radar = &experiment.radar;
         let Some(transmitter) = radar.transmitters.first() else {
-            return Err("the experiment has no transmitter; give its radar one".to_owned());
+            return Err("the experiment has no transmitter: add one to its radar".to_owned());
         };
         for antenna in wiring.receive.iter().filter_map(|path| path.antenna) {
             if antenna >= radar.receivers.len() {
                 return Err(format!(
-                    "antenna {antenna} of {} that the experiment has; give its radar that many receivers",
+                    "receive antenna {antenna} requested, but the experiment has {}: add receivers to its radar",
                     radar.receivers.len()
                 ));
             }
         }
-        // As the simulator's own channels have it: the range at which amplitudes are 1.
+        // Range at which amplitudes are 1, as in the simulator's own channels.
         let pose = experiment.track.pose(radar.start_s);
         let origin_m = match experiment.reference {
             Reference::Point(point_m) => point_m,
@@ -49,7 +49,9 @@ impl<'a> Echo<'a> {
         };
         let reference_range_m = pose.point_m(transmitter.offset_m).distance(origin_m);
         if reference_range_m < 1e-3 {
-            return Err("the radio is at its own reference point; move scene.reference".to_owned());
+            return Err(
+                "the radio is at the scene's reference point: move scene.reference".to_owned(),
+            );
         }
         Ok(Self {
             engine: Engine::new(&experiment.scene, experiment.method),
@@ -63,7 +65,7 @@ impl<'a> Echo<'a> {
         })
     }
 
-    /// There and back, planned when waveforms become of another length.
+    /// Forward and inverse FFTs, planned again when the waveform's length changes.
     fn transforms(&mut self, count: usize) -> [Arc<dyn Fft<f64>>; 2] {
         let planned = self.transforms.take().filter(|both| both[0].len() == count);
         let plan = || {
@@ -80,7 +82,8 @@ impl<'a> Echo<'a> {
         self.reference_range_m
     }
 
-    /// A period of what `channel` hears, `true_s` being when; frequencies are true ones.
+    /// One period of the signal received by `channel` at the true time `true_s`. Frequencies are true ones, not those
+    /// of the device clock.
     pub(super) fn period(
         &mut self,
         channel: usize,
@@ -99,14 +102,15 @@ impl<'a> Echo<'a> {
         );
         let [forward, inverse] = self.transforms(count);
         forward.process(&mut self.spectrum);
-        // Line `i` from the lowest frequency on.
+        // Bin of line `i`, counted from the lowest frequency.
         let bin = |i: usize| (i + count - half) % count;
         let strongest = self
             .spectrum
             .iter()
             .map(|z| z.norm_sqr())
             .fold(0.0, f64::max);
-        let strong = |i: &usize| self.spectrum[bin(*i)].norm_sqr() > NOTHING * NOTHING * strongest;
+        let strong =
+            |i: &usize| self.spectrum[bin(*i)].norm_sqr() > NEGLIGIBLE * NEGLIGIBLE * strongest;
         let first = (0..count).find(strong).unwrap_or(0);
         let last = (0..count).rfind(strong).unwrap_or(0);
         let line_hz = rate_hz / count as f64;
@@ -146,11 +150,11 @@ impl<'a> Echo<'a> {
             *z = (*z * phasor(-frequency_hz * path.cable_s) + direct) * scale;
         }
         for i in 0..count {
-            let heard = match (first..=last).contains(&i) {
+            let response = match (first..=last).contains(&i) {
                 true => self.response[i - first],
                 false => Complex64::ZERO,
             };
-            self.spectrum[bin(i)] *= heard;
+            self.spectrum[bin(i)] *= response;
         }
         inverse.process(&mut self.spectrum);
         &self.spectrum

@@ -1,28 +1,29 @@
-//! A radio that is none: a scene, a track and a receiver of the simulator behind an AD9361's faults.
+//! Simulated radio: a scene, a track and a receiver of the simulator, with the impairments of an AD9361.
 //!
-//! The experiment's first transmitter and its receivers are the antennas, its scene what they see, its track where they are at
-//! the moment of a burst (the radar stands still while a burst lasts), and its receiver's clock, noise, phase noise, interference and
-//! converter are those of the radio. A burst's waveform is a period repeated, so what comes back is one too: its spectrum times
-//! the scene's response at each of its frequencies `f`, which is [`subaperture_simulate::engine`]'s sum. Of a spectral line `f_b`
-//! at carrier `f_c`, sample `t` of channel `c` is
+//! The antennas are the experiment's first transmitter and its receivers. Scene and track are the experiment's; the
+//! radar stands still for the duration of a burst. Clock, noise, phase noise, interference and converter are those of
+//! the experiment's receiver. The waveform of a burst is periodic, and so is the received signal: its spectrum is that
+//! of the waveform times the scene's response at each frequency `f`, computed by [`subaperture_simulate::engine`]. For
+//! a spectral line `f_b` at carrier `f_c`, sample `t` of channel `c` is
 //!
 //! ```text
 //! A_tx (G_c(f_c + f_b) + L_c exp(-j 2 pi (f_c + f_b) d_c)) exp(j 2 pi (f_b + df) t + j (phi_tx - phi_rx))
 //! ```
 //!
-//! with `L_c`, `d_c` a coupler's or the leakage between antennas. Then, in this order, each by its own switch:
-//! settling of the synthesisers, the receiver's noises ([`Chain::receive`]), its gain, offsets of DC, unequal I and Q, and the converter,
-//! 12 bits where the experiment names none.
+//! where `L_c` and `d_c` are the amplitude and delay of a coupler or of the leakage between antennas. Then follow, in
+//! this order and each with its own switch: settling of the synthesisers, the receiver's noise ([`Chain::receive`]),
+//! its gain, DC offset and IQ imbalance, and the converter, which has 12 bits unless the experiment has its own.
 //!
-//! Neglected: the first delay of a burst, in which the echo has not come yet; the filter's edge at half the sampling rate; the
-//! transmitter's own DC and image. The synthesisers' noises are independent: one process of the simulator, read 1000 s apart.
+//! Neglected: the start of a burst, when the echo has not arrived yet; the filter edge at half the sample rate; DC
+//! offset and image of the transmitter. The synthesisers' phase noises are independent: they are read from one random
+//! process of the simulator, 1000 s apart.
 //!
-//! Faults of the way to the host (overflow, lost packets, unplugging) are [`crate::fault::Faulty`] around it; late commands are
-//! its own. Time: a retune takes 2 ms, a burst as long as it lasts, nothing else takes any; as fast as it can, or held back to
-//! true time ([`SimulatedRadio::in_real_time`]). Cost of a burst: the engine's sum at the waveform's frequencies, and some 30
-//! operations a sample without noise. Where nothing that comes in differs from period to period (no noise, phase noise or interference, both
-//! synthesisers settled and of one frequency) a period is made once and repeated, to the same counts, at the cost of a copy. Memory: the scene's, and
-//! four bursts of 16 bytes a sample.
+//! Faults of the link to the host (overrun, lost packets, disconnection) are injected by the wrapper
+//! [`crate::fault::Faulty`]; late commands are detected here. Timing: a retune takes 2 ms, a burst its duration, and
+//! nothing else takes time. The radio runs as fast as possible, or in real time ([`SimulatedRadio::in_real_time`]).
+//! Cost of a burst: the engine's sum at the waveform's frequencies, and some 30 operations per sample without noise. If
+//! all periods are equal (no noise, phase noise or interference, both synthesisers settled, no LO offset), one period
+//! is computed and copied; the counts are identical. Memory: that of the scene, and four bursts of 16 bytes per sample.
 
 mod analogue;
 mod echo;
@@ -51,21 +52,22 @@ pub use wiring::{Coupled, Path, Wiring};
 
 use echo::Echo;
 
-/// Between the moments at which the two synthesisers read one process, seconds: long against all its periods.
+/// Time between the readings of the random process by the two synthesisers, seconds; long compared with all its
+/// periods.
 const APART_S: f64 = 1000.0;
 
-/// A synthesiser as it was tuned.
+/// State of a synthesiser after tuning.
 #[derive(Clone, Copy, Debug)]
 struct Synthesiser {
     carrier_hz: f64,
     turns: f64,
-    /// Off its carrier, beside the clock's error.
+    /// LO offset without the clock's error, hertz.
     offset_hz: f64,
-    /// Device time at which it was told.
+    /// Device time of the retune, seconds.
     at_s: f64,
 }
 
-/// A radio that is simulated.
+/// Radio that computes the echoes of a simulated scene, with the impairments of [`Analogue`].
 pub struct SimulatedRadio<'a> {
     about: About,
     experiment: &'a Experiment,
@@ -86,11 +88,11 @@ pub struct SimulatedRadio<'a> {
 }
 
 impl<'a> SimulatedRadio<'a> {
-    /// The radio of an experiment, wired so, with these faults. 1 in the experiment's units is the converter's input at
-    /// the gains that the wiring names.
+    /// Make the radio of an experiment with a wiring and analogue impairments. At the gains named in the wiring, 1 in
+    /// the experiment's units is an input of 1 at the converter.
     ///
     /// # Errors
-    /// [`RadioError::Unsupported`] if the experiment has no antenna that the wiring names, or its receiver makes no sense.
+    /// [`RadioError::Unsupported`] if the experiment lacks an antenna of the wiring, or its receiver is invalid.
     pub fn new(
         experiment: &'a Experiment,
         wiring: Wiring,
@@ -98,7 +100,7 @@ impl<'a> SimulatedRadio<'a> {
     ) -> Result<Self, RadioError> {
         let echo = Echo::new(experiment, &wiring).map_err(RadioError::Unsupported)?;
         let mut radar = experiment.radar.clone();
-        // An AD9361 has 12 bits; its full scale is that of the wiring where the experiment says nothing.
+        // An AD9361 has 12 bits. The wiring gives the full scale unless the experiment does.
         let converter = radar.receiver.converter.get_or_insert(Converter {
             bits: 12,
             full_scale_db: wiring.full_scale_db,
@@ -130,19 +132,19 @@ impl<'a> SimulatedRadio<'a> {
         })
     }
 
-    /// Holds everything back to true time.
+    /// Run in real time.
     #[must_use]
     pub fn in_real_time(mut self) -> Self {
         self.real_time = Some(Instant::now());
         self
     }
 
-    /// The device's clock, fast by the experiment's part.
+    /// Fractional frequency error of the device's clock, from the experiment.
     fn clock_offset(&self) -> f64 {
         self.radar.receiver.clock.map_or(0.0, |clock| clock.offset)
     }
 
-    /// Lets the device's clock reach a time.
+    /// Advance the device's clock to a time, and sleep until then in real time.
     fn wait_until(&mut self, time_s: f64) {
         self.now_s = self.now_s.max(time_s);
         if let Some(began) = self.real_time {
@@ -151,7 +153,7 @@ impl<'a> SimulatedRadio<'a> {
         }
     }
 
-    /// What gains do to a signal: relative to those at which 1 is 1.
+    /// Amplitude gains of transmitter and receiver relative to the wiring's reference gains.
     fn gain(&self, configuration: &Configuration, channel: usize) -> [f64; 2] {
         [
             amplitude_of_db(configuration.transmit_gain_db - self.wiring.transmit_gain_db),
@@ -159,7 +161,7 @@ impl<'a> SimulatedRadio<'a> {
         ]
     }
 
-    /// Whether all periods of a burst are alike; its synthesisers were tuned so long before.
+    /// Whether all periods of a burst are equal, `since_s` after the retunes and with an LO offset of `apart_hz`.
     fn repeats(&self, apart_hz: f64, since_s: [f64; 2]) -> bool {
         let receiver = &self.radar.receiver;
         apart_hz == 0.0
@@ -169,7 +171,7 @@ impl<'a> SimulatedRadio<'a> {
             && receiver.interference.is_empty()
     }
 
-    /// What the receiver's chain takes the burst for.
+    /// Waveform description of a burst for the receiver chain.
     fn waveform(&self, carrier_hz: f64, rate_hz: f64, num_samples: usize) -> Waveform {
         Waveform::Pulsed {
             centre_hz: carrier_hz,
@@ -196,7 +198,7 @@ impl Transceiver for SimulatedRadio<'_> {
             set.transmit_gain_db = (4.0 * set.transmit_gain_db).round() / 4.0;
             set.receive_gain_db = set.receive_gain_db.map(f64::round);
         }
-        // The chain's link budget knows the bandwidth of what is sampled.
+        // The link budget of the chain depends on the sampled bandwidth.
         self.radar.waveform = self.waveform(
             self.experiment.radar.waveform.centre_hz(),
             set.sample_rate_hz,
@@ -221,9 +223,9 @@ impl Transceiver for SimulatedRadio<'_> {
         self.about
             .ranges
             .carrier_hz
-            .check("a carrier", carrier_hz, "Hz")?;
+            .check("carrier", carrier_hz, "Hz")?;
         if at_s.is_some() {
-            let what = "retune at a time; its synthesisers are written over a bus of their own. Tune, then burst at a time";
+            let what = "scheduled retune: the synthesisers are set over a separate bus without timestamps. Tune now, then schedule the burst";
             return Err(RadioError::Unsupported(what.to_owned()));
         }
         self.now_s()?;
@@ -255,7 +257,7 @@ impl Transceiver for SimulatedRadio<'_> {
     ) -> Result<Received, RadioError> {
         check_burst(burst, &receive)?;
         let Some(configuration) = self.configuration.clone() else {
-            return Err(RadioError::NotReady("configure it first"));
+            return Err(RadioError::NotReady("configure the radio first"));
         };
         let [Some(transmit), Some(tuned)] = self.tuned else {
             return Err(RadioError::NotReady("tune both sides first"));
@@ -282,7 +284,7 @@ impl Transceiver for SimulatedRadio<'_> {
         self.wait_until(burst.at_s + count as f64 / rate_hz);
         let fast = 1.0 + self.clock_offset();
         let true_s = burst.at_s / fast;
-        // The transmitter's synthesiser against the receivers'.
+        // Frequency of the transmit synthesiser relative to the receive synthesiser.
         let carrier_hz = (transmit.carrier_hz + transmit.offset_hz) * fast;
         let apart_hz = carrier_hz - (tuned.carrier_hz + tuned.offset_hz) * fast;
         let since_s = [transmit.at_s, tuned.at_s].map(|at_s| burst.at_s - at_s);
@@ -299,11 +301,11 @@ impl Transceiver for SimulatedRadio<'_> {
                 self.echo
                     .period(channel, burst.waveform, carrier_hz, rate_hz * fast, true_s);
             samples.clear();
-            let mut turning = phasor(transmit.turns - tuned.turns + apart_hz * true_s) * sent;
+            let mut rotation = phasor(transmit.turns - tuned.turns + apart_hz * true_s) * sent;
             let step = phasor(apart_hz / (rate_hz * fast));
             for (_, z) in (0..made).zip(period.iter().cycle()) {
-                samples.push(z * turning);
-                turning *= step;
+                samples.push(z * rotation);
+                rotation *= step;
             }
             self.analogue.settle(since_s, rate_hz, &mut samples);
             let moment = Moment {
@@ -317,7 +319,7 @@ impl Transceiver for SimulatedRadio<'_> {
             samples.iter_mut().for_each(|z| *z *= received);
             self.analogue
                 .demodulate(channel, self.full_scale, &mut samples);
-            // Those of the last period, which need not be whole, and those of the others.
+            // The incomplete last period, and the complete ones.
             let (last, others) = samples.split_at_mut(count % made);
             let at_last = self.chain.convert(last);
             let whole = (count / made) as u32;
@@ -341,7 +343,7 @@ impl Transceiver for SimulatedRadio<'_> {
     }
 
     fn sensors(&mut self) -> Result<Sensors, RadioError> {
-        // A thousandth less, for times are rounded.
+        // 0.1 % less, since times are rounded.
         let least_s = 0.999 * self.about.ranges.retune_s;
         let locked =
             |tuned: Option<Synthesiser>| tuned.is_some_and(|it| self.now_s - it.at_s >= least_s);
@@ -358,11 +360,11 @@ impl Transceiver for SimulatedRadio<'_> {
     }
 }
 
-/// Repeats the first `period` of the samples as far as they go.
+/// Repeat the first `period` samples up to the end of the slice.
 fn repeat(samples: &mut [Sample], period: usize) {
     let mut done = period;
     while done < samples.len() {
-        // Twice as many each time: whole periods, but for the last.
+        // Doubles the number of copied periods each time; the last one may be incomplete.
         let (from, to) = samples.split_at_mut(done);
         let more = done.min(to.len());
         to[..more].copy_from_slice(&from[..more]);

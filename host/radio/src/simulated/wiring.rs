@@ -1,45 +1,46 @@
-//! What is connected to the radio's two receivers, and at which gains a signal is what the experiment says.
+//! Cables, couplers and levels between the antennas and the radio's two receivers.
 
 use num_complex::Complex64;
 
-/// Cables, couplers and levels.
+/// Cables, couplers and reference levels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wiring {
-    /// What each receiver hears.
+    /// Signal path of each receiver.
     pub receive: [Path; 2],
-    /// Gain of the transmitter at which the echo of 1 m² at the reference point has the magnitude 1, dB.
+    /// Transmit gain at which the echo of 1 m² at the reference point has magnitude 1, dB.
     pub transmit_gain_db: f64,
-    /// Gain of the receivers at which it is 1 at the converter too, dB.
+    /// Receive gain at which that echo has magnitude 1 at the converter, dB.
     pub receive_gain_db: f64,
-    /// Full scale of the converter, relative to that 1, dB; where the experiment names a converter, its own.
+    /// Full scale of the converter relative to that magnitude, dB. Ignored if the experiment has its own converter.
     pub full_scale_db: f64,
 }
 
-/// What a receiver hears.
+/// Signal path of a receiver.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Path {
-    /// Index of its antenna among the experiment's receivers; none for a receiver that hears a coupler alone.
+    /// Index of its antenna among the experiment's receivers; `None` for a receiver connected to a coupler only.
     pub antenna: Option<usize>,
-    /// The transmitter by a coupler, or leaking from antenna to antenna.
+    /// Direct transmitter signal, through a coupler or by leakage from antenna to antenna.
     pub coupled: Option<Coupled>,
-    /// Delay of the cables to its antenna and back, seconds.
+    /// Total delay of the cables to the transmit and receive antennas, seconds.
     pub cable_s: f64,
-    /// Its own gain and phase against the other.
+    /// Complex gain of the receiver relative to the other.
     pub response: Complex64,
 }
 
-/// The transmitter heard directly.
+/// Direct signal from the transmitter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupled {
-    /// On the way, seconds.
+    /// Delay, seconds.
     pub delay_s: f64,
-    /// Relative to the echo of 1 m² at the reference point.
+    /// Amplitude relative to the echo of 1 m² at the reference point.
     pub amplitude: f64,
 }
 
 impl Wiring {
-    /// Chim 2018, Fig. 5.4: the coupler's cable of `loop_s` to receiver 0, antenna 0 to receiver 1 with cables of `cable_s`, which hears the transmitting
-    /// antenna as `leakage`. The coupler's signal is as strong as the echo of 100 m², the converter's full scale 6 dB more.
+    /// Wiring of Chim 2018, Fig. 5.4. Receiver 0 has the coupler with a cable delay of `loop_s`. Receiver 1 has antenna
+    /// 0 with a cable delay of `cable_s`, and receives the transmitter directly as `leakage`. The coupler's signal is
+    /// as strong as the echo of 100 m²; the converter's full scale is 6 dB above it.
     pub fn loopback(loop_s: f64, cable_s: f64, leakage: Option<Coupled>) -> Self {
         let coupler = Path {
             antenna: None,
@@ -64,8 +65,9 @@ impl Wiring {
         }
     }
 
-    /// Two antennas that hear a third: antenna `i` to receiver `i` with cables of `cables_s[i]`, hearing the transmitter directly after `direct_s[i]` from phase centre to phase
-    /// centre, as strong as the echo of `amplitude^2` m² at the reference point. The converter's full scale is twice that.
+    /// Wiring with a leakage reference. Receiver `i` has antenna `i` with a cable delay of `cables_s[i]`, and receives
+    /// the direct wave after `direct_s[i]` from phase centre to phase centre, as strong as the echo of `amplitude^2` m²
+    /// at the reference point. The converter's full scale is twice that amplitude.
     pub fn leakage(direct_s: [f64; 2], cables_s: [f64; 2], amplitude: f64) -> Self {
         let receive = [0, 1].map(|i| Path {
             antenna: Some(i),

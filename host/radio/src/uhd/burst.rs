@@ -1,4 +1,4 @@
-//! A burst: samples sent and received at once, by packets, in one thread.
+//! Burst with a USRP: packets are sent and received concurrently in one thread.
 
 use std::time::{Duration, Instant};
 
@@ -9,16 +9,16 @@ use super::streams::{Packet, Rx, Said, Tx};
 use crate::error::RadioError;
 use crate::transceiver::{Burst, Event, EventKind, Received, Sample};
 
-/// How much later than a burst's end its last packet may come, and then its acknowledgement.
+/// Largest delay of the last packet after the end of a burst, and then of the acknowledgement.
 const SLACK: Duration = Duration::from_millis(100);
-/// Messages of a transmitter that UHD keeps, and more.
+/// Maximum number of asynchronous transmit messages read; more than UHD queues.
 const WAITING: usize = 1 << 12;
-/// How long one call waits for a packet: short against what a device has to send.
+/// Timeout of one receive call, seconds; short compared with the device's transmit buffer.
 const PACKET_S: f64 = 1e-3;
-/// Largest part of 16 bits that 12 bits have: the least that is full scale.
+/// Magnitude at which a sample counts as full scale: the largest 12-bit value scaled to 16 bits.
 const FULL: u16 = 0x7ff0;
 
-/// Both streamers, and the waveform as often as a packet needs it.
+/// Both streamers, and the waveform repeated for the length of a packet.
 #[derive(Debug)]
 pub(super) struct Streams {
     rx: Rx,
@@ -26,10 +26,10 @@ pub(super) struct Streams {
     sent: Vec<Complex32>,
 }
 
-/// What came of a burst so far.
+/// Partially received burst.
 struct Filled<'a> {
     receive: [&'a mut [Sample]; 2],
-    /// Samples before this are there, or lost.
+    /// Index up to which samples are received or lost.
     next: usize,
     first_s: Option<f64>,
     lost: Vec<std::ops::Range<usize>>,
@@ -37,10 +37,10 @@ struct Filled<'a> {
 }
 
 impl Filled<'_> {
-    /// Puts a packet where its time says. What is from before the burst, or there already, is left out.
+    /// Store a packet at the position given by its timestamp. Samples before the burst or already received are dropped.
     fn put(&mut self, packet: [&[Sample]; 2], first_s: f64, at_s: f64, rate_hz: f64) {
         let (count, all) = (packet[0].len(), self.receive[0].len());
-        // `as` saturates; a time that is no number is 0.
+        // `as` saturates, and converts NaN to 0.
         let start = ((first_s - at_s) * rate_hz).round() as i64;
         let skipped = (self.next as i64).saturating_sub(start).max(0) as usize;
         let from = start.max(self.next as i64) as usize;
@@ -93,10 +93,10 @@ impl Streams {
         let (all, period) = (receive[0].len(), burst.waveform.len());
         let most = self.tx.most();
         self.sent.clear();
-        // From wherever in a period a packet begins.
+        // One period plus a packet, so that a packet can start anywhere in a period.
         let whole = burst.waveform.iter().copied().cycle();
         self.sent.extend(whole.take(period + most));
-        let mut tell = |kind| {
+        let mut report = |kind| {
             events.push(Event {
                 kind,
                 time_s: Some(burst.at_s),
@@ -112,13 +112,17 @@ impl Streams {
         };
         let ahead_s = (burst.at_s - usrp.now_s()?).max(0.0) + all as f64 / rate_hz;
         let wait = Duration::try_from_secs_f64(ahead_s)
-            .map_err(|_| RadioError::Burst(format!("it would end in {ahead_s} s")))?
+            .map_err(|_| {
+                RadioError::Burst(format!(
+                    "the burst would end in {ahead_s} s: expected a shorter burst"
+                ))
+            })?
             .saturating_add(SLACK);
-        // What was said of earlier bursts after their time; no more than can be waiting.
+        // Late messages about earlier bursts; bounded by the size of the queue.
         for _ in 0..WAITING {
             match self.tx.said(0.0)? {
-                Some(Said::Underflow) => tell(EventKind::Underflow),
-                Some(Said::Lost) => tell(EventKind::LostPacket),
+                Some(Said::Underflow) => report(EventKind::Underflow),
+                Some(Said::Lost) => report(EventKind::LostPacket),
                 Some(_) => {}
                 None => break,
             }
@@ -133,7 +137,7 @@ impl Streams {
                 let last = sent + count == all;
                 let samples = &self.sent[offset..offset + count];
                 match self.tx.send(samples, first, last, 0.0)? {
-                    // No room until some of it is sent.
+                    // The device's transmit buffer is full.
                     0 => break,
                     count => sent += count,
                 }
@@ -149,12 +153,12 @@ impl Streams {
                     late = true;
                     break;
                 }
-                Packet::Overflow => tell(EventKind::Overflow),
-                Packet::Lost => tell(EventKind::LostPacket),
+                Packet::Overflow => report(EventKind::Overflow),
+                Packet::Lost => report(EventKind::LostPacket),
             }
         }
         if (1..all).contains(&sent) {
-            // Nothing more comes; a burst that does not end is one that the next is a part of.
+            // End the transmission early: an unfinished burst would be continued by the next.
             self.tx.send(&[], None, true, SLACK.as_secs_f64())?;
         }
         let nothing = filled.next == 0 && !late;
@@ -166,19 +170,19 @@ impl Streams {
                     late = true;
                     break;
                 }
-                Some(Said::Underflow) => tell(EventKind::Underflow),
-                Some(Said::Lost) => tell(EventKind::LostPacket),
+                Some(Said::Underflow) => report(EventKind::Underflow),
+                Some(Said::Lost) => report(EventKind::LostPacket),
                 Some(Said::Other) => {}
             }
         }
         if late {
-            tell(EventKind::LateCommand);
+            report(EventKind::LateCommand);
             (filled.next, filled.clipped) = (0, [0; 2]);
             filled.lost.clear();
         } else if nothing {
-            // A device that is gone says so here.
+            // Returns an error if the device is disconnected.
             usrp.now_s()?;
-            tell(EventKind::LostPacket);
+            report(EventKind::LostPacket);
         }
         filled.lose_until(all);
         Ok(Received {
@@ -194,7 +198,7 @@ impl Streams {
 mod tests {
     use super::*;
 
-    /// What is in the buffer after packets of these starts and lengths, of samples that count from 1, and what is lost.
+    /// Buffer and lost ranges after packets with the given starts and lengths; samples count from 1.
     fn filled(packets: &[(i64, usize)]) -> (Vec<i16>, Vec<std::ops::Range<usize>>) {
         let (mut a, mut b) = (vec![Sample::new(-9, -9); 10], vec![Sample::ZERO; 10]);
         let mut filled = Filled {
@@ -208,7 +212,7 @@ mod tests {
             let samples: Vec<Sample> = (0..length as i64)
                 .map(|i| Sample::new((start + i + 1) as i16, 0))
                 .collect();
-            // A third of a sample off, as a device's clock ticks.
+            // Timestamps are off by a third of a sample, as with a device clock.
             let first_s = 5.0 + (start as f64 + 0.3) / 1e6;
             filled.put([&samples, &samples], first_s, 5.0, 1e6);
         }
@@ -218,10 +222,10 @@ mod tests {
     }
 
     #[test]
-    fn samples_go_where_their_times_say() {
+    fn samples_are_stored_by_timestamp() {
         let whole: Vec<i16> = (1..=10).collect();
         assert_eq!(filled(&[(0, 4), (4, 4), (8, 4)]), (whole.clone(), vec![]));
-        // From before the burst, twice, after it.
+        // Packets before the burst, repeated, overlapping, and after it.
         assert_eq!(
             filled(&[(-7, 4), (-2, 6), (1, 3), (4, 6), (40, 3)]),
             (whole, vec![])

@@ -1,6 +1,6 @@
-//! UHD's C API without anything unsafe left: handles that free themselves, texts, numbers, and errors with what UHD says.
+//! Safe wrappers of UHD's C API: owning handles, strings, numbers, and errors with UHD's message.
 //!
-//! Every handle is made by UHD and freed once, when it is dropped; nothing here hands out a pointer.
+//! Every handle is created by UHD and freed once, on drop. No raw pointer leaves this module.
 
 use std::ffi::{CStr, c_char};
 use std::ptr::null_mut;
@@ -10,20 +10,20 @@ use super::ffi;
 use crate::error::RadioError;
 use crate::transceiver::Range;
 
-/// Longer than any text of UHD's but advice, which is cut.
+/// Buffer size for UHD's texts; longer advice is truncated.
 const TEXT: usize = 4096;
 
-/// The board; a USRP B210 is one.
+/// Motherboard index; a USRP B210 has one.
 const BOARD: usize = 0;
 
-/// What UHD said last.
+/// UHD's last error message.
 fn last_error() -> String {
     let mut text = [0u8; TEXT];
-    // SAFETY: UHD writes at most as many bytes as it is told, into memory of that length.
+    // SAFETY: UHD writes at most the number of bytes passed, into a buffer of that length.
     let code = unsafe { ffi::uhd_get_last_error(text.as_mut_ptr().cast::<c_char>(), text.len()) };
     match code {
         0 => until_zero(&text),
-        code => format!("it cannot say why either, by error {code}"),
+        code => format!("no message available, error {code}"),
     }
 }
 
@@ -32,7 +32,7 @@ fn until_zero(text: &[u8]) -> String {
     String::from_utf8_lossy(&text[..end]).trim().to_owned()
 }
 
-/// An error code as an error.
+/// Convert an error code into a result.
 pub(super) fn done(call: &str, code: ffi::Error) -> Result<(), RadioError> {
     match code {
         0 => Ok(()),
@@ -40,17 +40,17 @@ pub(super) fn done(call: &str, code: ffi::Error) -> Result<(), RadioError> {
     }
 }
 
-/// Calls a function of UHD's and makes its error ours.
+/// Call a function of UHD and convert its error code.
 macro_rules! call {
     ($function:ident($($argument:expr),* $(,)?)) => {
-        // SAFETY: handles are those that UHD made, not freed before their owner is dropped; all other pointers are to locals that
-        // outlive the call and are of the types declared; texts end in zero or come with their length.
+        // SAFETY: handles were created by UHD and are not freed before their owner is dropped; all other pointers refer
+        // to locals of the declared types that outlive the call; texts are null-terminated or passed with their length.
         done(stringify!($function), unsafe { ffi::$function($($argument),*) })
     };
 }
 pub(super) use call;
 
-/// A time as UHD takes it; nothing is lost, for a float's fraction is one too.
+/// Split a time into whole and fractional seconds, as UHD takes it; exact, since the fraction of a float is a float.
 pub(super) fn split(time_s: f64) -> (i64, f64) {
     let full = time_s.floor();
     (full as i64, time_s - full)
@@ -60,7 +60,7 @@ pub(super) fn joined(full: i64, frac: f64) -> f64 {
     full as f64 + frac
 }
 
-/// What UHD makes and frees by functions of one kind.
+/// Owning handle of an object that UHD creates and frees.
 macro_rules! handle {
     ($(#[$doc:meta])* $name:ident, $raw:ident, $free:ident) => {
         $(#[$doc])*
@@ -69,25 +69,26 @@ macro_rules! handle {
 
         impl Drop for $name {
             fn drop(&mut self) {
-                // SAFETY: made by UHD, and freed here alone. An error of that leaves nothing to do.
+                // SAFETY: created by UHD, and freed only here. An error on freeing cannot be handled.
                 unsafe { ffi::$free(&mut self.0) };
             }
         }
 
-        // SAFETY: UHD ties none of its objects to the thread that made them, and this is used through one owner at a time.
+        // SAFETY: UHD's objects are not bound to the thread that created them, and each is used through one owner at a
+        // time.
         unsafe impl Send for $name {}
     };
 }
 
 handle!(
-    /// A list of texts.
+    /// List of strings.
     Strings, Strings, uhd_string_vector_free
 );
 handle!(Span, Span, uhd_meta_range_free);
 handle!(Subdevice, Subdevice, uhd_subdev_spec_free);
 handle!(Sensor, Sensor, uhd_sensor_value_free);
 handle!(
-    /// A device.
+    /// USRP device.
     Usrp, Usrp, uhd_usrp_free
 );
 handle!(RxStreamer, RxStreamer, uhd_rx_streamer_free);
@@ -121,14 +122,14 @@ impl Strings {
     }
 }
 
-/// The devices that answer to these arguments, as UHD writes them.
+/// Addresses of the devices that match the arguments, in UHD's notation.
 pub(super) fn find(args: &str) -> Result<Vec<String>, RadioError> {
     let (args, mut found) = (name(args)?, Strings::new()?);
     call!(uhd_usrp_find(args.as_ptr(), &mut found.0))?;
     found.read()
 }
 
-/// Transmitter or receiver, and of the latter which.
+/// Transmit port, or receive port by channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Port {
     Tx,
@@ -159,7 +160,7 @@ impl Usrp {
         call!(uhd_usrp_set_time_source(self.0, pps.as_ptr(), BOARD))
     }
 
-    /// Zero at a pulse per second; takes up to two seconds.
+    /// Set the device time to zero at the next pulse per second; takes up to two seconds.
     pub(super) fn zero_time_at_pps(&self) -> Result<(), RadioError> {
         call!(uhd_usrp_set_time_unknown_pps(self.0, 0, 0.0))
     }
@@ -170,7 +171,7 @@ impl Usrp {
         Ok(joined(full, frac))
     }
 
-    /// Commands that follow are done at this time, or at once.
+    /// Schedule the following commands for a device time; `None` executes them immediately.
     pub(super) fn command_time(&self, at_s: Option<f64>) -> Result<(), RadioError> {
         match at_s.map(split) {
             Some((full, frac)) => call!(uhd_usrp_set_command_time(self.0, full, frac, BOARD)),
@@ -211,7 +212,7 @@ impl Usrp {
         Ok(set)
     }
 
-    /// Of the transmitter UHD's C API does not check it; that of the receivers is what counts.
+    /// Set the bandwidths and return that of the receivers; UHD's C API cannot read back the transmitter's.
     pub(super) fn set_bandwidth_hz(&self, hz: f64) -> Result<f64, RadioError> {
         call!(uhd_usrp_set_tx_bandwidth(self.0, hz, 0))?;
         call!(uhd_usrp_set_rx_bandwidth(self.0, hz, 0))?;
@@ -222,7 +223,7 @@ impl Usrp {
     }
 
     pub(super) fn set_gain_db(&self, port: Port, db: f64) -> Result<f64, RadioError> {
-        // All stages of the channel.
+        // All gain stages of the channel.
         let (all, mut set) = (c"".as_ptr(), 0.0);
         match port {
             Port::Tx => {
@@ -245,7 +246,7 @@ impl Usrp {
         }
     }
 
-    /// The carrier that it is tuned to, mixed down by synthesiser and numbers together.
+    /// Tune a port and return the carrier in effect, LO and DSP tuning combined.
     pub(super) fn tune_hz(&self, port: Port, hz: f64) -> Result<f64, RadioError> {
         let mut request = ffi::TuneRequest {
             target_freq: hz,
@@ -253,7 +254,7 @@ impl Usrp {
             rf_freq: 0.0,
             dsp_freq_policy: ffi::POLICY_AUTO,
             dsp_freq: 0.0,
-            // UHD reads it, and writes nothing.
+            // UHD only reads this string.
             args: c"".as_ptr().cast_mut(),
         };
         let (mut result, mut set) = (ffi::TuneResult::default(), 0.0);
@@ -333,7 +334,7 @@ impl Usrp {
         self.is_on_board(c"ref_locked")
     }
 
-    /// Of a GPS-disciplined oscillator; waits for what that says.
+    /// Lock of a GPS-disciplined oscillator; waits for its message.
     pub(super) fn gps_locked(&self) -> Result<bool, RadioError> {
         self.is_on_board(c"gps_locked")
     }

@@ -1,11 +1,12 @@
-//! Of UHD's C API what is used here, declared as `uhd.h` of version 4.3 has it.
+//! Declarations of the used part of UHD's C API, as in `uhd.h` of version 4.3.
 //!
-//! The functions stand in one list, of which both the declarations and [`DECLARED`] are made: a test compiles the latter in C against
-//! the installed header, so that what is called is what is checked. All return an error code, 0 for none.
+//! One list of functions generates both the declarations and [`DECLARED`]. A test compiles the latter in C against the
+//! installed header, so that the declarations in use are those checked. All functions return an error code, 0 for
+//! success.
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
-/// What lies behind a handle is UHD's own.
+/// Opaque object of UHD behind a handle.
 #[repr(C)]
 pub(super) struct Opaque {
     _none: [u8; 0],
@@ -89,12 +90,12 @@ pub(super) const TX_SEQUENCE_IN_BURST: c_uint = 32;
 macro_rules! declare {
     ($(fn $name:ident($($argument:ident: $type:ty),* $(,)?);)*) => {
         #[link(name = "uhd")]
-        // SAFETY: as the installed header has them, which the test of this module sees to.
+        // SAFETY: the declarations match the installed header; tested by the tests of this module.
         unsafe extern "C" {
             $(pub(super) fn $name($($argument: $type),*) -> Error;)*
         }
 
-        /// Each function's name and the types of its arguments.
+        /// Names of the functions and types of their arguments.
         #[cfg(test)]
         const DECLARED: &[(&str, &[&str])] = &[$((stringify!($name), &[$(stringify!($type)),*])),*];
     };

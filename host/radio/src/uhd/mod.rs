@@ -1,27 +1,30 @@
-//! A USRP by UHD, Ettus Research's driver: a B210, or what has two receivers and a transmitter as one has.
+//! USRP with Ettus Research's driver UHD: a B210, or a device with the same two receivers and one transmitter.
 //!
-//! Needs the feature `uhd`, and UHD from 4.3 on to link with (Debian: `libuhd-dev`). **Licence:** this crate is under MIT or Apache-2.0,
-//! UHD under GPL-3.0-or-later, or under a commercial licence that Ettus Research sells. A program linked with UHD that is passed on is passed on under
-//! the GPL as a whole, unless that licence was bought. Without the feature nothing of UHD is needed or contained.
+//! Needs the feature `uhd`, and UHD 4.3 or later to link with (Debian: `libuhd-dev`). **Licence:** this crate is
+//! licensed under MIT or Apache-2.0; UHD under GPL-3.0-or-later, or under a commercial licence from Ettus Research. A
+//! program linked with UHD is distributed under the GPL as a whole, unless that licence was bought. Without the
+//! feature, nothing of UHD is needed or contained.
 //!
-//! # What is done by which call
-//! - Search by serial number (`uhd_usrp_find`); UHD loads firmware and FPGA image as it makes the device, and errors say what to do where
-//!   images or rights are missing.
-//! - A burst: receivers are asked for its samples at its time (`issue_stream_cmd`; two channels start together at a time only), packets are sent as
-//!   long as there is room, one is received, and so on, in one thread. Samples go where their packets' times say; where none went is lost. At the end
-//!   the transmitter's acknowledgement is waited for, so that a retune does not cut what is sent.
-//! - Sample rates of a B210 are its master clock over a whole number, and UHD takes the nearest: what was set is what counts and is recorded, and the
-//!   tone's frequency follows it, for it has a whole number of samples a period. Gains are rounded too. Ranges of carriers, bandwidths and gains are
-//!   those that UHD says; of master clock and rate they are a B210's, 5 to 30.72 MHz with two receivers, whatever the device: an X300, whose master clocks are
-//!   200 and 184.32 MHz, is refused by them.
-//! - Waveforms are float32 until UHD rounds them to the wire's bits; samples come as 16 bits, or as the upper 12 of them
-//!   ([`Options::wire`]).
-//! - A B210's synthesisers know no time: retunes at a time are refused.
-//! - UHD writes what it does to standard error; `UHD_LOG_CONSOLE_LEVEL=off` and `UHD_LOG_FASTPATH_DISABLE=1` in the environment silence it.
-//! - Loss of the device is [`RadioError::Gone`], from every call on.
+//! # Use of UHD
+//! - Devices are searched by serial number (`uhd_usrp_find`). UHD loads firmware and FPGA image when it opens the
+//!   device; errors give advice if images or permissions are missing.
+//! - Burst: the receivers are commanded to start at the burst's time (`issue_stream_cmd`; two channels start together
+//!   only with a start time). Then, in one thread, packets are sent while there is room, one is received, and so on.
+//!   Samples are stored by their packets' timestamps; samples without a packet are lost. At the end the transmitter's
+//!   acknowledgement is awaited, so that a retune does not truncate the transmission.
+//! - Sample rates of a B210 are its master clock divided by an integer; UHD takes the nearest. The rate in effect is
+//!   used and recorded, and the tone's frequency follows it, since it has a whole number of samples per period. Gains
+//!   are rounded too. Limits of carriers, bandwidths and gains are reported by UHD. Those of master clock and rate are
+//!   a B210's, 5 to 30.72 MHz with two receivers, for all devices: an X300, with master clocks of 200 and 184.32 MHz,
+//!   is therefore refused.
+//! - Waveforms are float32 until UHD rounds them to the wire format. Samples arrive with 16 bits, or as the upper 12 of
+//!   them ([`Options::wire`]).
+//! - A B210's synthesisers have no timed commands: scheduled retunes are refused.
+//! - UHD logs to standard error; `UHD_LOG_CONSOLE_LEVEL=off` and `UHD_LOG_FASTPATH_DISABLE=1` in the environment
+//!   silence it.
+//! - After the device is disconnected, every call returns [`RadioError::Gone`].
 //!
-//! Not measured: any of this on a real device; tests run it against a library with UHD's interface that answers from the
-//! simulated radio.
+//! Not tested on a real device: tests use a library with UHD's interface that answers from the simulated radio.
 
 mod burst;
 #[allow(unsafe_code)]
@@ -44,34 +47,34 @@ use crate::transceiver::{
 use burst::Streams;
 use calls::{Port, Usrp};
 
-/// How long an external reference may take until the device has locked to it.
+/// Time allowed for locking to an external reference.
 const LOCK: Duration = Duration::from_secs(2);
 
-/// Samples over the wire.
+/// Wire format of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wire {
-    /// 16 bits.
+    /// 16 bits per I and Q.
     #[default]
     Sc16,
-    /// 12 bits, all that an AD9361 has: three quarters of the bytes.
+    /// 12 bits per I and Q, the resolution of an AD9361; three quarters of the data rate.
     Sc12,
 }
 
-/// Which device, and how it is connected.
+/// Device selection and wire format.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Its serial number; none where there is but one.
+    /// Serial number; `None` selects the only device connected.
     pub serial: Option<String>,
-    /// Subdevice of the transmitter, as UHD writes it.
+    /// Transmit subdevice specification, in UHD's notation.
     pub transmit_subdevice: String,
-    /// Subdevices of the two receivers.
+    /// Receive subdevice specification of the two receivers, in UHD's notation.
     pub receive_subdevices: String,
-    /// Samples over the wire.
+    /// Wire format of samples.
     pub wire: Wire,
 }
 
 impl Default for Options {
-    /// The only B210: transmitter A, receivers A and B, 16 bits.
+    /// The only B210 connected: transmitter A, receivers A and B, 16 bits.
     fn default() -> Self {
         Self {
             serial: None,
@@ -82,21 +85,22 @@ impl Default for Options {
     }
 }
 
-/// A device that was found.
+/// Device found by UHD.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
-    /// What it is, as `B210`.
+    /// Product name, for example `B210`.
     pub product: String,
-    /// Its serial number.
+    /// Serial number, by which the device is selected.
     pub serial: String,
-    /// All that UHD says, as `type=b200,name=,serial=...`.
+    /// UHD's device address, for example `type=b200,name=,serial=...`.
     pub address: String,
 }
 
-/// Devices that UHD finds, with this serial number where one is given. Takes about a second; asks the network too.
+/// List the devices that UHD finds, optionally with a given serial number. Takes about a second, and also searches the
+/// network.
 ///
 /// # Errors
-/// What UHD says.
+/// [`RadioError::Driver`] with UHD's message.
 pub fn list(serial: Option<&str>) -> Result<Vec<Found>, RadioError> {
     let args = serial.map_or(String::new(), |serial| format!("serial={serial}"));
     let found = calls::find(&args)?;
@@ -115,18 +119,18 @@ pub fn list(serial: Option<&str>) -> Result<Vec<Found>, RadioError> {
         .collect())
 }
 
-/// That there is none, and what to check.
+/// Error for a search without result, with advice.
 pub fn none_found(serial: Option<&str>) -> RadioError {
     let which = serial.map_or(String::new(), |serial| {
-        format!(" of serial number {serial}")
+        format!(" with serial number {serial}")
     });
-    RadioError::Driver(format!("UHD finds no radio{which}; {}", errors::NO_DEVICE))
+    RadioError::Driver(format!("UHD found no radio{which}; {}", errors::NO_DEVICE))
 }
 
-/// A radio by UHD.
+/// Radio driven by UHD.
 #[derive(Debug)]
 pub struct UhdRadio {
-    // Freed before the device.
+    // Dropped before the device.
     streams: Option<Streams>,
     usrp: Usrp,
     about: About,
@@ -140,10 +144,11 @@ pub struct UhdRadio {
 }
 
 impl UhdRadio {
-    /// Opens a device. Takes seconds where its image has to be loaded.
+    /// Open a device. Takes seconds if its image must be loaded.
     ///
     /// # Errors
-    /// [`RadioError::Driver`] if there is none, if there are several and no serial number is given, or what UHD says, with what helps.
+    /// [`RadioError::Driver`] if no device is found, if several are found and no serial number is given, or with UHD's
+    /// message and advice.
     pub fn open(options: &Options) -> Result<Self, RadioError> {
         let found = list(options.serial.as_deref())?;
         let found = match &found[..] {
@@ -152,7 +157,7 @@ impl UhdRadio {
             several => {
                 let serials: Vec<&str> = several.iter().map(|one| one.serial.as_str()).collect();
                 return Err(RadioError::Driver(format!(
-                    "UHD finds {} radios; say which by its serial number: {}",
+                    "UHD found {} radios: choose one by its serial number: {}",
                     several.len(),
                     serials.join(", ")
                 )));
@@ -169,7 +174,7 @@ impl UhdRadio {
             transmit_antennas: usrp.antennas(Port::Tx)?,
             receive_antennas: usrp.antennas(Port::Rx(0))?,
             timed_tune: product.starts_with("X3"),
-            // UHD's C interface does not tell the others.
+            // UHD's C interface does not report the other limits.
             ..Ranges::b210()
         };
         let (sensors, on_board) = (usrp.receive_sensors()?, usrp.board_sensors()?);
@@ -191,17 +196,17 @@ impl UhdRadio {
         })
     }
 
-    /// Does something with the device, if it is not gone, and notes if it is after that.
+    /// Run `act` unless the device is disconnected, and record a disconnection that it reports.
     fn here<T>(
         &mut self,
         act: impl FnOnce(&mut Self) -> Result<T, RadioError>,
     ) -> Result<T, RadioError> {
-        if let Some(said) = &self.gone {
-            return Err(RadioError::Gone(said.clone()));
+        if let Some(message) = &self.gone {
+            return Err(RadioError::Gone(message.clone()));
         }
         let done = act(self);
-        if let Err(RadioError::Gone(said)) = &done {
-            self.gone = Some(said.clone());
+        if let Err(RadioError::Gone(message)) = &done {
+            self.gone = Some(message.clone());
             self.events.push(Event {
                 kind: EventKind::Gone,
                 time_s: None,
@@ -212,7 +217,7 @@ impl UhdRadio {
     }
 
     fn set(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
-        // Streamers do not outlive a change of the master clock.
+        // Streamers become invalid when the master clock changes.
         (self.streams, self.configuration, self.tuned) = (None, None, [false; 2]);
         let usrp = &self.usrp;
         usrp.set_sources(source(asked.clock), source(asked.pps))?;
@@ -223,7 +228,7 @@ impl UhdRadio {
         let sample_rate_hz = rate_hz?;
         if second_hz? != sample_rate_hz || transmit_hz? != sample_rate_hz {
             return Err(RadioError::Unsupported(format!(
-                "{} samples a second both ways; it sends and receives at rates that differ. Choose the master clock or a part of it",
+                "sample rate of {} Hz gives different transmit and receive rates: choose the master clock rate divided by an integer",
                 asked.sample_rate_hz
             )));
         }
@@ -243,13 +248,14 @@ impl UhdRadio {
             while !usrp.reference_locked()? {
                 if began.elapsed() > LOCK {
                     return Err(RadioError::Driver(
-                        "the reference clock is not there: connect 10 MHz, or take the device's own clock".to_owned(),
+                        "no lock to the reference clock: connect 10 MHz, or use the internal clock"
+                            .to_owned(),
                     ));
                 }
                 sleep(Duration::from_millis(20));
             }
         }
-        // Its own pulse tells nothing that its time has not.
+        // The internal pulse per second carries no external time.
         if asked.pps != Source::Internal {
             usrp.zero_time_at_pps()?;
         }
@@ -269,7 +275,7 @@ impl UhdRadio {
     }
 }
 
-/// UHD's word.
+/// UHD's name of a clock or time source.
 fn source(source: Source) -> &'static str {
     match source {
         Source::Internal => "internal",
@@ -296,9 +302,9 @@ impl Transceiver for UhdRadio {
 
     fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError> {
         let ranges = &self.about.ranges;
-        ranges.carrier_hz.check("a carrier", carrier_hz, "Hz")?;
+        ranges.carrier_hz.check("carrier", carrier_hz, "Hz")?;
         if at_s.is_some() && !ranges.timed_tune {
-            let what = "retune at a time; its synthesisers are written over a bus of their own. Tune, then burst at a time";
+            let what = "scheduled retune: the synthesisers are set over a separate bus without timestamps. Tune now, then schedule the burst";
             return Err(RadioError::Unsupported(what.to_owned()));
         }
         self.here(|radio| {
@@ -308,7 +314,7 @@ impl Transceiver for UhdRadio {
             }
             let set = match side {
                 Side::Transmit => usrp.tune_hz(Port::Tx, carrier_hz),
-                // One synthesiser, and mixing by numbers in each channel.
+                // The receivers share a synthesiser; DSP tuning is set for each channel.
                 Side::Receive => usrp
                     .tune_hz(Port::Rx(0), carrier_hz)
                     .and_then(|set| usrp.tune_hz(Port::Rx(1), carrier_hz).map(|_| set)),
@@ -330,7 +336,7 @@ impl Transceiver for UhdRadio {
         check_burst(burst, &receive)?;
         self.here(|radio| {
             let (Some(streams), Some(set)) = (&mut radio.streams, &radio.configuration) else {
-                return Err(RadioError::NotReady("configure it first"));
+                return Err(RadioError::NotReady("configure the radio first"));
             };
             if radio.tuned != [true; 2] {
                 return Err(RadioError::NotReady("tune both sides first"));

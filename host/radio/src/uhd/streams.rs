@@ -1,4 +1,4 @@
-//! Streamers: packets of samples with their times, both ways, and what comes back beside them.
+//! Streamers: timestamped sample packets in both directions, and asynchronous messages.
 
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr::null_mut;
@@ -13,22 +13,22 @@ use super::ffi;
 use crate::error::RadioError;
 use crate::transceiver::Sample;
 
-/// What a call to receive brought.
+/// Result of a receive call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Packet {
-    /// So many samples a channel, the first at this device time.
+    /// Number of samples per channel, and device time of the first.
     Samples { count: usize, first_s: f64 },
-    /// Nothing within the time.
+    /// Nothing arrived within the timeout.
     Timeout,
     /// The command's time had passed.
     Late,
-    /// The device's buffers were full.
+    /// Overrun of the device's buffers.
     Overflow,
-    /// A packet lost, misaligned or broken.
+    /// A packet was lost, misaligned or broken.
     Lost,
 }
 
-/// What the transmitter says of a burst.
+/// Asynchronous message of the transmitter about a burst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Said {
     Acknowledged,
@@ -38,13 +38,13 @@ pub(super) enum Said {
     Other,
 }
 
-/// What a streamer is made from: formats of the host and over the wire, channels.
+/// Call `make` with streamer arguments: host and wire formats, channels.
 fn with_args<T>(
     [cpu, wire]: [&str; 2],
     channels: &mut [usize],
     make: impl FnOnce(&mut ffi::StreamArgs) -> T,
 ) -> Result<T, RadioError> {
-    // UHD reads texts and channels, and writes nothing.
+    // UHD only reads these.
     let (cpu, wire) = (name(cpu)?, name(wire)?);
     let mut args = ffi::StreamArgs {
         cpu_format: cpu.as_ptr().cast_mut(),
@@ -56,13 +56,13 @@ fn with_args<T>(
     Ok(make(&mut args))
 }
 
-/// Both receivers.
+/// Streamer of both receivers.
 #[derive(Debug)]
 pub(super) struct Rx {
-    // Freed in this order: the metadata does not need the streamer.
+    // Dropped in this order; the metadata do not need the streamer.
     metadata: RxMetadata,
     streamer: RxStreamer,
-    /// A packet of each channel.
+    /// Packet buffer of each channel.
     packet: [Vec<Sample>; 2],
 }
 
@@ -85,13 +85,13 @@ impl Rx {
         })
     }
 
-    /// Asks for samples of both channels from a time on.
+    /// Command the reception of `samples` samples of both channels, starting at device time `at_s`.
     pub(super) fn ask(&self, samples: usize, at_s: f64) -> Result<(), RadioError> {
         let (full, frac) = split(at_s);
         let command = ffi::StreamCommand {
             stream_mode: ffi::SAMPLES_AND_DONE,
             num_samps: samples,
-            // Two channels start together at a time only.
+            // Two channels start together only with a start time.
             stream_now: false,
             time_spec_full_secs: full,
             time_spec_frac_secs: frac,
@@ -99,13 +99,13 @@ impl Rx {
         call!(uhd_rx_streamer_issue_stream_cmd(self.streamer.0, &command))
     }
 
-    /// Takes a packet, which is then in [`Self::packet`].
+    /// Receive a packet into [`Self::packet`].
     pub(super) fn take(&mut self, timeout_s: f64) -> Result<Packet, RadioError> {
         let [a, b] = &mut self.packet;
         let most = a.len();
         let mut buffers: [*mut c_void; 2] = [a.as_mut_ptr().cast(), b.as_mut_ptr().cast()];
         let mut count = 0;
-        // A sample is two numbers of 16 bits, real part first, as sc16 is; both buffers are as long as said.
+        // A sample is two 16-bit numbers, real part first, as in sc16; both buffers have the stated length.
         call!(uhd_rx_streamer_recv(
             self.streamer.0,
             buffers.as_mut_ptr(),
@@ -144,13 +144,13 @@ impl Rx {
         })
     }
 
-    /// The last packet of a channel, and what was in its memory before.
+    /// Buffer of a channel: its latest packet, followed by older content.
     pub(super) fn packet(&self, channel: usize) -> &[Sample] {
         &self.packet[channel]
     }
 }
 
-/// The transmitter.
+/// Streamer of the transmitter.
 #[derive(Debug)]
 pub(super) struct Tx {
     events: AsyncMetadata,
@@ -163,7 +163,7 @@ impl Tx {
         let (mut made, mut events, mut most) = (null_mut(), null_mut(), 0);
         call!(uhd_tx_streamer_make(&mut made))?;
         let streamer = TxStreamer(made);
-        // UHD rounds to what the wire has.
+        // UHD rounds to the wire format.
         with_args(["fc32", wire], &mut [0], |args| {
             call!(uhd_usrp_get_tx_stream(usrp.0, args, streamer.0))
         })??;
@@ -177,12 +177,13 @@ impl Tx {
         })
     }
 
-    /// Samples of a packet at most.
+    /// Maximum number of samples per packet.
     pub(super) fn most(&self) -> usize {
         self.most
     }
 
-    /// Sends what there is room for within the time, of a packet at most: how much that was. `at_s` is the time of a burst's first.
+    /// Send up to one packet within the timeout, and return the number of samples sent. `at_s` is the start time, given
+    /// with the first packet of a burst.
     pub(super) fn send(
         &self,
         samples: &[Complex32],
@@ -202,7 +203,7 @@ impl Tx {
         ))?;
         let mut metadata = TxMetadata(made);
         let mut buffers: [*const c_void; 1] = [samples.as_ptr().cast()];
-        // A sample is two float32, real part first, as fc32 is.
+        // A sample is two float32, real part first, as in fc32.
         call!(uhd_tx_streamer_send(
             self.streamer.0,
             buffers.as_mut_ptr(),
@@ -214,7 +215,7 @@ impl Tx {
         Ok(sent.min(samples.len()))
     }
 
-    /// What the device says of what was sent, within the time.
+    /// Next asynchronous message of the transmitter, within the timeout.
     pub(super) fn said(&mut self, timeout_s: f64) -> Result<Option<Said>, RadioError> {
         let (mut valid, mut code) = (false, 0);
         call!(uhd_tx_streamer_recv_async_msg(

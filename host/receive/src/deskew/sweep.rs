@@ -1,4 +1,4 @@
-//! The numbers of a linear sweep, and the delays that it sees.
+//! Parameters of an FMCW sweep, and the delays in its scene.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use subaperture_model::geometry::Extent;
 use subaperture_model::quantity::{hertz, seconds};
 use subaperture_model::radar::Waveform;
 
-/// A sweep's numbers.
+/// Parameters of an FMCW sweep.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sweep {
     pub(super) start_hz: f64,
@@ -17,7 +17,7 @@ pub(super) struct Sweep {
     pub(super) mixer_delay_s: f64,
 }
 
-/// The sweep of a collection, and its samples.
+/// Sweep parameters of a collection, and its number of samples.
 pub(super) fn sweep_of(collection: &EchoCollection) -> Result<(Sweep, usize), String> {
     let Waveform::Fmcw {
         start_hz,
@@ -27,11 +27,11 @@ pub(super) fn sweep_of(collection: &EchoCollection) -> Result<(Sweep, usize), St
         mixer_delay_s,
     } = collection.waveform
     else {
-        return Err("its waveform is not a linear sweep".to_owned());
+        return Err("expected an FMCW waveform".to_owned());
     };
-    let moves = chirp_hz_s.is_finite() && chirp_hz_s != 0.0;
-    if !(moves && sample_rate_hz > 0.0 && num_samples > 0 && !collection.pulses.is_empty()) {
-        return Err("its sweep does not sweep, or is empty".to_owned());
+    let sweeps = chirp_hz_s.is_finite() && chirp_hz_s != 0.0;
+    if !(sweeps && sample_rate_hz > 0.0 && num_samples > 0 && !collection.pulses.is_empty()) {
+        return Err("expected a non-zero chirp rate, a positive sample rate, and at least one sample and pulse".to_owned());
     }
     let sweep = Sweep {
         start_hz,
@@ -42,7 +42,8 @@ pub(super) fn sweep_of(collection: &EchoCollection) -> Result<(Sweep, usize), St
     Ok((sweep, num_samples))
 }
 
-/// The scene's largest delay from the reference's, given or that of the extent, if the samples can tell it.
+/// Largest delay in the scene relative to the reference's, given or from the extent, seconds; checked against the
+/// sample rate.
 pub(super) fn seen_half_delay_s(
     collection: &EchoCollection,
     given_s: Option<f64>,
@@ -50,20 +51,18 @@ pub(super) fn seen_half_delay_s(
 ) -> Result<f64, String> {
     let (chirp_hz_s, sample_rate_hz) = (sweep.chirp_hz_s, sweep.sample_rate_hz);
     let Some(half_delay_s) = given_s.or_else(|| half_delay(collection)) else {
-        return Err(
-            "nothing says how large its scene is: give the extent or the half delay".to_owned(),
-        );
+        return Err("unknown size of the scene: give the extent or the half delay".to_owned());
     };
     if !(half_delay_s >= 0.0 && half_delay_s.is_finite()) {
         return Err(format!(
-            "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
+            "scene delays of up to {half_delay_s} s from the reference: expected a finite number, 0 or more"
         ));
     }
-    // All that the samples tell apart is allowed, whatever the rounding.
+    // The whole unambiguous range is allowed, whatever the rounding.
     if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
         return Err(format!(
-            "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
-             sample faster, sweep slower or see less",
+            "delays of up to {} from the reference have beat frequencies of up to {}, more than half the sample rate of {}: \
+                        raise the sample rate, lower the chirp rate, or reduce the extent",
             seconds(half_delay_s),
             hertz(half_delay_s * chirp_hz_s.abs()),
             hertz(sample_rate_hz)
@@ -72,7 +71,7 @@ pub(super) fn seen_half_delay_s(
     Ok(half_delay_s)
 }
 
-/// The smallest and the largest delay of a pulse's reference against the mixer's, seconds.
+/// Smallest and largest delay of the pulses' reference relative to the mixer's, seconds.
 pub(super) fn ends_of_delays_s(collection: &EchoCollection, mixer_delay_s: f64) -> (f64, f64) {
     let delays = collection
         .pulses
@@ -83,11 +82,12 @@ pub(super) fn ends_of_delays_s(collection: &EchoCollection, mixer_delay_s: f64) 
     })
 }
 
-/// Largest difference of a delay in the extent, at height 0, from the reference's.
+/// Largest difference between a delay within the extent, at height 0, and the reference's, seconds.
 fn half_delay(collection: &EchoCollection) -> Option<f64> {
     let Extent { x_m, y_m } = collection.extent?;
     let of_pulse = |pulse: &EchoPulse| {
-        // Delays are convex: largest at a corner, least near the point below the antennas or the nearest.
+        // Delays are convex: the largest is at a corner; the smallest is near the point below the antennas, or the
+        // nearest point.
         let middle_m = 0.5 * (pulse.transmitter_m + pulse.receiver_m);
         let nearest = (
             middle_m.x.clamp(x_m.0, x_m.1),

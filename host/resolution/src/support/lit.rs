@@ -1,4 +1,4 @@
-//! How strongly a place was lit, measured from its own echo.
+//! Antenna gain over slow time, measured from a point's own echo.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -9,35 +9,35 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
 use subaperture_signal::window::Window;
 
-/// Part of the pulses over which the echo is averaged, half-power width of the average about half of it.
+/// The averaging window has 1 / `SHARE` of the pulses; its half-power width is about half of that.
 const SHARE: usize = 32;
 
-/// Why gains were not measured.
+/// Error of measuring gains.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GainsError {
     /// Pulses could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The monitor asked to stop.
+    /// Cancelled by the monitor.
     #[error("interrupted")]
     Cancelled,
 }
 
-/// How strongly each pulse saw a scatterer at `place_m`, relative: magnitude of
+/// Measure the relative gain of each pulse at a scatterer at `place_m`: magnitude of
 ///
 /// ```text
 /// e_n = sum_k w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(place) - reference_path_n) / c)
 /// ```
 ///
-/// averaged over a thirty-second of the pulses about each. What stands at the place adds up, as its phase is the same in
-/// every pulse; noise and what stands elsewhere turn and average out. Right for a point that stands out
-/// by itself, as one that is measured must; a beam is broadened by less than 1 % if it spans a quarter of the pulses.
+/// averaged over a thirty-second of the pulses about each. The scatterer at `place_m` has the same phase in
+/// every pulse and adds coherently; noise and other scatterers average out. Valid for an isolated
+/// point; a beam that spans a quarter of the pulses is broadened by less than 1 %.
 ///
-/// Reads the whole recording once, a pulse at a time; 16 bytes a pulse.
+/// Cost: reads the recording once, pulse by pulse. Memory: 16 bytes per pulse.
 ///
 /// # Errors
-/// [`GainsError::Read`]; [`GainsError::Cancelled`] if the monitor asks.
+/// [`GainsError::Read`] if pulses cannot be read; [`GainsError::Cancelled`] if the monitor cancels.
 pub fn measured_gains(
     history: &dyn PhaseHistory,
     place_m: DVec3,

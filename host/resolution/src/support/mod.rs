@@ -1,39 +1,39 @@
-//! What a collection samples of the scene's spectrum, seen from one place: resolution, side lobes and the
-//! sampling that an image needs follow from it and from nothing else.
+//! Spectral support of a collection at a scene point, from which resolution, sidelobes and image
+//! sampling follow.
 //!
-//! A pulse whose transmitter and receiver lie in the directions `-u_t` and `-u_r` of the place `q` (`u` unit vectors
-//! from the antennas to it) samples the scene around `q`, at frequency `f`, at the spatial frequency
+//! A pulse whose transmitter and receiver are in the directions `-u_t` and `-u_r` of the point `q` (`u` unit vectors
+//! from the antennas to it) samples the scene spectrum at frequency `f` at the spatial frequency
 //!
 //! ```text
-//! K = f / c (u_t + u_r)     cycles a metre (monostatic: 2 f / c along the line of sight)
+//! K = f / c (u_t + u_r)     cycles per metre (monostatic: 2 f / c along the line of sight)
 //! ```
 //!
-//! so that an image of the formers shows a unit scatterer at `q` as
+//! so that the impulse response of a unit scatterer at `q` is
 //!
 //! ```text
 //! h(d) = sum_n sum_k a_n w_slow[n] w_fast[k] exp(+j 2 pi K_nk . d) / (sum_n w_slow[n]  sum_k w_fast[k])
 //! ```
 //!
-//! at `q + d`, with `a_n` how strongly the antennas' beams lit it. Along a line through the peak only the
-//! distribution of the weights over `K` projected on that line counts (the projection-slice theorem): a
-//! [`Projection`] holds it, and its transform is the response along the line. So the shape of the support
-//! counts, in any plane and at any squint, and not the box around it.
+//! at `q + d`, with the antenna gains `a_n`. Along a line through the peak only the
+//! distribution of the weights over `K` projected on that line matters (projection-slice theorem): a
+//! [`Projection`] holds it, and its Fourier transform is the response along the line. The true shape of the support
+//! determines the response, in any plane and at any squint, and not its bounding box.
 //!
-//! Three lengths, which are not the same and are never mixed here:
-//! - the *half-power width* of the response, with windows ([`Projection::width_3db_m`]), what
-//!   `subaperture-quality` measures;
-//! - the *resolution* as Rayleigh has it, from peak to null of an even band without windows, `1 / extent`; for a band
-//!   that is not even, of which a null need not exist, that of the even band of the same half-power width
-//!   ([`Projection::resolution_m`]): the width of the response over 0.886;
-//! - the *extent* of the support, between its outermost samples ([`Support::extent`]), whatever their weight: an image
-//!   with pixels farther apart than one over it folds.
+//! Three measures are distinguished:
+//! - *half-power (3 dB) width* of the response, with windows ([`Projection::width_3db_m`]), as
+//!   `subaperture-quality` measures it;
+//! - *Rayleigh resolution*, peak to null of a uniform band without windows, `1 / extent`. For a non-uniform
+//!   band, which may have no null, that of the uniform band of equal half-power width
+//!   ([`Projection::resolution_m`]): the width over 0.886;
+//! - *extent* of the support between its outermost samples ([`Support::extent`]), whatever their weight: an image
+//!   with a pixel spacing above one over the extent is aliased.
 //!
-//! Neglected: that `K` changes over the width of the response itself (the wave front's curvature over a cell, which
-//! moves all pulses' phases nearly alike). `tests/planning/support.rs` holds predicted widths to 2 % of those of the plain sum, for
-//! squinted, curved, near-range, wide-band, wide-angle, stripmap and bistatic geometries and a turned plane.
+//! Neglected: the change of `K` over the width of the response (wavefront curvature over a cell, which
+//! affects all pulses nearly alike). `tests/planning/support.rs` holds predicted widths to 2 % of the plain sum, for
+//! squinted, curved, near-range, wide-band, wide-angle, stripmap and bistatic geometries and a rotated plane.
 //!
-//! Large collections are represented by at most [`MOST_LOOKS`] pulses, each for its share, and
-//! [`MOST_CELLS`] cells of the band: the midpoint rule, whose response repeats that many cells away.
+//! Large collections are represented by at most [`MAX_LOOKS`] pulses, each with the weight of its share, and
+//! [`MAX_CELLS`] cells of the band (midpoint rule, whose response repeats after that many cells).
 
 mod lit;
 mod projection;
@@ -49,21 +49,21 @@ pub use lit::{GainsError, measured_gains};
 pub use projection::Projection;
 pub use record::RecordedLooks;
 
-/// Pulses that a collection is represented by at most.
-pub const MOST_LOOKS: usize = 8191;
-/// Cells of the band that it is represented by at most.
-pub const MOST_CELLS: usize = 256;
+/// Largest number of pulses that represent a collection.
+pub const MAX_LOOKS: usize = 8191;
+/// Largest number of band cells that represent a collection.
+pub const MAX_CELLS: usize = 256;
 
-/// One pulse, or the pulses around one.
+/// Look: one pulse, or a group of pulses represented by one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Transmitting antenna, metres in the scene frame.
+    /// Transmitter position, metres, scene frame.
     pub transmitter_m: DVec3,
-    /// Receiving antenna, metres in the scene frame.
+    /// Receiver position, metres, scene frame.
     pub receiver_m: DVec3,
-    /// Edges of the band, half a sample beyond the outermost, hertz.
+    /// Band edges, half a sample beyond the outermost samples, hertz.
     pub band_hz: [f64; 2],
-    /// Weight: that of the slow-time window, times what the beam adds.
+    /// Weight: slow-time window times antenna gain.
     pub weight: f64,
 }
 
@@ -79,22 +79,22 @@ impl Look {
     }
 }
 
-/// A collection's pulses and weights, to be seen from any place.
+/// Pulses and weights of a collection, independent of the scene point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Looks {
     looks: Vec<Look>,
-    /// Weights over cells of the band.
+    /// Fast-time window over cells of the band.
     fast: Vec<f64>,
 }
 
 impl Looks {
-    /// The pulses of `collection`, [`MOST_LOOKS`] of them at most, under windows over fast and slow time.
+    /// At most [`MAX_LOOKS`] pulses of `collection`, with windows over fast and slow time.
     pub fn new(collection: &Collection, fast: Window, slow: Window) -> Self {
-        let indices = representatives(collection.pulses.len(), MOST_LOOKS, Share::Golden);
+        let indices = representatives(collection.pulses.len(), MAX_LOOKS, Share::Golden);
         Self::of(collection, fast, slow, indices)
     }
 
-    /// Of these pulses.
+    /// Looks of these pulses.
     fn of(
         collection: &Collection,
         fast: Window,
@@ -107,12 +107,12 @@ impl Looks {
             looks: indices
                 .map(|n| Look::of(&collection.pulses[n], num_samples, weights[n]))
                 .collect(),
-            fast: fast.weights(num_samples.min(MOST_CELLS)),
+            fast: fast.weights(num_samples.min(MAX_CELLS)),
         }
     }
 
-    /// With each look's weight multiplied by how strongly a target was lit, `gain(fraction)` at
-    /// the fraction of the pulses, 0 to 1, that lie before it.
+    /// Multiply each look's weight by the antenna gain `gain(fraction)`, at
+    /// the fraction of pulses, 0 to 1, before it.
     #[must_use]
     pub fn lit(mut self, gain: impl Fn(f64) -> f64) -> Self {
         let count = self.looks.len() as f64;
@@ -122,12 +122,12 @@ impl Looks {
         self
     }
 
-    /// The looks.
+    /// Looks in order of pulses.
     pub fn looks(&self) -> &[Look] {
         &self.looks
     }
 
-    /// What they sample around `place_m`, a point of the scene frame.
+    /// Spectral support at `place_m`, a point in metres in the scene frame.
     pub fn at(&self, place_m: DVec3) -> Support<'_> {
         let wave = |look: &Look| Wave {
             gradient: path_gradient(look.transmitter_m, look.receiver_m, place_m),
@@ -141,17 +141,17 @@ impl Looks {
     }
 }
 
-/// Which pulse stands for its share of them.
+/// Selection of the pulse that represents a share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Share {
-    /// The middle one: the midpoint rule, for tracks that are smooth from share to share.
+    /// Middle pulse (midpoint rule), for smooth tracks.
     Middle,
-    /// One at a place that the golden ratio moves on from share to share, so that every one of many channels
-    /// in turn is met as often.
+    /// Position shifted by the golden ratio from share to share, so that interleaved channels are sampled
+    /// equally often.
     Golden,
 }
 
-/// Pulses that stand for `count` of them, at most `most`, one for each of equal shares.
+/// Indices of at most `most` representatives of `count` pulses, one per equal share.
 fn representatives(count: usize, most: usize, share: Share) -> impl Iterator<Item = usize> {
     let shares = count.min(most);
     (0..shares).map(move |i| {
@@ -163,13 +163,13 @@ fn representatives(count: usize, most: usize, share: Share) -> impl Iterator<Ite
     })
 }
 
-/// `u_t + u_r`: how the path grows with the scene point.
+/// Gradient of the two-way path over the scene point, `u_t + u_r`.
 #[inline]
 pub fn path_gradient(transmitter_m: DVec3, receiver_m: DVec3, place_m: DVec3) -> DVec3 {
     (place_m - transmitter_m).normalize_or_zero() + (place_m - receiver_m).normalize_or_zero()
 }
 
-/// A look from one place: samples from `gradient * band[0]` to `gradient * band[1]`.
+/// Look at a scene point: samples from `gradient * band[0]` to `gradient * band[1]`.
 #[derive(Clone, Copy, Debug)]
 struct Wave {
     gradient: DVec3,
@@ -177,7 +177,7 @@ struct Wave {
     weight: f64,
 }
 
-/// The samples of the scene's spectrum around a place.
+/// Spectral support at a scene point.
 #[derive(Clone, Debug)]
 pub struct Support<'a> {
     waves: Vec<Wave>,
@@ -185,8 +185,8 @@ pub struct Support<'a> {
 }
 
 impl Support<'_> {
-    /// The weights over `K . direction`, cycles a metre (of what `direction`'s length is in); `None` if
-    /// the samples do not differ along it.
+    /// Projection of the weights on `direction`, cycles per metre (per unit of `direction`'s length); `None` if
+    /// the support has no extent along it.
     pub fn along(&self, direction: DVec3) -> Option<Projection> {
         let segments = self.waves.iter().map(|wave| {
             let across = wave.gradient.dot(direction);
@@ -195,7 +195,7 @@ impl Support<'_> {
         Projection::new(segments, self.fast)
     }
 
-    /// Least and greatest `K . direction` of samples that have any weight, cycles a metre; `None` if there are none.
+    /// Smallest and largest `K . direction` of samples with weight, cycles per metre; `None` if there are none.
     pub fn extent(&self, direction: DVec3) -> Option<[f64; 2]> {
         projection::extent(self.waves.iter().map(|wave| {
             let across = wave.gradient.dot(direction);
@@ -203,7 +203,7 @@ impl Support<'_> {
         }))
     }
 
-    /// Weighted mean of `u_t + u_r`, which points away from the antennas; zero where nothing is seen.
+    /// Weighted mean of `u_t + u_r`, which points away from the antennas; zero without weight.
     pub fn mean_gradient(&self) -> DVec3 {
         let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
         for wave in &self.waves {
@@ -216,14 +216,14 @@ impl Support<'_> {
         }
     }
 
-    /// Unit vectors along and across the line of sight in the plane of two unit vectors at right angles: the mean
-    /// gradient's projection, or that of the middle look where looks from all sides leave no mean.
+    /// Unit vectors along and across the line of sight in the plane of two orthogonal unit vectors: projection of the mean
+    /// gradient, or of the middle look's gradient for a circular aperture, whose mean vanishes.
     pub fn range_and_cross(&self, [x, y]: [DVec3; 2]) -> [DVec3; 2] {
         let onto = |v: DVec3| x * v.dot(x) + y * v.dot(y);
         let mean = onto(self.mean_gradient());
         let middle = self.waves.get(self.waves.len() / 2);
         let middle = middle.map_or(DVec3::ZERO, |wave| onto(wave.gradient));
-        // All around, what is left of the mean is of no meaning.
+        // For a circular aperture the remaining mean has no meaning.
         let range = match mean.length() > 0.3 * middle.length() {
             true => mean,
             false => middle,

@@ -1,4 +1,4 @@
-//! Weights over spatial frequency along a line, and the response that they make.
+//! Projection of the support on a line, and the impulse response along it.
 
 use std::array;
 use std::cell::OnceCell;
@@ -9,22 +9,22 @@ use subaperture_signal::phase::phasor;
 
 use crate::theory::{Expected, expected_of};
 
-/// Bins over the extent. Each weight is shared between two of them, whose transform is that of its own place but for a
-/// factor `sinc^2(s / (BINS cells))`, divided out, and terms of zero mean below `(2 pi s / (BINS cells))^2 / 8`: 3e-4 of
+/// Number of bins over the extent. Each weight is distributed to two bins (linear interpolation). Its transform is exact except for a
+/// factor `sinc^2(s / (BINS cells))`, which is divided out, and zero-mean terms below `(2 pi s / (BINS cells))^2 / 8`: 3e-4 of
 /// a weight at 30 cells.
 const BINS: usize = 4096;
-/// Bins whose phases are turned at a time.
+/// Number of interleaved phasor recurrences.
 const CHAINS: usize = 8;
-/// Steps a cell in which a width is looked for.
+/// Search steps per cell for the half-power point.
 const FINE: usize = 16;
-/// Cells within which the response must fall to half its power.
-const MOST_CELLS: usize = 512;
-/// Looks at a response for a width, beyond those that find its cell.
-const MOST_TRIES: usize = 60;
-/// Half-power width of an even band, in cells: twice where `sinc^2` is a half.
+/// Largest half-width of a response, cells.
+const MAX_CELLS: usize = 512;
+/// Largest number of root-finding iterations for a width.
+const MAX_TRIES: usize = 60;
+/// Half-power width of a uniform band, cells: twice the root of `sinc^2 = 1 / 2`.
 const EVEN_WIDTH: f64 = 0.885_892_941_378_904_6;
 
-/// The distribution of weights over spatial frequency along a line, and its transform.
+/// Distribution of weights over spatial frequency along a line.
 #[derive(Clone, Debug)]
 pub struct Projection {
     low: f64,
@@ -34,7 +34,7 @@ pub struct Projection {
     width: OnceCell<Option<f64>>,
 }
 
-/// Least and greatest frequency of segments with weight.
+/// Smallest and largest frequency of segments with weight.
 pub(super) fn extent(segments: impl Iterator<Item = ([f64; 2], f64)>) -> Option<[f64; 2]> {
     let (low, high) = segments.filter(|(_, weight)| *weight != 0.0).fold(
         (f64::INFINITY, f64::NEG_INFINITY),
@@ -44,15 +44,15 @@ pub(super) fn extent(segments: impl Iterator<Item = ([f64; 2], f64)>) -> Option<
 }
 
 impl Projection {
-    /// From segments, each from one frequency to another with a weight of its own, over which `fast` weights
-    /// are spread in equal cells. `None` if there is no weight or all frequencies are the same to rounding.
+    /// Build from weighted frequency segments; over each segment the `fast` weights
+    /// are spread in equal cells. `None` without weight, or if all frequencies are equal to rounding.
     pub fn new(
         segments: impl Iterator<Item = ([f64; 2], f64)> + Clone,
         fast: &[f64],
     ) -> Option<Self> {
         let [low, high] = extent(segments.clone())?;
         let span = high - low;
-        // Steps by rounding alone are none.
+        // An extent of rounding size is no extent.
         if fast.is_empty() || span <= 1e-9 * low.abs().max(high.abs()) {
             return None;
         }
@@ -82,15 +82,15 @@ impl Projection {
         })
     }
 
-    /// Between the outermost samples, cycles a metre.
+    /// Extent between the outermost samples, cycles per metre.
     pub fn extent(&self) -> f64 {
         self.high - self.low
     }
 
-    /// The response `s_m` from the peak, which is 1, without the turn of the band's middle.
+    /// Impulse response at `s_m` metres from the peak (1 at the peak), at baseband.
     pub fn at(&self, s_m: f64) -> Complex64 {
         let step = self.extent() / BINS as f64 * s_m;
-        // Every `CHAINS`th bin has a phase of its own, so that none waits for the one before.
+        // Interleaved recurrences: no phasor waits for the previous one.
         let turn = phasor(CHAINS as f64 * step);
         let first = -0.5 * self.extent() * s_m;
         let phases: [Complex64; CHAINS] = array::from_fn(|i| phasor(first + i as f64 * step));
@@ -114,43 +114,42 @@ impl Projection {
         value / (self.sum * sinc(step).powi(2))
     }
 
-    /// Power of the response over the peak's.
+    /// Power of the response relative to the peak.
     pub fn power(&self, s_m: f64) -> f64 {
         self.at(s_m).norm_sqr()
     }
 
-    /// Width between the points of half the peak's power, metres; `None` where the response does not fall
-    /// so far within 512 cells.
+    /// 3 dB width, metres; `None` if the response does not fall to half power
+    /// within 512 cells.
     pub fn width_3db_m(&self) -> Option<f64> {
         *self.width.get_or_init(|| {
             let step = 1.0 / (self.extent() * FINE as f64);
-            let below =
-                (1..=MOST_CELLS * FINE).find(|&i| self.power(i as f64 * step) < 0.5)? as f64;
+            let below = (1..=MAX_CELLS * FINE).find(|&i| self.power(i as f64 * step) < 0.5)? as f64;
             let above = |s_m: f64| self.power(s_m) - 0.5;
             let half = crossing(above, (below - 1.0) * step, below * step);
             Some(2.0 * half)
         })
     }
 
-    /// Rayleigh's resolution, metres: peak to null of the even band without windows that has this half-power width.
+    /// Rayleigh resolution, metres: peak to null of the uniform band without windows that has this half-power width.
     pub fn resolution_m(&self) -> Option<f64> {
         Some(self.width_3db_m()? / EVEN_WIDTH)
     }
 
-    /// Widths and side lobes out to `span_m` on both sides, metres; the fixed rule's main lobe reaches `main_lobe_widths`
-    /// widths. `None` if the half-power points are not within the span.
+    /// Width and sidelobes within `span_m` metres on both sides; the fixed main lobe extends `main_lobe_widths`
+    /// 3 dB widths. `None` if the half-power points are outside the span.
     pub fn expected(&self, span_m: f64, main_lobe_widths: f64) -> Option<Expected> {
         let cell_m = self.resolution_m()?;
         expected_of(&|s| self.power(s), cell_m, span_m, main_lobe_widths)
     }
 }
 
-/// Where `f`, positive at `low` and not at `high`, crosses zero: straight lines between both ends, of which one that stays counts
-/// half as much each time (the Illinois rule), some eight looks where halving takes forty.
+/// Root of `f`, positive at `low` and not at `high`, by regula falsi with the Illinois rule:
+/// about eight evaluations instead of forty by bisection.
 fn crossing(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     let (mut at_low, mut at_high) = (f(low), f(high));
     let mut last = 0.0;
-    for _ in 0..MOST_TRIES {
+    for _ in 0..MAX_TRIES {
         if at_high == 0.0 || high - low <= 1e-14 * high {
             return high;
         }
@@ -164,7 +163,7 @@ fn crossing(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
             at_low *= if last < 0.0 { 0.5 } else { 1.0 };
         }
         last = at_middle;
-        // Nearer it cannot be told.
+        // Limit of float64.
         if at_middle.abs() < 1e-14 {
             return middle;
         }
@@ -184,8 +183,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_even_band_is_sinc_and_a_slanted_square_its_square() {
-        // 1000 cells from 60 to 62 cycles a metre: sinc(2 s), 0.886 / 2 wide, null at 0.5, -13.26 dB.
+    fn uniform_band_gives_sinc_and_rotated_square_gives_sinc_squared() {
+        // 1000 cells from 60 to 62 cycles per metre: sinc(2 s), width 0.886 / 2, null at 0.5, PSLR -13.26 dB.
         let band = [([60.0, 62.0], 1.0)];
         let even = Projection::new(band.into_iter(), &vec![1.0; 1000]).unwrap();
         assert!((even.extent() - 2.0).abs() < 1e-12);
@@ -194,14 +193,14 @@ mod tests {
         for s in [0.1, 0.37, 0.74, 5.3] {
             let wanted = sinc(2.0 * s);
             let off = (even.at(s) - wanted).norm();
-            // Dirichlet's kernel of 1000 differs from sinc by (pi 2 s / 1000)^2 / 6 of it; bins add
+            // The Dirichlet kernel of 1000 differs from sinc by a relative (pi 2 s / 1000)^2 / 6; binning adds
             // the bound above.
             assert!(off < 3e-4, "{s}: {off}");
         }
         let expected = even.expected(5.0, 1.5).unwrap();
         assert!((expected.null.unwrap() - 0.5).abs() < 1e-3);
         assert!((expected.null_rule.pslr_db.unwrap() + 13.261).abs() < 5e-3);
-        // Two dimensions of one cycle a metre each, seen at 45 degrees: pulses shift the band, a triangle of
+        // A square of one cycle per metre, projected at 45 degrees: pulses shift the band, a triangle of
         // base 2 / sqrt 2, whose response is sinc^2(s / sqrt 2): half power where sinc^4 is, x = 0.31897.
         let half = 0.5f64.sqrt();
         let square = (0..1000).map(|n| {
@@ -214,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_tell_is_none() {
+    fn projection_without_weight_or_extent_is_none() {
         assert!(Projection::new([].into_iter(), &[1.0]).is_none());
         assert!(Projection::new([([3.0, 3.0], 1.0)].into_iter(), &[1.0; 9]).is_none());
         assert!(Projection::new([([1.0, 3.0], 0.0)].into_iter(), &[1.0; 9]).is_none());

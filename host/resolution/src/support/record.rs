@@ -1,42 +1,42 @@
-//! As few looks as tell the same, to be kept in an image's record.
+//! Decimated looks for an image's record.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{Look, Looks, MOST_CELLS, Projection, Share, representatives};
+use super::{Look, Looks, MAX_CELLS, Projection, Share, representatives};
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::window::Window;
 
-/// Numbers of looks that are tried: primes, so that no cycle of channels keeps step with them.
+/// Candidate numbers of looks; primes, so that they are not commensurate with a cycle of channels.
 const COUNTS: [usize; 5] = [61, 127, 257, 509, 1021];
-/// By how much the response may differ from that of all looks, relative to its peak, out to [`REACH_CELLS`].
+/// Largest deviation of the response from that of all looks, relative to the peak, out to [`REACH_CELLS`].
 const TOLERANCE: f64 = 5e-3;
-/// Cells out to which it is compared: what a measurement reaches.
+/// Extent of the comparison, cells; that of a point measurement.
 const REACH_CELLS: f64 = 15.0;
 
-/// Antennas and bands of a few pulses that stand for all: what theory needs of a recording.
+/// Antenna positions and bands of a few pulses that represent a collection's support.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RecordedLooks {
-    /// Cells of the band.
+    /// Number of cells of the band.
     pub band_cells: usize,
-    /// Edges of the band, hertz: of all looks, or of each.
+    /// Band edges, hertz: one pair for all looks, or one per look.
     pub bands_hz: Vec<[f64; 2]>,
-    /// Transmitting antennas, metres in the scene frame.
+    /// Transmitter positions, metres, scene frame.
     pub transmitters_m: Vec<[f64; 3]>,
-    /// Receiving antennas if they are others.
+    /// Receiver positions, metres, scene frame; empty for a monostatic radar.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub receivers_m: Vec<[f64; 3]>,
 }
 
 impl RecordedLooks {
-    /// As few pulses of `collection` as give the same response at `place_m`, along and across the
-    /// line of sight in the plane of `axes`; `None` if 1021 are too few, as they
-    /// can be where many channels take turns.
+    /// Fewest pulses of `collection` that reproduce the response at `place_m` along and across the
+    /// line of sight in the plane of `axes`. `None` if 1021 pulses do not suffice, which is
+    /// possible with many interleaved channels.
     pub fn of(collection: &Collection, place_m: DVec3, axes: [DVec3; 2]) -> Option<Self> {
         let all = Looks::new(collection, Window::None, Window::None);
         let directions = all.at(place_m).range_and_cross(axes);
         let support = all.at(place_m);
-        // Places and magnitudes of the response of all; `None` where it is not resolved.
+        // Positions and magnitudes of the response of all looks; `None` if it is not resolved.
         let magnitudes = |whole: &Projection| {
             let cell_m = whole.resolution_m()?;
             let places_m = (1..=(REACH_CELLS * 4.0) as usize).map(|i| i as f64 / 4.0 * cell_m);
@@ -57,7 +57,7 @@ impl RecordedLooks {
             })
         };
         let count = collection.pulses.len();
-        // Of channels one after another those of a turn together, so that a window over their order is one over time.
+        // Interleaved channels of one cycle together, so that a window over their order is a window over time.
         let turns = collection.num_turns();
         let channels = count / turns.max(1);
         let in_turn = move |m: usize| (m % channels) * turns + m / channels;
@@ -74,7 +74,7 @@ impl RecordedLooks {
             bands_hz.truncate(1);
         }
         Some(Self {
-            band_cells: collection.num_samples.min(MOST_CELLS),
+            band_cells: collection.num_samples.min(MAX_CELLS),
             bands_hz,
             transmitters_m: pulses.iter().map(|p| p.transmitter_m.to_array()).collect(),
             receivers_m: match apart {
@@ -84,13 +84,13 @@ impl RecordedLooks {
         })
     }
 
-    /// The looks under windows over fast and slow time; `None` if the record does not make sense.
+    /// Looks with windows over fast and slow time; `None` if the record is inconsistent.
     pub fn looks(&self, fast: Window, slow: Window) -> Option<Looks> {
         let count = self.transmitters_m.len();
         let fits = |len: usize, other: usize| len == count || len == other;
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
         let sound = count > 0
-            && (1..=MOST_CELLS).contains(&self.band_cells)
+            && (1..=MAX_CELLS).contains(&self.band_cells)
             && fits(self.bands_hz.len(), 1)
             && fits(self.receivers_m.len(), 0)
             && self.bands_hz.iter().all(|band| finite(band))

@@ -1,4 +1,4 @@
-//! How long an aperture is and under what angle it is seen, whatever the order of its pulses.
+//! Length and angle of an aperture, independent of the order of its pulses.
 
 use std::f64::consts::TAU;
 
@@ -9,18 +9,20 @@ use crate::support::path_gradient;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, Pulse};
 
-/// Azimuths' bins along a track that goes around the scene.
+/// Number of azimuth bins along a track around the scene.
 const BINS: usize = 72;
-/// Above this span of azimuths a track is followed around, and not measured from end to end, radians.
+/// Azimuth span above which the length is measured along the track instead of end to end, radians.
 const AROUND_RAD: f64 = 0.35;
 
-/// The antennas' places.
+/// Extent of the antenna positions.
 pub(super) struct Aperture {
-    /// From end to end; along the way where it goes around the scene. Metres.
+    /// Length from end to end, or along the track where it goes around the scene, metres.
     pub(super) length_m: f64,
-    /// The widest angle between two antennas, seen from the scene, radians.
+    /// Largest distance between two antenna positions, metres.
+    pub(super) chord_m: f64,
+    /// Largest angle between two antenna positions seen from the scene, radians.
     pub(super) angle_rad: f64,
-    /// The azimuths that it spans, radians: a whole turn at most.
+    /// Azimuth span, radians, at most 2 pi.
     pub(super) azimuth_rad: f64,
 }
 
@@ -41,6 +43,7 @@ impl Aperture {
         azimuths.rotate_left(first);
         let straight_m = widest(&places, |a, b| a.distance(b));
         Self {
+            chord_m: straight_m,
             length_m: match azimuth_rad > AROUND_RAD {
                 true => straight_m.max(way_around(&azimuths, azimuth_rad)),
                 false => straight_m,
@@ -51,8 +54,8 @@ impl Aperture {
     }
 }
 
-/// The largest distance between two of `points`: farthest from any, farthest from that, and so on, which finds the ends of
-/// whatever has two.
+/// Largest distance between two of `points`, by repeated search for the farthest point, which finds the ends of
+/// any elongated set.
 fn widest(points: &[DVec3], distance: impl Fn(DVec3, DVec3) -> f64) -> f64 {
     let Some(&first) = points.first() else {
         return 0.0;
@@ -72,8 +75,8 @@ fn widest(points: &[DVec3], distance: impl Fn(DVec3, DVec3) -> f64) -> f64 {
     widest
 }
 
-/// A turn less the widest gap between ascending azimuths, and the index that follows that gap. A gap not much wider than
-/// the others closes a circle.
+/// Azimuth span: 2 pi minus the widest gap between ascending azimuths, and the index after that gap. A gap not much wider than
+/// the others belongs to a full circle.
 fn azimuth_span(ascending: &[(f64, DVec3)]) -> (f64, usize) {
     let count = ascending.len();
     if count < 2 {
@@ -92,7 +95,7 @@ fn azimuth_span(ascending: &[(f64, DVec3)]) -> (f64, usize) {
     }
 }
 
-/// Length of a way around the scene: the means of pulses in bins of azimuth, and both ends.
+/// Length of a track around the scene: polyline of mean positions in azimuth bins, and both ends.
 fn way_around(around: &[(f64, DVec3)], span_rad: f64) -> f64 {
     let start = around[0].0;
     let mut bins = vec![(DVec3::ZERO, 0.0); BINS];
@@ -103,23 +106,23 @@ fn way_around(around: &[(f64, DVec3)], span_rad: f64) -> f64 {
     }
     let means = bins.into_iter().filter(|bin| bin.1 > 0.0);
     let means: Vec<DVec3> = means.map(|(sum, count)| sum / count).collect();
-    let mut way = Vec::with_capacity(BINS + 2);
+    let mut polyline = Vec::with_capacity(BINS + 2);
     match span_rad < TAU {
         true => {
-            way.push(around[0].1);
-            way.extend(&means);
-            way.push(around[around.len() - 1].1);
+            polyline.push(around[0].1);
+            polyline.extend(&means);
+            polyline.push(around[around.len() - 1].1);
         }
         false => {
-            way.extend(&means);
-            way.push(means[0]);
+            polyline.extend(&means);
+            polyline.push(means[0]);
         }
     }
-    way.windows(2).map(|w| w[0].distance(w[1])).sum()
+    polyline.windows(2).map(|w| w[0].distance(w[1])).sum()
 }
 
-/// Extent in the scene plane across the line of sight before the scene repeats: one over the median step across it from
-/// look to look, in order of azimuth, at the middle of the band.
+/// Unambiguous extent in the scene plane across the line of sight: one over the median cross-range step between
+/// looks in order of azimuth, at the band centre.
 pub(super) fn unambiguous_cross_m(
     collection: &Collection,
     centre_m: DVec3,
@@ -143,14 +146,14 @@ pub(super) fn unambiguous_cross_m(
         .windows(2)
         .map(|w| (w[1].0 - w[0].0) * w[1].1)
         .collect();
-    // Looks that coincide, as of channels that overlap, are no steps.
+    // Coincident looks of overlapping channels are excluded.
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     let extent_m = 1.0 / median(steps.into_iter().filter(|&step| step > 0.01 * mean))?;
-    // Steps by rounding alone are no movement.
+    // Steps of rounding size are no movement.
     (extent_m.is_finite() && extent_m < 1e6 * limit_m).then_some(extent_m)
 }
 
-/// Extent in the scene plane along the line of sight before the scene repeats.
+/// Unambiguous extent in the scene plane along the line of sight, metres.
 pub(super) fn unambiguous_range_m(pulse: &Pulse, centre_m: DVec3) -> Option<f64> {
     let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, centre_m).truncate();
     positive(1.0 / (pulse.step_hz * gradient.length() / SPEED_OF_LIGHT_M_S))

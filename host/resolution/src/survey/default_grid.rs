@@ -1,10 +1,10 @@
-//! The grid that suits a collection, where the user gives none.
+//! Default image grid of a collection.
 
 use super::Survey;
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
 use subaperture_model::phase_history::PhaseHistory;
 
-/// Why a collection has no default grid, and what to do.
+/// The collection has no default grid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("no default grid: {0}")]
 pub struct NoDefaultGrid(String);
@@ -16,43 +16,51 @@ impl NoDefaultGrid {
 
     pub(crate) fn no_slant_plane() -> Self {
         Self(
-            "the antennas do not move across their line of sight, so that there is no slant plane"
+            "no slant plane, because the antennas do not move across their line of sight"
                 .to_owned(),
         )
     }
 }
 
-/// Pixels of a default grid at most: an image of 32 MiB, which any former makes in a minute or so.
-pub const MOST_PIXELS: usize = 1 << 22;
+/// Largest number of pixels of a default grid: an image of 32 MiB.
+pub const MAX_PIXELS: usize = 1 << 22;
 
-/// The grid, and what should be said of it.
+/// Default grid, with a warning if cropped.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DefaultGrid {
-    /// The pixels.
+    /// Image grid.
     pub grid: ImageGrid,
-    /// Why it does not cover the whole extent, if it does not.
+    /// Reason why the grid does not cover the whole extent; `None` if it does.
     pub cropped: Option<String>,
 }
 
-/// The grid that suits a recording: [`Survey::default_grid`] of its collection.
+/// Default grid of a recording: [`Survey::default_grid`] of its collection.
 ///
 /// # Errors
-/// [`NoDefaultGrid`], also if it holds no pulses.
+/// [`NoDefaultGrid`] if there are no pulses, no extent or no resolution.
 pub fn scene_grid(history: &dyn PhaseHistory) -> Result<ImageGrid, NoDefaultGrid> {
     let survey = Survey::of(history.collection());
-    let survey = survey.ok_or_else(|| NoDefaultGrid("the recording holds no pulses".to_owned()))?;
+    let survey =
+        survey.ok_or_else(|| NoDefaultGrid("the recording contains no pulses".to_owned()))?;
     Ok(survey.default_grid()?.grid)
 }
 
 impl Survey {
-    /// The rectangle that the default grid covers: the declared extent, else the largest rectangle
-    /// along the frame's axes within the unambiguous extent, centred on the scene's centre.
+    /// Rectangle of the default grid: the declared extent, or else the largest rectangle
+    /// along the frame's axes within the unambiguous extent, centred on the scene centre.
     ///
     /// # Errors
-    /// [`NoDefaultGrid`] if the collection declares none and is ambiguous everywhere or nowhere.
+    /// [`NoDefaultGrid`] if no extent is declared and the unambiguous extent is zero or infinite, or the scene centre is at the antennas.
     pub fn extent(&self) -> Result<Extent, NoDefaultGrid> {
         if let Some([x_m, y_m]) = self.declared_extent_m {
             return Ok(Extent { x_m, y_m });
+        }
+        if self.centre_at_antennas {
+            let [x, y, z] = self.scene_centre_m;
+            return Err(NoDefaultGrid(format!(
+                "the recording does not say where its scene is, and the place taken for its centre, x {x} m, y {y} m, z {z} m, lies at the \
+                 antennas; its extent or a reference point would say"
+            )));
         }
         let (Some(range_m), Some(cross_m)) =
             (self.unambiguous_range_m, self.unambiguous_cross_range_m)
@@ -62,7 +70,7 @@ impl Survey {
             ));
         };
         let (half_x, half_y) = if self.looks_from_around() {
-            // The line of sight turns, and the rectangle with it: what is left is a circle's square.
+            // The line of sight rotates, and the rectangle with it: the square inside a circle remains.
             let half = range_m.min(cross_m) / 8f64.sqrt();
             (half, half)
         } else {
@@ -76,12 +84,12 @@ impl Survey {
         })
     }
 
-    /// A horizontal grid at `z = 0` over [`Self::extent`], its pixels half of [`Self::nyquist_step_m`] apart, which
-    /// holds at its every corner. Of a scene that takes more than [`MOST_PIXELS`] the middle is covered, and
-    /// [`DefaultGrid::cropped`] says so: pixels farther apart would fold.
+    /// Horizontal grid at `z = 0` over [`Self::extent`], with a pixel spacing of half [`Self::nyquist_step_m`], which
+    /// is valid at every corner. A scene of more than [`MAX_PIXELS`] is cropped about its centre
+    /// ([`DefaultGrid::cropped`]), because coarser pixels would alias.
     ///
     /// # Errors
-    /// [`NoDefaultGrid`] where there is no extent or no resolution.
+    /// [`NoDefaultGrid`] if there is no extent or no resolution.
     pub fn default_grid(&self) -> Result<DefaultGrid, NoDefaultGrid> {
         let extent = self.extent()?;
         let sides_m = [extent.x_m, extent.y_m].map(|(low, high)| high - low);
@@ -103,17 +111,17 @@ impl Survey {
             steps_m[i] = round_to_two_digits(step_m / 2.0);
         }
         let pixels = [0, 1].map(|i| sides_m[i] / steps_m[i]);
-        // A long scene loses its length first.
-        let most = (MOST_PIXELS as f64).sqrt();
+        // The longer side is cropped first.
+        let most = (MAX_PIXELS as f64).sqrt();
         let [x, y] = pixels;
-        let kept = match x * y <= MOST_PIXELS as f64 {
+        let kept = match x * y <= MAX_PIXELS as f64 {
             true => pixels,
-            false if y < most => [MOST_PIXELS as f64 / y, y],
-            false if x < most => [x, MOST_PIXELS as f64 / x],
+            false if y < most => [MAX_PIXELS as f64 / y, y],
+            false if x < most => [x, MAX_PIXELS as f64 / x],
             false => [most; 2],
         };
         let axis = |i: usize, (low, high): (f64, f64)| {
-            // Whole steps from the middle, which becomes a pixel.
+            // Whole steps from the centre, which becomes a pixel.
             let middle = low.midpoint(high);
             let half = (kept[i] / 2.0 + 1e-9).floor() * steps_m[i];
             Axis::from_range(middle - half, middle + half, steps_m[i])
@@ -138,12 +146,12 @@ impl Survey {
         Ok(DefaultGrid { grid, cropped })
     }
 
-    /// What repeats within the declared extent, if anything does: a scatterer near one edge has a copy, one unambiguous
-    /// extent away, within the scene.
+    /// Warning if the declared extent exceeds the unambiguous extent: a scatterer near one edge has an ambiguity, one unambiguous
+    /// extent away, inside the scene.
     pub fn ambiguity(&self) -> Option<String> {
         let [x_m, y_m] = self.declared_extent_m?;
         let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
-        // The scene's sides along and across the line of sight, corner to corner; all around, its diagonal.
+        // Scene extent along and across the line of sight, corner to corner; for a circular aperture its diagonal.
         let (deep_m, wide_m) = match self.looks_from_around() {
             true => (libm::hypot(x, y), libm::hypot(x, y)),
             false => {
@@ -172,30 +180,30 @@ impl Survey {
         let all: Vec<String> = [across, along].into_iter().flatten().collect();
         (!all.is_empty()).then(|| {
             format!(
-                "{}: targets have ghosts, unless the antenna's beam keeps them out",
+                "{}: ambiguities (ghosts) of targets are possible, unless the antenna beam suppresses them",
                 all.join("; ")
             )
         })
     }
 
-    /// Whether the line of sight turns so far that the scene has no sides along and across it.
+    /// Whether the aperture is so wide that directions along and across the line of sight are undefined.
     fn looks_from_around(&self) -> bool {
         self.aperture_azimuth_deg > 45.0
     }
 }
 
-/// Half sides of the largest rectangle along x and y within a rectangle of `a` by `b` whose side
-/// `a` is turned by `turn` from x, both centred on the origin.
+/// Half sides of the largest rectangle along x and y inside a rectangle of `a` by `b` whose side
+/// `a` is rotated by `turn` from x, both centred on the origin.
 ///
-/// Half sides `(p, q)` fit if `p |cos| + q |sin| <= a / 2` and `p |sin| + q |cos| <= b / 2`. Of one
-/// constraint alone the area is largest where its terms are equal; where that point breaks the
+/// Half sides `(p, q)` fit if `p |cos| + q |sin| <= a / 2` and `p |sin| + q |cos| <= b / 2`. With one
+/// constraint alone the area is largest where its terms are equal; where that point violates the
 /// other, the largest rectangle touches both.
 fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
     let (sin, cos) = (libm::sin(turn).abs(), libm::cos(turn).abs());
     let (short, long) = (a.min(b), a.max(b));
     if short <= long * 2.0 * sin * cos {
         let quarter = short / 4.0;
-        // The short side's constraint rules; its terms are equal.
+        // The short side's constraint is active; its terms are equal.
         if a < b {
             (quarter / cos, quarter / sin)
         } else {
@@ -210,11 +218,11 @@ fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
     }
 }
 
-/// Rounds down to two significant digits: grids with steps that a person would write.
+/// Round down to two significant digits.
 pub fn round_to_two_digits(value: f64) -> f64 {
     let unit = libm::pow(10.0, libm::log10(value).floor() - 1.0);
     let digits = (value / unit + 1e-9).floor();
-    // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.
+    // Division by a power of ten is correctly rounded; multiplication by 0.01 is not.
     if unit < 1.0 {
         digits / (1.0 / unit).round()
     } else {
@@ -227,8 +235,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn upright_rectangle_is_the_largest_that_fits() {
-        // Oracle: the best of a fine scan of half sides.
+    fn upright_rectangle_is_largest_inside_rotated_one() {
+        // Oracle: best of a fine scan of half sides.
         for (a, b, turn_deg) in [
             (10.0, 4.0, 0.0),
             (10.0, 4.0, 30.0),
@@ -253,7 +261,7 @@ mod tests {
             }
             let (p, q) = largest_upright_rectangle(a, b, turn);
             assert!(fits(p, q), "{a} {b} {turn_deg}: {p} {q}");
-            // The scan misses at most a step of 5.5 mm in each side.
+            // The scan misses at most a step of 5.5 mm per side.
             assert!(
                 p * q >= best && p * q < best + 0.06,
                 "{a} {b} {turn_deg}: {} {best}",
@@ -263,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_are_round() {
+    fn steps_round_down_to_two_digits() {
         for (value, round) in [
             (0.1234, 0.12),
             (1.0, 1.0),

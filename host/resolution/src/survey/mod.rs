@@ -1,15 +1,15 @@
-//! What a collection can show: band, resolution, unambiguous extent, aperture, geometry, and the
-//! grid that suits it.
+//! Survey of a collection: band, resolution, unambiguous extent, aperture, geometry and
+//! default grid.
 //!
-//! Resolution and the pixels that an image needs follow from the support of the collection in spatial frequency
-//! ([`crate::support`]), at the place in question, projected on the direction in question: the true shape of the support
-//! and its weights, not the box around it. For a broadside monostatic pass that is the textbook's `c / (2 B cos g)`
+//! Resolution and pixel spacing follow from the spectral support
+//! ([`crate::support`]) at a scene point, projected on a direction: its true shape
+//! and weights, not its bounding box. For a broadside monostatic pass, resolutions are the textbook's `c / (2 B cos g)`
 //! and `lambda R / (2 L)` at grazing angle `g` and aperture length `L`, and the unambiguous extents, one
-//! over the step from sample to sample, are `c / (2 step cos g)` and `lambda R / (2 d)` at pulse spacing `d`
+//! over the sample spacing, are `c / (2 step cos g)` and `lambda R / (2 d)` at pulse spacing `d`
 //! (Carrara, Goodman and Majewski, chapter 2).
 //!
-//! A *resolution* here is Rayleigh's, without a window; a *half-power width* is that of the response, 0.886 of it
-//! without windows. The beam of the antennas is not known to a collection and left out: what it dims resolves less.
+//! *Resolution* is Rayleigh's, without a window; *half-power width* is the 3 dB width of the response, 0.886 of it
+//! without windows. The antenna beam is unknown to a collection and neglected; it reduces the resolution.
 //!
 //! Neglected: the Earth's curvature in angles.
 
@@ -26,32 +26,32 @@ use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse};
 use subaperture_signal::window::Window;
 
-pub use default_grid::{DefaultGrid, MOST_PIXELS, NoDefaultGrid, scene_grid};
+pub use default_grid::{DefaultGrid, MAX_PIXELS, NoDefaultGrid, scene_grid};
 
-/// Places a side of the scene at which the support is looked at for the pixels that it needs.
+/// Samples per side of the scene at which the support is evaluated for the pixel spacing.
 const PROBES: usize = 9;
 
-/// Which side of its track the antenna looks to.
+/// Look side of the antenna.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// The scene lies to the left of the velocity, seen from above.
+    /// Scene to the left of the velocity, seen from above.
     Left,
-    /// The scene lies to the right of the velocity, seen from above.
+    /// Scene to the right of the velocity, seen from above.
     Right,
 }
 
-/// What a collection can show, in numbers, surveyed before any image is formed: its band, aperture and geometry, and the
-/// resolution, ambiguities and pixels that follow from them. `None` means that the geometry has no such number (an antenna that stands still
-/// has no cross-range resolution) or that the record does not tell.
+/// Survey of a collection before image formation: band, aperture, geometry, and the
+/// resulting resolution, ambiguities and pixel spacing. `None` means that the geometry has no such value (a static antenna
+/// has no cross-range resolution) or that it is not recorded.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Survey {
-    /// The collection's name.
+    /// Name of the collection.
     pub name: String,
     /// Number of pulses.
     pub num_pulses: usize,
-    /// Frequency samples a pulse.
+    /// Frequency samples per pulse.
     pub num_samples: usize,
     /// Lowest frequency of any pulse, hertz.
     pub lowest_hz: f64,
@@ -63,78 +63,81 @@ pub struct Survey {
     pub step_hz: f64,
     /// Whether all pulses have the same frequencies.
     pub band_is_shared: bool,
-    /// Wavelength at the middle of the band, metres.
+    /// Wavelength at the band centre, metres.
     pub wavelength_m: f64,
 
-    /// Along the line of sight of the middle pulse: `c / (2 bandwidth)`, and more of antennas apart, metres.
+    /// Slant range resolution at the middle pulse, `c / (2 bandwidth)`, larger for a bistatic pair, metres.
     pub slant_range_resolution_m: f64,
     /// Resolution in the scene plane along the line of sight, metres.
     pub range_resolution_m: Option<f64>,
     /// Resolution in the scene plane across the line of sight, metres.
     pub cross_range_resolution_m: Option<f64>,
-    /// Widths of the response between the points of half its power, without windows.
+    /// 3 dB widths of the response, without windows.
     pub half_power: Widths,
-    /// The same under the default window over both fast and slow time.
+    /// 3 dB widths with the default window over fast and slow time.
     pub half_power_windowed: Widths,
-    /// `c / (2 step)`, metres.
+    /// Unambiguous slant range, `c / (2 step)`, metres.
     pub unambiguous_slant_range_m: f64,
-    /// Extent in the scene plane along the line of sight before the scene repeats, metres.
+    /// Whether the scene centre is at the antennas (closer to one than a quarter of the aperture's chord): the scene position
+    /// is not recorded, or the scene surrounds the radar. Resolution and geometry are then meaningless.
+    pub centre_at_antennas: bool,
+    /// Unambiguous extent in the scene plane along the line of sight, metres.
     pub unambiguous_range_m: Option<f64>,
-    /// Extent in the scene plane across the line of sight before the scene repeats, metres.
+    /// Unambiguous extent in the scene plane across the line of sight, metres.
     pub unambiguous_cross_range_m: Option<f64>,
 
     /// Time from the first to the last pulse, seconds.
     pub duration_s: Option<f64>,
-    /// Median time from pulse to pulse, seconds.
+    /// Median pulse interval, seconds.
     pub pri_s: Option<f64>,
-    /// Median distance from pulse to pulse of the antenna (of the middle between the two if there
-    /// are two), metres.
+    /// Median pulse spacing of the antenna (of the bistatic
+    /// midpoint), metres.
     pub pulse_spacing_m: Option<f64>,
-    /// Length of the aperture from end to end, of one that goes around the scene along its way, metres.
+    /// Length of the aperture from end to end, or along the track around the scene, metres.
     pub aperture_length_m: f64,
-    /// The widest angle between two antennas, seen from the scene's centre, degrees.
+    /// Largest angle between two antenna positions seen from the scene centre, degrees.
     pub aperture_angle_deg: f64,
-    /// Azimuths from which the scene's centre is seen: 360 of a full circle, degrees.
+    /// Azimuth span of the aperture, degrees; 360 for a full circle.
     pub aperture_azimuth_deg: f64,
 
-    /// The point that geometry and resolution are given for: centre of the declared extent, else the origin, or as asked.
+    /// Reference point of geometry and resolution, metres: centre of the declared extent, else the origin, or as given.
     pub scene_centre_m: [f64; 3],
-    /// Half the path from transmitter to scene centre to receiver at the middle pulse, metres.
+    /// Slant range: half the path from transmitter via scene centre to receiver at the middle pulse, metres.
     pub slant_range_m: f64,
-    /// Elevation of the antenna above the scene plane seen from the scene's centre, degrees.
+    /// Grazing angle at the scene centre, degrees.
     pub grazing_angle_deg: f64,
-    /// Direction from the scene's centre to the antenna, degrees from x towards y.
+    /// Azimuth of the antenna from the scene centre, degrees from x towards y.
     pub azimuth_deg: f64,
-    /// Angle of the line of sight off broadside, forward positive, degrees.
+    /// Squint angle off broadside, forward positive, degrees.
     pub squint_deg: Option<f64>,
-    /// The side the antenna looks to.
+    /// Look side.
     pub side: Option<Side>,
-    /// Angle between transmitter and receiver seen from the scene's centre, degrees.
+    /// Bistatic angle at the scene centre, degrees.
     pub bistatic_angle_deg: f64,
 
-    /// Scene origin on the Earth, if the frame is tied to it.
+    /// Position of the scene origin on the Earth.
     pub origin: Option<Geodetic>,
-    /// The extent that the collection declares: smallest and largest x, then y, metres.
+    /// Declared extent: smallest and largest x, then y, metres.
     pub declared_extent_m: Option<[(f64, f64); 2]>,
     /// Resolution along the frame's x and y axes, metres.
     pub axis_resolution_m: [Option<f64>; 2],
-    /// Largest step of pixels along x and y with which nothing folds anywhere in the extent of the default grid, metres:
-    /// one over the widest extent of the support there.
+    /// Largest alias-free pixel spacing along x and y anywhere in the extent of the default grid, metres:
+    /// one over the widest extent of the support.
     pub nyquist_step_m: [Option<f64>; 2],
 }
 
-/// Half-power widths of the response, metres.
+/// 3 dB widths of the response, metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Widths {
-    /// In space along the middle pulse's line of sight.
+    /// Along the middle pulse's line of sight, metres.
     pub slant_range_m: Option<f64>,
-    /// In the scene plane along the line of sight.
+    /// In the scene plane along the line of sight, metres.
     pub range_m: Option<f64>,
-    /// In the scene plane across the line of sight.
+    /// In the scene plane across the line of sight, metres.
     pub cross_range_m: Option<f64>,
 }
 
-/// The support projected on the middle pulse's line of sight, on range and on cross-range.
+/// Projections of the support on the middle pulse's line of sight, on range and on cross-range.
 type Views = [Option<Projection>; 3];
 
 fn views(support: &Support, (line_of_sight, range, cross): (Option<DVec3>, DVec3, DVec3)) -> Views {
@@ -143,7 +146,7 @@ fn views(support: &Support, (line_of_sight, range, cross): (Option<DVec3>, DVec3
 }
 
 impl Widths {
-    /// Of the response along each of these.
+    /// Widths along each of these.
     fn of(views: &Views, slant_range_m: f64) -> Self {
         let [slant_range_m, range_m, cross_range_m] = views.each_ref().map(|view| {
             let width_m = view.as_ref()?.width_3db_m();
@@ -157,7 +160,7 @@ impl Widths {
     }
 }
 
-/// What is wider than the range is long is no resolution.
+/// `None` for a width above the slant range, which is no resolution.
 fn resolved(width_m: Option<f64>, slant_range_m: f64) -> Option<f64> {
     width_m.filter(|&m| m < slant_range_m)
 }
@@ -174,7 +177,7 @@ fn ends_of_band_hz(collection: &Collection) -> (f64, f64) {
     (lowest_hz, highest_hz)
 }
 
-/// Median distance from pulse to pulse.
+/// Median pulse spacing, metres.
 fn pulse_spacing_m(pulses: &[Pulse]) -> Option<f64> {
     median(
         pulses
@@ -184,12 +187,12 @@ fn pulse_spacing_m(pulses: &[Pulse]) -> Option<f64> {
 }
 
 impl Survey {
-    /// Of the scene's centre; `None` if `collection` has no pulses.
+    /// Survey at the scene centre; `None` without pulses.
     pub fn of(collection: &Collection) -> Option<Self> {
         Self::at(collection, scene_centre(collection))
     }
 
-    /// Seen from the place `centre`, a point of the scene frame in metres; `None` if `collection` has no pulses.
+    /// Survey at the point `centre`, metres in the scene frame; `None` without pulses.
     pub fn at(collection: &Collection, centre: DVec3) -> Option<Self> {
         let pulses = &collection.pulses;
         let first = pulses.first()?;
@@ -203,7 +206,7 @@ impl Survey {
 
         let slant_range_m = middle.path_m(centre) / 2.0;
         let line_of_sight = (centre - phase_centre(middle)).normalize_or_zero();
-        // The path of the bisector grows by this, 2 of a monostatic radar.
+        // Path gradient along the bisector, 2 for a monostatic radar.
         let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
         let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
         let resolved = |width_m| resolved(width_m, slant_range_m);
@@ -235,6 +238,7 @@ impl Survey {
             half_power: Widths::of(&plain, slant_range_m),
             half_power_windowed: Widths::of(&windowed, slant_range_m),
             unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
+            centre_at_antennas: is_at_antennas(pulses, centre, aperture.chord_m),
             unambiguous_range_m: aperture::unambiguous_range_m(middle, centre),
             unambiguous_cross_range_m: aperture::unambiguous_cross_m(
                 collection,
@@ -267,10 +271,10 @@ impl Survey {
         Some(survey)
     }
 
-    /// Cross-range distance from a scatterer to its first grating lobe where sub-CPIs of
-    /// `num_pulses` pulses are read by plain interpolation (the thesis's mode): `lambda R / (2 D)`
-    /// with the sub-CPI spacing `D`, that of an array whose elements lie `2 D` apart
-    /// (Schone 2020, S 4.1.2). Metres.
+    /// Cross-range distance to the first grating lobe for sub-CPIs of
+    /// `num_pulses` pulses with plain interpolation (the thesis's mode), metres: `lambda R / (2 D)`
+    /// with the sub-CPI spacing `D`, as for an array with element spacing `2 D`
+    /// (Schone 2020, S 4.1.2).
     pub fn grating_lobe_m(&self, num_pulses: usize) -> Option<f64> {
         self.unambiguous_cross_range_m
             .map(|extent_m| extent_m / num_pulses.max(1) as f64)
@@ -281,11 +285,33 @@ fn phase_centre(pulse: &Pulse) -> DVec3 {
     pulse.transmitter_m.midpoint(pulse.receiver_m)
 }
 
+/// Centre of the declared extent, or else the mean of the phase reference points; on the plane of the default grid.
 fn scene_centre(collection: &Collection) -> DVec3 {
-    collection.extent.map_or(DVec3::ZERO, |extent| {
+    if let Some(extent) = collection.extent {
         let middle = |(low, high): (f64, f64)| low.midpoint(high);
-        DVec3::new(middle(extent.x_m), middle(extent.y_m), 0.0)
-    })
+        return DVec3::new(middle(extent.x_m), middle(extent.y_m), 0.0);
+    }
+    let pulses = &collection.pulses;
+    let Some(first) = pulses.first() else {
+        return DVec3::ZERO;
+    };
+    // Mean of differences, which is exact where all pulses share one point.
+    let apart = pulses
+        .iter()
+        .map(|pulse| pulse.reference_m - first.reference_m);
+    let mean_m = first.reference_m + apart.sum::<DVec3>() / pulses.len() as f64;
+    DVec3::new(mean_m.x, mean_m.y, 0.0)
+}
+
+/// Fraction of the aperture's chord within which a point is at the antennas: half the distance of a circle's centre.
+const AT_ANTENNAS: f64 = 0.25;
+
+/// Whether a point has no meaningful line of sight: closer to an antenna than a quarter of the aperture's chord.
+fn is_at_antennas(pulses: &[Pulse], centre_m: DVec3, chord_m: f64) -> bool {
+    let distances = pulses
+        .iter()
+        .map(|pulse| phase_centre(pulse).distance(centre_m));
+    distances.fold(f64::INFINITY, f64::min) < AT_ANTENNAS * chord_m
 }
 
 /// Direction of flight around the middle pulse, over a sixteenth of the aperture.
@@ -308,8 +334,8 @@ fn side(velocity: DVec3, line_of_sight: DVec3) -> Option<Side> {
     }
 }
 
-/// One over the widest extent of the support along x and y at any of `PROBES x PROBES` places of `extent`, edges and corners
-/// included: near antennas, off boresight, it is wider than in the middle.
+/// One over the widest extent of the support along x and y at `PROBES` x `PROBES` points of `extent`, edges and corners
+/// included: off boresight near the antennas the support is wider than at the centre.
 fn nyquist_step_m(looks: &Looks, extent: &Extent, limit_m: f64) -> [Option<f64>; 2] {
     let at =
         |(low, high): (f64, f64), i: usize| low + (high - low) * i as f64 / (PROBES - 1) as f64;
@@ -330,14 +356,14 @@ fn positive(value: f64) -> Option<f64> {
     (value.is_finite() && value > 0.0).then_some(value)
 }
 
-/// Median of the values if it is positive.
+/// Median of the values; `None` unless positive.
 fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().and_then(positive)
 }
 
-/// The origin of a frame tied to the Earth.
+/// Geodetic position of a frame's origin.
 fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
     match frame {
         SceneFrame::Earth { origin_ecf_m, .. } => Some(Geodetic::from_ecf_m(*origin_ecf_m)),
@@ -345,9 +371,9 @@ fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
     }
 }
 
-/// Radians; 0 if a vector has no length.
+/// Angle between two vectors, radians; 0 for a zero vector.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    // Good for small angles too, where the arc cosine is not.
+    // Accurate for small angles, unlike the arc cosine.
     libm::atan2(a.cross(b).length(), a.dot(b))
 }
 
@@ -356,7 +382,7 @@ mod tests {
     use super::*;
     use subaperture_model::phase_history::Sweep;
 
-    /// A monostatic pass along x at height and ground distance `range_m / sqrt(2)`.
+    /// Monostatic pass along x at height and ground distance `range_m / sqrt(2)`.
     fn pass(spacing_m: f64, num_pulses: usize) -> Collection {
         let pulses = (0..num_pulses)
             .map(|n| {
@@ -393,11 +419,11 @@ mod tests {
     }
 
     #[test]
-    fn broadside_pass_is_the_textbook_s() {
+    fn broadside_pass_agrees_with_textbook_formulas() {
         let survey = Survey::of(&pass(0.1, 1001)).unwrap();
         let (range_m, cos) = (5000.0 * 2f64.sqrt(), 0.5f64.sqrt());
         let wavelength_m = SPEED_OF_LIGHT_M_S / 9.9995e9;
-        // Neglected: the aperture's angle of 0.8 deg squared in range; half a sample of the band (0.25 %).
+        // Neglected: the square of the aperture angle of 0.8 degrees in range; half a sample of the band (0.25 %).
         close(
             survey.range_resolution_m,
             SPEED_OF_LIGHT_M_S / (2.0 * 200e6 * cos),
@@ -413,7 +439,7 @@ mod tests {
             0.885_893 * wavelength_m * range_m / (2.0 * 100.1),
             2e-3,
         );
-        // Taylor's 35 dB broadens by 1.185 / 0.886 (`quality::theory`).
+        // Taylor weighting of 35 dB broadens by 1.185 / 0.886 (`quality::theory`).
         close(
             survey.half_power_windowed.cross_range_m,
             1.185 * wavelength_m * range_m / (2.0 * 100.1),
@@ -438,18 +464,18 @@ mod tests {
         close(Some(survey.grazing_angle_deg), 45.0, 1e-6);
         close(survey.pri_s, 1e-3, 1e-9);
         assert!(survey.squint_deg.unwrap().abs() < 0.01);
-        // Flying along +x and looking along +y: to the left.
+        // Flight along +x, look along +y: left.
         assert_eq!(survey.side, Some(Side::Left));
         assert_eq!(survey.bistatic_angle_deg, 0.0);
     }
 
     #[test]
-    fn default_grid_is_half_the_resolution_over_the_unambiguous_extent() {
+    fn default_grid_covers_unambiguous_extent_at_half_resolution() {
         let survey = Survey::of(&pass(0.1, 1001)).unwrap();
         let DefaultGrid { grid, cropped } = survey.default_grid().unwrap();
         assert_eq!(cropped, None);
-        // 1.06 m by 1.06 m of resolution in the middle; in the corners, 6 degrees off broadside at the most, range adds up to
-        // sin(6 degrees) of its band to x: steps of 0.53 / 1.105 = 0.479 m to 0.53 m, rounded down to two digits.
+        // Resolution 1.06 m by 1.06 m at the centre; in the corners, up to 6 degrees off broadside, range adds
+        // sin(6 degrees) of its band to x: spacing of 0.53 / 1.105 = 0.479 m to 0.53 m, rounded down to two digits.
         for step in [grid.rows.step, grid.columns.step] {
             assert!((0.47..0.53).contains(&step), "{step}");
         }
@@ -458,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn an_antenna_that_stands_still_has_no_cross_range() {
+    fn static_antenna_has_no_cross_range_resolution() {
         let survey = Survey::of(&pass(0.0, 64)).unwrap();
         assert_eq!(survey.cross_range_resolution_m, None);
         assert_eq!(survey.unambiguous_cross_range_m, None);
@@ -472,7 +498,7 @@ mod tests {
     }
 
     #[test]
-    fn one_pulse_and_none() {
+    fn survey_of_one_pulse_and_of_no_pulses() {
         assert_eq!(Survey::of(&pass(0.1, 0)), None);
         let survey = Survey::of(&pass(0.1, 1)).unwrap();
         assert_eq!(survey.unambiguous_cross_range_m, None);
@@ -480,7 +506,7 @@ mod tests {
     }
 
     #[test]
-    fn origin_on_the_earth() {
+    fn survey_reports_geodetic_origin() {
         let mut collection = pass(0.1, 4);
         collection.frame = SceneFrame::Earth {
             origin_ecf_m: DVec3::new(6_378_137.0 + 100.0, 0.0, 0.0),

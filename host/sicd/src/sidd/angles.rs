@@ -1,4 +1,4 @@
-//! Angles of the collection and of what it does to the image (SIDD volume 1, chapter 7).
+//! Collection geometry and image phenomenology angles (SIDD volume 1, chapter 7).
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use subaperture_model::geometry::Geodetic;
 
 use crate::aperture::Scpcoa;
 
-/// Degrees; those in the image clockwise from its ascending columns.
+/// Angles in degrees; those in the image run from ascending columns towards ascending rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Angles {
     pub(crate) azimuth: f64,
@@ -15,7 +15,7 @@ pub(crate) struct Angles {
     pub(crate) graze: f64,
     pub(crate) tilt: f64,
     pub(crate) doppler_cone: f64,
-    /// Direction, and length for a unit of height.
+    /// Direction of the shadow, and its length per unit of height.
     pub(crate) shadow: [f64; 2],
     pub(crate) layover: [f64; 2],
     pub(crate) multipath: f64,
@@ -24,12 +24,12 @@ pub(crate) struct Angles {
 }
 
 impl Angles {
-    /// Of a scene centre in ECF, seen so, in an image whose rows and columns ascend along `row` and `column`.
+    /// Angles at a scene centre (ECF) for an image whose rows and columns ascend along `row` and `column`.
     pub(crate) fn new(scp: DVec3, seen: &Scpcoa, [row, column]: [DVec3; 2]) -> Self {
         let to_radar = (seen.place - scp).normalize();
-        let way = seen.velocity.normalize();
-        // The slant plane's axes: to the radar, and its normal, up.
-        let normal = to_radar.cross(way).normalize_or(scp.normalize());
+        let heading = seen.velocity.normalize();
+        // Slant plane: direction to the radar, and upward normal.
+        let normal = to_radar.cross(heading).normalize_or(scp.normalize());
         let normal = if scp.dot(normal) < 0.0 {
             -normal
         } else {
@@ -45,14 +45,14 @@ impl Angles {
         };
         let cosine = |x: f64| libm::acos(x.clamp(-1.0, 1.0)).to_degrees();
         let in_image = |v: DVec3| around(degrees(v.dot(row), v.dot(column)));
-        // Along the slant plane's normal, as the radar sees it, onto the image's plane.
+        // Projection onto the image plane along the slant plane's normal.
         let seen_at = |v: DVec3| v - normal * (v.dot(plane) / normal.dot(plane));
         let level = |v: DVec3| {
             let vertical = seen.place.normalize();
             (v - vertical * v.dot(vertical)).normalize_or(east)
         };
         let left = seen.place.cross(seen.velocity).dot(to_radar) < 0.0;
-        let squint = cosine(-level(to_radar).dot(level(way)));
+        let squint = cosine(-level(to_radar).dot(level(heading)));
         let shadow = seen_at(up - to_radar / to_radar.dot(up));
         let layover = plane - normal / normal.dot(plane);
         Self {
@@ -61,7 +61,7 @@ impl Angles {
             squint: if left { squint } else { -squint },
             graze: libm::asin(to_radar.dot(up).clamp(-1.0, 1.0)).to_degrees(),
             tilt: libm::atan(up.dot(across) / up.dot(normal)).to_degrees(),
-            doppler_cone: cosine(-to_radar.dot(way)),
+            doppler_cone: cosine(-to_radar.dot(heading)),
             shadow: [in_image(shadow), shadow.length()],
             layover: [in_image(layover), layover.length()],
             multipath: in_image(seen_at(to_radar)),

@@ -1,4 +1,4 @@
-//! The XML of a SIDD, in the order of the schema.
+//! SIDD XML, in the order of the schema.
 
 use glam::DVec3;
 
@@ -14,10 +14,10 @@ use crate::formed::Formed;
 use crate::laid::Laid;
 use crate::nitf::SIDD_NAMESPACE;
 
-/// Those of types that it shares with SICD, and of classification.
+/// XML namespaces of types shared with SICD, and of classification.
 const OTHERS: &str = "xmlns:sicommon=\"urn:SICommon:1.0\" xmlns:ism=\"urn:us:gov:ic:ism:13\"";
 
-/// Names of latitude and longitude.
+/// Element names of latitude and longitude.
 const SHARED: [&str; 2] = ["sicommon:Lat", "sicommon:Lon"];
 
 pub(super) fn document(formed: &Formed, laid: &Laid, greys: &Greys, created_ns: i64) -> String {
@@ -56,7 +56,7 @@ fn creation(w: &mut Writer, formed: &Formed, created_ns: i64) {
     });
 }
 
-/// Greys as they are: nothing is to be done to them.
+/// Write `Display`: greys need no further processing.
 fn display(w: &mut Writer, greys: &Greys) {
     let filter = |w: &mut Writer, name: &str, operation: &str, kernel: &str| {
         w.element(name, "", |w| {
@@ -126,7 +126,7 @@ fn measurement(w: &mut Writer, laid: &Laid) {
                 xyz(w, "sicommon:ECEF", placed.scp_ecf_m);
                 row_column(w, "sicommon:Point", placed.scp_pixel.map(|n| n as f64));
             });
-            row_column(w, "SampleSpacing", placed.lying.spacings_m);
+            row_column(w, "SampleSpacing", placed.layout.spacings_m);
             w.element("TimeCOAPoly", "order1=\"0\" order2=\"0\"", |w| {
                 let at = "exponent1=\"0\" exponent2=\"0\"";
                 let coa_s = laid.aperture.coa_s();
@@ -169,11 +169,11 @@ fn measurement(w: &mut Writer, laid: &Laid) {
     });
 }
 
-/// Unit vectors of ascending rows and columns, ECF.
+/// Directions of ascending rows and columns, unit vectors, ECF.
 fn directions(laid: &Laid) -> [DVec3; 2] {
     let frame = &laid.placed.frame;
     laid.placed
-        .lying
+        .layout
         .directions
         .map(|v| frame.direction_to_ecf(v))
 }
@@ -214,7 +214,7 @@ fn exploitation(w: &mut Writer, formed: &Formed, laid: &Laid) {
                 w.number("Azimuth", angles.azimuth);
                 w.number("Slope", angles.slope);
                 w.number("Squint", angles.squint);
-                // The schema knows no radar below the horizon.
+                // The schema allows no negative grazing angle.
                 w.number("Graze", angles.graze.max(0.0));
                 w.number("Tilt", angles.tilt);
                 w.number("DopplerConeAngle", angles.doppler_cone);
@@ -231,7 +231,7 @@ fn exploitation(w: &mut Writer, formed: &Formed, laid: &Laid) {
             w.element("Resolution", "", |w| {
                 w.numbers(&[("sicommon:Row", widths[0]), ("sicommon:Col", widths[1])]);
             });
-            // Of the response along rows and columns: its own axes may be more different.
+            // Ratio of widths along rows and columns; the principal axes may differ more.
             let [less, more] = [widths[0].min(widths[1]), widths[0].max(widths[1])];
             w.number("Ellipticity", more / less);
             w.element("Polarization", "", |w| {
@@ -243,7 +243,7 @@ fn exploitation(w: &mut Writer, formed: &Formed, laid: &Laid) {
     });
 }
 
-/// What was done, and what was assumed.
+/// Write `ProductProcessing`: processing steps and assumptions.
 fn processing(w: &mut Writer, formed: &Formed, laid: &Laid, greys: &Greys) {
     let module = |w: &mut Writer, name: &str, parameters: &[(&str, String)]| {
         w.element("ProcessingModule", "", |w| {
@@ -260,7 +260,7 @@ fn processing(w: &mut Writer, formed: &Formed, laid: &Laid, greys: &Greys) {
             ("window", fast.to_string()),
             ("slow_window", slow.to_string()),
         ];
-        let assumed = laid.aperture.told.iter();
+        let assumed = laid.aperture.assumed.iter();
         parameters.extend(assumed.map(|sentence| ("assumed", sentence.clone())));
         module(w, "image formation", &parameters);
         let [black, white] = greys.levels_db.map(|level| format!("{level:.2}"));

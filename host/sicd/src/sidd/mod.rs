@@ -1,45 +1,48 @@
-//! Detected images as SIDD (NGA.STND.0025) 3.0: bytes of grey on the image's own plane, with what it takes to place and to read them.
+//! Writer of SIDD 3.0 (NGA.STND.0025) detected images: 8-bit grey on the image's own plane.
 //!
-//! The same plane, rows and columns as the SICD of the image: a `PlaneProjection`. Greys are the caller's ([`Greys`]), which says what they are; no look-up table, filter or
-//! adjustment is left to whoever shows it. Volume 2's parting and headers are those of SICD's, of one byte a pixel.
+//! Plane, rows and columns are those of the image's SICD (`PlaneProjection`). The caller defines the greys ([`Greys`]); no look-up table, filter or
+//! adjustment remains for the display. Segments and headers are those of SICD, with one byte per pixel.
 
 mod angles;
 mod describe;
+mod read;
+
+pub use read::{SiddFile, is_sidd};
 
 use std::path::Path;
 
-use subaperture_model::image::{Parts, power};
+use subaperture_model::image::{ImageSource, power};
 use subaperture_model::monitor::Monitor;
 
 use crate::SicdError;
-use crate::formed::{Formed, Placing};
+use crate::formed::{Formed, Georeference};
 use crate::laid::Laid;
-use crate::nitf::{MOST_BYTES, Product};
+use crate::nitf::{MAX_BYTES, Product};
 use crate::written::Written;
 
-/// How power becomes grey.
+/// Remap from power to grey.
 #[derive(Clone, Copy)]
 pub struct Greys<'a> {
-    /// What it is called, such as `Density`.
+    /// Name of the remap, such as `Density`.
     pub name: &'a str,
     /// Levels of black and white, dB of magnitude.
     pub levels_db: [f64; 2],
-    /// The grey of a power; 0 of what is no number.
+    /// Grey of a power; 0 for NaN.
     pub of: &'a dyn Fn(f32) -> u8,
 }
 
-/// A SIDD but for its pixels.
+/// SIDD file without its pixels.
 #[derive(Clone, Debug)]
 pub struct Sidd(Written);
 
 impl Sidd {
-    /// What is told of an image; `created_ns` is now, nanoseconds since the beginning of 1970.
+    /// Describe an image; `created_ns` is the current time, nanoseconds since 1970 (UTC).
     ///
     /// # Errors
-    /// [`SicdError`].
+    /// [`SicdError`] if the position is unknown, or SIDD cannot describe the image or its aperture.
     pub fn new(
         formed: &Formed,
-        placing: &Placing,
+        placing: &Georeference,
         greys: &Greys,
         created_ns: i64,
     ) -> Result<Self, SicdError> {
@@ -50,36 +53,36 @@ impl Sidd {
             Product::Sidd,
             created_ns,
             xml,
-            MOST_BYTES,
+            MAX_BYTES,
         )?))
     }
 
-    /// The metadata.
+    /// XML metadata.
     pub fn xml(&self) -> &str {
         &self.0.xml
     }
 
-    /// What was assumed, in sentences: it stands in the file, too.
-    pub fn told(&self) -> &[String] {
-        &self.0.told
+    /// Assumptions, one sentence each; the file contains them too.
+    pub fn assumptions(&self) -> &[String] {
+        &self.0.assumed
     }
 
-    /// Bytes of the file.
+    /// Size of the file, bytes.
     pub fn bytes(&self) -> u64 {
         self.0.headers.bytes
     }
 
-    /// Writes the file, complete or not at all, reading the image in strips.
+    /// Write the file atomically, reading the image in strips.
     ///
     /// # Errors
-    /// [`SicdError`]; then nothing is left behind.
+    /// [`SicdError`] if the image cannot be read, the file cannot be written, or the monitor cancels; no file is left behind.
     ///
     /// # Panics
-    /// If the image is not of the size that was told.
+    /// If the size of `image` differs from that described.
     pub fn write(
         &self,
         path: &Path,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
         greys: &Greys,
         monitor: &dyn Monitor,
     ) -> Result<(), SicdError> {

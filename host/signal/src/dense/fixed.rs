@@ -1,17 +1,18 @@
-//! Small matrices of fixed sizes, row by row, for chains of thousands of them.
+//! Small row-major matrices of fixed sizes, for chains of thousands of them.
 
 use super::factor_in_place;
 
-/// `R` rows of `C`.
+/// Matrix of `R` rows and `C` columns.
 pub type Matrix<const R: usize, const C: usize> = [[f64; C]; R];
 
-/// Nothing but zeros.
+/// Zero matrix.
 pub fn zero<const R: usize, const C: usize>() -> Matrix<R, C> {
     [[0.0; C]; R]
 }
 
-/// The lower triangle whose product with its transpose a symmetric matrix is (Cholesky); none if it is not positive definite, or a pivot is less than
-/// `least` of what stands there. The matrix's lower triangle is looked at.
+/// Cholesky factor: the lower triangle whose product with its transpose is the symmetric `matrix`. `None` if the matrix
+/// is not positive definite, or if elimination leaves less than the fraction `least` of a diagonal element. Only the
+/// lower triangle is read.
 pub fn factor<const N: usize>(matrix: &Matrix<N, N>, least: f64) -> Option<Matrix<N, N>> {
     let mut lower = *matrix;
     for (i, row) in lower.iter_mut().enumerate() {
@@ -20,7 +21,7 @@ pub fn factor<const N: usize>(matrix: &Matrix<N, N>, least: f64) -> Option<Matri
     factor_in_place(N, lower.as_flattened_mut(), least).then_some(lower)
 }
 
-/// `L^-1 x`, in place.
+/// Forward substitution `L^-1 x`, in place.
 pub fn forward<const N: usize, const K: usize>(lower: &Matrix<N, N>, x: &mut Matrix<N, K>) {
     for (i, factors) in lower.iter().enumerate() {
         let (done, rest) = x.split_at_mut(i);
@@ -35,7 +36,7 @@ pub fn forward<const N: usize, const K: usize>(lower: &Matrix<N, N>, x: &mut Mat
     }
 }
 
-/// `L^-T x`, in place.
+/// Backward substitution `L^-T x`, in place.
 pub fn backward<const N: usize, const K: usize>(lower: &Matrix<N, N>, x: &mut Matrix<N, K>) {
     for i in (0..N).rev() {
         let (rest, done) = x.split_at_mut(i + 1);
@@ -50,7 +51,7 @@ pub fn backward<const N: usize, const K: usize>(lower: &Matrix<N, N>, x: &mut Ma
     }
 }
 
-/// `a b`.
+/// Matrix product `a b`.
 pub fn times<const R: usize, const N: usize, const C: usize>(
     a: &Matrix<R, N>,
     b: &Matrix<N, C>,
@@ -66,12 +67,12 @@ pub fn times<const R: usize, const N: usize, const C: usize>(
     product
 }
 
-/// `a^T`.
+/// Transpose `a^T`.
 pub fn transposed<const R: usize, const C: usize>(a: &Matrix<R, C>) -> Matrix<C, R> {
     std::array::from_fn(|j| std::array::from_fn(|i| a[i][j]))
 }
 
-/// `target - a^T b`, in place.
+/// Subtract `a^T b` from `target`, in place.
 pub fn less<const N: usize, const R: usize, const C: usize>(
     target: &mut Matrix<R, C>,
     a: &Matrix<N, R>,
@@ -86,12 +87,12 @@ pub fn less<const N: usize, const R: usize, const C: usize>(
     }
 }
 
-/// Sum of two.
+/// Matrix sum `a + b`.
 pub fn plus<const R: usize, const C: usize>(a: &Matrix<R, C>, b: &Matrix<R, C>) -> Matrix<R, C> {
     std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] + b[i][j]))
 }
 
-/// The inverse of a matrix of this factor.
+/// Inverse of the matrix with this Cholesky factor.
 pub fn inverse<const N: usize>(lower: &Matrix<N, N>) -> Matrix<N, N> {
     let mut inverse = zero();
     for (i, row) in inverse.iter_mut().enumerate() {
@@ -107,10 +108,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn factors_products_and_inverses_agree() {
+    fn cholesky_factor_product_and_inverse_agree() {
         let lower: Matrix<3, 3> = [[2.0, 0.0, 0.0], [-1.0, 0.5, 0.0], [0.25, 3.0, 1.5]];
         let matrix = times(&lower, &transposed(&lower));
-        // Of whole parts of powers of two: exact.
+        // Exact, since all values are multiples of powers of two.
         assert_eq!(factor(&matrix, 1e-14), Some(lower));
         let whole = times(&matrix, &inverse(&lower));
         let mut x = [[1.0], [2.0], [-1.0]];
@@ -122,10 +123,10 @@ mod tests {
             for (j, value) in whole[i].iter().enumerate() {
                 assert!((value - f64::from(u8::from(i == j))).abs() < 1e-12);
             }
-            // A condition of some hundreds.
+            // Condition number of some hundreds.
             assert!((solved[i][0] - x[i][0]).abs() < 1e-12);
         }
-        // x - A'A x of A = L'.
+        // x - A'A x with A = L'.
         let upper = transposed(&lower);
         let product = times(&matrix, &x);
         let wanted = plus(&x, &product.map(|row| row.map(|v| -v)));

@@ -1,19 +1,21 @@
-//! Small dense systems of linear equations: of any size here, of sizes that are known beforehand in [`fixed`].
+//! Small dense systems of linear equations of any size; fixed sizes are in [`fixed`].
 //!
-//! Matrices are slices of numbers row by row. **Cost** the cube of the size over 3 for a system, without pivots, over 6 for a symmetric one. **Accuracy** some roundings times the matrix's condition. A pivot of
-//! which elimination leaves no more than a share `least` is a sum that cancelled: with `n` of them some `n` roundings of 1.1e-16 are left of what is exactly 0, so that 1e-13 suits up to
-//! some hundred unknowns, 1e-14 some ten, and 0 takes what is positive at all.
+//! Matrices are row-major slices. **Cost**: a third of the cube of the size for a general system, a sixth for a
+//! symmetric one. **Accuracy**: some rounding errors times the condition number. A pivot that elimination reduces to a
+//! fraction `least` of its diagonal element, or less, is treated as zero: with `n` unknowns, rounding leaves about `n`
+//! times 1.1e-16 of an exact zero. Use 1e-13 for up to some hundred unknowns, 1e-14 for some ten, and 0 to accept any
+//! positive pivot.
 
 pub mod fixed;
 
-/// A symmetric positive definite matrix as the product of a lower triangle and its transpose (Cholesky).
+/// Cholesky factor of a symmetric positive definite matrix: the product of a lower triangle and its transpose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factor {
     size: usize,
     lower: Vec<f64>,
 }
 
-/// Puts the lower triangle of a symmetric matrix's factor in its place; `false` if it is not positive definite.
+/// Replace the lower triangle of a symmetric matrix by its Cholesky factor; `false` if it is not positive definite.
 #[inline]
 pub(crate) fn factor_in_place(size: usize, matrix: &mut [f64], least: f64) -> bool {
     for i in 0..size {
@@ -29,7 +31,7 @@ pub(crate) fn factor_in_place(size: usize, matrix: &mut [f64], least: f64) -> bo
             let value = matrix[i * size + j];
             let left = value - known;
             matrix[i * size + j] = match i == j {
-                // What is left of a pivot by rounding alone is none.
+                // A pivot left by rounding alone counts as zero.
                 true if left > least * value => left.sqrt(),
                 true => return false,
                 false => left / matrix[j * size + j],
@@ -40,20 +42,21 @@ pub(crate) fn factor_in_place(size: usize, matrix: &mut [f64], least: f64) -> bo
 }
 
 impl Factor {
-    /// Of a matrix whose lower triangle is looked at; none if it is not positive definite, or a pivot is less than `least` of what stands there.
+    /// Factor a matrix, whose lower triangle is read. `None` if it is not positive definite, or if elimination leaves
+    /// no more than the fraction `least` of a diagonal element.
     ///
     /// # Panics
-    /// If the matrix has not `size` times `size` numbers.
+    /// If `matrix` does not have `size` times `size` elements.
     pub fn new(size: usize, matrix: &[f64], least: f64) -> Option<Self> {
         assert_eq!(matrix.len(), size * size);
         let mut lower = matrix.to_vec();
         factor_in_place(size, &mut lower, least).then_some(Self { size, lower })
     }
 
-    /// The solution for a right side, in its place.
+    /// Solve for the right-hand side `x`, in place.
     ///
     /// # Panics
-    /// If the right side is shorter.
+    /// If `x` is shorter than the size.
     pub fn solve(&self, x: &mut [f64]) {
         let (n, l) = (self.size, &self.lower);
         for i in 0..n {
@@ -66,23 +69,23 @@ impl Factor {
         }
     }
 
-    /// The solution for a right side; none if it is beyond what numbers hold.
+    /// Solve for a right-hand side; `None` if the solution is not finite.
     ///
     /// # Panics
-    /// If the right side is shorter.
+    /// If `right` is shorter than the size.
     pub fn solved(&self, right: &[f64]) -> Option<Vec<f64>> {
         let mut x = right.to_vec();
         self.solve(&mut x);
         x.iter().all(|v| v.is_finite()).then_some(x)
     }
 
-    /// The logarithm of the matrix's determinant.
+    /// Natural logarithm of the matrix's determinant.
     pub fn log_determinant(&self) -> f64 {
         let diagonal = (0..self.size).map(|i| self.lower[i * self.size + i]);
         2.0 * diagonal.map(libm::log).sum::<f64>()
     }
 
-    /// The inverse, row by row.
+    /// Inverse of the matrix, row-major.
     pub fn inverse(&self) -> Vec<f64> {
         let n = self.size;
         let mut inverse = vec![0.0; n * n];
@@ -94,10 +97,11 @@ impl Factor {
     }
 }
 
-/// `x` of `matrix x = right` by elimination with pivots; none of a singular matrix.
+/// Solve `matrix x = right` by elimination with pivoting; `None` for a singular matrix or a solution that is not
+/// finite.
 ///
 /// # Panics
-/// If the matrix is not square, of the right side's length.
+/// If the matrix is not square with the size of `right`.
 pub fn solve(matrix: &[f64], right: &[f64]) -> Option<Vec<f64>> {
     let n = right.len();
     assert_eq!(matrix.len(), n * n);
@@ -136,7 +140,8 @@ pub fn solve(matrix: &[f64], right: &[f64]) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
 
-    /// `A A^T + 1` of a random `A` of numbers up to a half: definite, of a condition below 100.
+    /// Random matrix `A A^T + 1`, with elements of `A` up to one half: positive definite, with a condition number below
+    /// 100.
     fn definite(n: usize) -> Vec<f64> {
         let mut state = 1u64;
         let a: Vec<f64> = (0..n * n)
@@ -155,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn systems_are_solved() {
+    fn linear_systems_are_solved_by_pivoting_and_cholesky() {
         // x = 1, 2, ..., n.
         let n = 7;
         let matrix = definite(n);
@@ -166,7 +171,7 @@ mod tests {
         let factor = Factor::new(n, &matrix, 1e-13).unwrap();
         let by_cholesky = factor.solved(&right).unwrap();
         for (j, (x, y)) in by_pivots.iter().zip(&by_cholesky).enumerate() {
-            // Conditions below 100, of rounding of 1e-16.
+            // Condition number below 100, rounding errors of 1e-16.
             assert!((x - (j + 1) as f64).abs() < 1e-12 && (y - (j + 1) as f64).abs() < 1e-12);
         }
         assert_eq!(solve(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0]), None);
@@ -174,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_times_its_inverse_is_one() {
+    fn matrix_times_inverse_is_identity() {
         let n = 7;
         let matrix = definite(n);
         let inverse = Factor::new(n, &matrix, 0.0).unwrap().inverse();
@@ -187,11 +192,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_definite_has_no_factor() {
+    fn indefinite_matrix_has_no_cholesky_factor() {
         assert_eq!(Factor::new(2, &[1.0, 2.0, 2.0, 1.0], 0.0), None);
         assert_eq!(Factor::new(2, &[1.0, 1.0, 1.0, 1.0], 1e-13), None);
         assert_eq!(Factor::new(1, &[f64::NAN], 0.0), None);
-        // A pivot of 1e-9 of what stood there: taken, unless more is asked for.
+        // A pivot of 1e-9 of its diagonal element: accepted, unless a larger fraction is required.
         let nearly = [1.0, 1.0, 1.0, 1.0 + 1e-9];
         assert!(Factor::new(2, &nearly, 1e-10).is_some());
         assert_eq!(Factor::new(2, &nearly, 1e-8), None);

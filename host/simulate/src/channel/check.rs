@@ -1,15 +1,15 @@
-//! What is refused before anything is computed.
+//! Validation of an experiment before computation.
 
 use crate::experiment::Experiment;
 use subaperture_model::radar::Waveform;
 
-/// What no sum can be made of. The text says what is wrong.
+/// Check the timing and waveform parameters. The error is a message.
 pub(super) fn check(experiment: &Experiment) -> Result<(), String> {
     let radar = &experiment.radar;
     let positive = |x: f64| x.is_finite() && x > 0.0;
     if !positive(radar.pri_s) || !radar.start_s.is_finite() {
         return Err(format!(
-            "a pulse repetition interval of {} s and a start at {} s: the first must be positive",
+            "pulse repetition interval of {} s, start at {} s: expected a positive interval and a finite start",
             radar.pri_s, radar.start_s
         ));
     }
@@ -54,7 +54,7 @@ pub(super) fn check(experiment: &Experiment) -> Result<(), String> {
     };
     if !sound || radar.waveform.num_samples() == 0 {
         return Err(format!(
-            "{:?}: frequencies, rates and lengths must be positive, and there must be samples",
+            "{:?}: expected positive frequencies, rates and durations, and at least one sample",
             radar.waveform
         ));
     }

@@ -1,28 +1,28 @@
-//! One pair of antennas of an experiment as raw samples.
+//! Raw samples of an antenna pair of an experiment.
 //!
-//! A pulse is made when it is read: the engine's sum over the scene at the waveform's frequencies and
-//! times, the pulse's own spectrum where there is a pulse, then what the receiver adds. With the true
-//! waveform (the nominal one but for the clock's error) and the true track, sample `k` is
+//! A pulse is computed when read: the engine's sum over the scene at the waveform's frequencies and times, the pulse's
+//! spectrum for pulsed waveforms, then the effects of the receiver. With the true waveform (the nominal one with the
+//! clock's error) and the true track, sample `k` is
 //!
 //! | waveform | raw sample | from the engine's sum `G` |
 //! |---|---|---|
-//! | ideal, stepped | `exp(-j 2 pi f_k tau)` | `G` referred to the reference's delay, and back |
-//! | pulsed | `exp(-j 2 pi f_c tau) p(t_k - tau)` | `exp(-j 2 pi f_c t_w) IDFT(P G)`, `G` referred to the window's start `t_w` |
-//! | FMCW | as [`Waveform::Fmcw`] | `G` referred to the mixer's delay |
+//! | ideal, stepped | `exp(-j 2 pi f_k tau)` | `G` relative to the reference's delay, and back |
+//! | pulsed | `exp(-j 2 pi f_c tau) p(t_k - tau)` | `exp(-j 2 pi f_c t_w) IDFT(P G)`, `G` relative to the window's start `t_w` |
+//! | FMCW | as [`Waveform::Fmcw`] | `G` relative to the mixer's delay |
 //!
-//! for a scatterer of 1 m² at the reference point; a pulse has magnitude 1. The window of a pulse is
-//! circular, so all echoes must lie within it: checked for the scene's still parts, refused if not. All
-//! frequencies of a pulse see the radar at the middle of its window; the change of path over the pulse is
-//! neglected ([`subaperture_receive`] says how much that is).
+//! for a scatterer of 1 m² at the reference point; a pulse has magnitude 1. The receive window of a pulse is circular,
+//! so that all echoes must lie within it; this is checked for the static scene. All frequencies of a pulse use the
+//! radar's position at the middle of the window; the change of path during the pulse is neglected (see
+//! [`subaperture_receive`] for its size).
 //!
-//! Transmitters take turns: a pair holds every `num_transmitters`-th pulse, at its own time.
+//! Transmitters alternate: a pair contains every `num_transmitters`-th pulse, at its own time.
 //!
-//! With [`Motion::True`] what is recorded as a pulse's geometry is that of its middle sample: the receiver
-//! then, the transmitter a reference delay sooner, and the sample's time as the pulse's. Between the
-//! middle and other samples the measured track says the reference path.
+//! With [`Motion::True`], the recorded geometry of a pulse is that of its middle sample: the receiver at that time, the
+//! transmitter one reference delay earlier, and the sample's time as the pulse's time. The measured track gives the
+//! reference path of the other samples.
 //!
-//! Cost beside the engine's: an FFT a pulse. Memory: 200 bytes a pulse, the scene, the engine's tables (256 MiB at
-//! most), and a row a thread.
+//! Cost beyond the engine's: one FFT per pulse. Memory: 200 bytes per pulse, the scene, the engine's tables (at most
+//! 256 MiB), and one row per thread.
 
 mod check;
 mod pulsed;
@@ -51,28 +51,28 @@ use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
 use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_signal::phase::{narrow, phasor};
 
-/// Most that tables of what is alike from pulse to pulse may take.
+/// Memory limit of the tables reused between pulses, bytes.
 const TABLE_BYTES: u64 = 256 << 20;
 
-/// Raw samples of a pair, made when read.
+/// Raw samples of an antenna pair, computed when read.
 pub struct Channel<'a> {
     experiment: &'a Experiment,
     pair: Pair,
     engine: Engine<'a>,
-    /// What is truly transmitted and sampled.
+    /// Waveform actually transmitted and sampled, with the clock's error.
     waveform: Waveform,
-    /// The record: the nominal waveform and the measured track.
+    /// Recorded description: nominal waveform and measured track.
     collection: EchoCollection,
     true_antennas: Vec<[DVec3; 2]>,
     /// Range at which amplitudes are 1, metres.
     reference_range_m: f64,
     impairments: Impairments,
     pulsed: Option<Pulsed>,
-    /// Saturated samples of each pulse as last read.
+    /// Number of saturated samples of each pulse, as last read.
     saturated: Vec<AtomicU32>,
 }
 
-/// Range of the reference point at the middle pulse, at which amplitudes are 1.
+/// Range of the reference point at the middle pulse, metres, at which amplitudes are 1.
 fn reference_range_m(experiment: &Experiment, true_antennas: &[[DVec3; 2]]) -> Result<f64, String> {
     let origin_m = match experiment.reference {
         Reference::Point(point_m) => point_m,
@@ -82,7 +82,7 @@ fn reference_range_m(experiment: &Experiment, true_antennas: &[[DVec3; 2]]) -> R
         true_antennas[true_antennas.len() / 2].map(|antenna| antenna.distance(origin_m));
     let reference_range_m = (transmit_m * receive_m).sqrt();
     if reference_range_m < 1e-3 {
-        return Err("the radar is at its own reference point".to_owned());
+        return Err("the radar is at the scene's reference point: move scene.reference".to_owned());
     }
     Ok(reference_range_m)
 }
@@ -101,7 +101,7 @@ impl<'a> Channel<'a> {
         ) else {
             return Err(RecordError::new(
                 experiment,
-                format!("the radar has no {pair:?}"),
+                format!("unknown antenna pair {pair:?}"),
             ));
         };
         let fault = |what: String| RecordError::new(experiment, what);
@@ -116,7 +116,7 @@ impl<'a> Channel<'a> {
             .collect();
         if times_s.is_empty() {
             let what = format!(
-                "{} pulses give transmitter {} none",
+                "{} pulses leave transmitter {} without a pulse: expected at least one pulse per transmitter",
                 radar.num_pulses, pair.transmitter
             );
             return Err(fault(what));
@@ -169,7 +169,7 @@ impl<'a> Channel<'a> {
         Ok(channel)
     }
 
-    /// Reuses what is alike from pulse to pulse, if the track and the scene allow.
+    /// Set up tables reused between pulses, if track and scene allow.
     fn recycle(&mut self, table_bytes: u64) {
         let experiment = self.experiment;
         if experiment.method == Method::Sum || moving(experiment.radar.motion) {
@@ -182,7 +182,7 @@ impl<'a> Channel<'a> {
         self.engine = Engine::for_track(scene, experiment.method, &views, table_bytes);
     }
 
-    /// Samples of the pulses read so far of which I or Q saturated the converter.
+    /// Number of samples of the pulses read so far whose I or Q saturated the converter.
     pub fn saturated_samples(&self) -> u64 {
         let counts = self.saturated.iter();
         counts.map(|c| u64::from(c.load(Ordering::Relaxed))).sum()
@@ -206,7 +206,7 @@ impl<'a> Channel<'a> {
         radar.start_s + self.index(pulse) as f64 * radar.pri_s
     }
 
-    /// How late sampling of a pulse begins, seconds.
+    /// Sampling delay of a pulse due to clock jitter, seconds.
     fn late_s(&self, n: usize) -> f64 {
         let clock = self.experiment.radar.receiver.clock.unwrap_or_default();
         jitter_s(&clock, self.experiment.seed, self.index(n))
@@ -216,7 +216,7 @@ impl<'a> Channel<'a> {
         self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
     }
 
-    /// Antennas and reference `after_s` after the start of pulse `n`, by the measured track.
+    /// Antennas and reference `after_s` seconds after the start of pulse `n`, according to the measured track.
     fn measured(&self, n: usize, after_s: f64) -> Sight {
         let experiment = self.experiment;
         let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
@@ -225,7 +225,7 @@ impl<'a> Channel<'a> {
         look(experiment, measured.as_ref(), transmitter, receiver, time_s)
     }
 
-    /// Pulse `n` as the engine sees it.
+    /// View of pulse `n` for the engine.
     fn view(&self, n: usize) -> View<'a> {
         let radar = &self.experiment.radar;
         let clock = radar.receiver.clock.unwrap_or_default();
@@ -243,7 +243,7 @@ impl<'a> Channel<'a> {
         }
     }
 
-    /// Makes pulse `n` into `samples`; `work` is the transform's.
+    /// Compute pulse `n` into `samples`; `work` is scratch memory of the FFT.
     fn pulse(
         &self,
         n: usize,
@@ -309,7 +309,7 @@ impl Echoes for Channel<'_> {
                     }
                 },
             );
-        // A scatterer on an antenna with spreading, or amplitudes beyond float32.
+        // A scatterer at an antenna's position with spreading loss, or an overflow of float32.
         match samples.iter().position(|z| !z.is_finite()) {
             None => Ok(()),
             Some(i) => Err(ReadError::NotFinite {
@@ -330,7 +330,7 @@ impl Echoes for Channel<'_> {
         match (experiment.radar.motion, experiment.reference) {
             (Motion::StopAndGo, _) => middle.reference_path_m,
             (Motion::True, Reference::Point(_)) => self.measured(pulse, after_s).reference_path_m,
-            // The point at that range at the middle of the pulse: it stays where it is meanwhile.
+            // The reference point at that range at the middle of the pulse is fixed during the pulse.
             (Motion::True, Reference::Range(_)) => {
                 let by_way_of = |antennas_m: [DVec3; 2]| -> f64 {
                     let legs = antennas_m.map(|antenna_m| antenna_m.distance(middle.reference_m));

@@ -1,4 +1,4 @@
-//! Echoes of a pulse: from sums over the scene to samples of a window that all of them lie within.
+//! Echoes of pulsed waveforms: from sums over the scene to samples of a receive window that contains all echoes.
 
 use std::sync::Arc;
 
@@ -11,15 +11,15 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::Waveform;
 use subaperture_signal::phase::phasor;
 
-/// What a pulse's echo takes.
+/// Spectrum and FFT of a pulsed waveform.
 pub(super) struct Pulsed {
-    /// Its spectrum, frequencies rising from `-floor(N / 2)` steps, over `N`.
+    /// Spectrum by ascending frequency from `-floor(N / 2)` steps, divided by `N`.
     spectrum: Vec<Complex64>,
     inverse: Arc<dyn Fft<f64>>,
 }
 
 impl Pulsed {
-    /// `None` for waveforms without a pulse. The text of an error says what does not fit.
+    /// Make the spectrum; `None` for waveforms that are not pulsed. The error is a message.
     pub(super) fn new(
         experiment: &Experiment,
         antennas: &[[DVec3; 2]],
@@ -38,9 +38,9 @@ impl Pulsed {
             let end_s = window_start_s + num_samples as f64 / sample_rate_hz;
             if least_s < window_start_s || most_s + shape.duration_s() > end_s {
                 return Err(format!(
-                    "echoes of the scene come from {least_s:.9} to {:.9} s after a pulse begins, the \
-                     last of it included, and the window is open from {window_start_s:.9} to \
-                     {end_s:.9} s: set [radar] window_start to {:.9} s or less, and samples to {} or more",
+                    "echoes of the scene arrive from {least_s:.9} to {:.9} s after the start of a pulse, the \
+                                        end of the pulse included, but the receive window extends from {window_start_s:.9} to \
+                                        {end_s:.9} s: set [radar] window_start to {:.9} s or less, and samples to {} or more",
                     most_s + shape.duration_s(),
                     least_s.min(window_start_s),
                     ((most_s + shape.duration_s() - least_s.min(window_start_s)) * sample_rate_hz)
@@ -59,8 +59,8 @@ impl Pulsed {
         }))
     }
 
-    /// From sums over the scene to an echo, the oscillator's phase at the window's start being
-    /// `turns`.
+    /// Convert sums over the scene into an echo. `turns` is the oscillator's phase at the start of the window, in
+    /// turns.
     pub(super) fn transmit(
         &self,
         turns: f64,
@@ -77,7 +77,7 @@ impl Pulsed {
     }
 }
 
-/// Smallest and largest delay of the scene's still parts and its reference point, seconds.
+/// Smallest and largest delay of the static scene, seconds; `None` if the static scene is empty.
 fn delays(experiment: &Experiment, antennas: &[[DVec3; 2]]) -> Option<(f64, f64)> {
     let scene = &experiment.scene;
     let points = scene.points.iter().map(|p| p.position_m);
@@ -87,8 +87,8 @@ fn delays(experiment: &Experiment, antennas: &[[DVec3; 2]]) -> Option<(f64, f64)
     let of_pulse = |&[transmitter_m, receiver_m]: &[DVec3; 2]| {
         let delay_s =
             |p: DVec3| (p.distance(transmitter_m) + p.distance(receiver_m)) / SPEED_OF_LIGHT_M_S;
-        // Delays are convex: largest at a corner of the box. Least near the box's point nearest to the
-        // antennas, less than what these are apart.
+        // Delays are convex: the largest is at a corner of the bounding box. The smallest is bounded below by the
+        // distances from both antennas to their nearest points of the box.
         let corner = |i: usize| {
             let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
             DVec3::new(

@@ -1,4 +1,4 @@
-//! Where antennas are when a wave is received.
+//! Antenna positions at the time of reception.
 
 use glam::DVec3;
 
@@ -7,14 +7,14 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
 use subaperture_model::track::Trajectory;
 
-/// Where antennas are when a wave is received, and the reference.
+/// Antenna positions at the time of reception, and the reference.
 pub(super) struct Sight {
     pub(super) antennas_m: [DVec3; 2],
     pub(super) reference_m: DVec3,
     pub(super) reference_path_m: f64,
 }
 
-/// Rounds of the delay between transmission and reception; each shrinks its error by `v / c`.
+/// Iterations for the delay between transmission and reception; each reduces the error by `v / c`.
 const DELAY_ROUNDS: usize = 4;
 
 pub(super) fn moving(motion: Motion) -> bool {
@@ -66,7 +66,7 @@ pub(super) fn look(
     }
 }
 
-/// A pair of antennas of an experiment.
+/// Antenna pair of an experiment.
 pub(super) struct Eye<'a> {
     pub(super) experiment: &'a Experiment,
     pub(super) transmitter: &'a Antenna,
@@ -74,13 +74,14 @@ pub(super) struct Eye<'a> {
 }
 
 impl Eye<'_> {
-    /// When positions of a pulse are taken that begins at `pulse_s`: in its middle, of a radar that moves meanwhile.
+    /// Time at which positions of a pulse starting at `pulse_s` are taken, seconds: its middle for a radar with
+    /// intra-pulse motion.
     pub(super) fn seen_at_s(&self, waveform: &Waveform, pulse_s: f64) -> f64 {
         let after_s = moving(self.experiment.radar.motion).then(|| waveform.middle_s());
         pulse_s + after_s.unwrap_or(0.0)
     }
 
-    /// The collection's name; with those of the antennas where there are several pairs.
+    /// Name of the collection, with the names of the antennas if there are several pairs.
     pub(super) fn name(&self) -> String {
         let name = &self.experiment.name;
         match self.experiment.pairs().len() {
@@ -89,7 +90,7 @@ impl Eye<'_> {
         }
     }
 
-    /// What is seen from a body at that time.
+    /// Antennas and reference of a body's pose at a time.
     pub(super) fn look(&self, body: &dyn Trajectory, time_s: f64) -> Sight {
         look(
             self.experiment,

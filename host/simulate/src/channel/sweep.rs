@@ -1,10 +1,10 @@
-//! A waveform as the engine's sweep.
+//! Conversion of a waveform to the engine's sweep.
 
 use crate::engine::Sweep;
 use subaperture_model::radar::Waveform;
 
-/// The engine's sweep of a waveform sampled `late_s` late, and the delay that counts as zero; `delay_s` is
-/// the reference's.
+/// Engine sweep of a waveform sampled with a delay of `late_s`, and the delay that counts as zero; `delay_s` is the
+/// delay of the reference. All in seconds.
 pub(super) fn sweep(waveform: &Waveform, delay_s: f64, late_s: f64) -> (Sweep, f64) {
     let count = waveform.num_samples();
     let at_once = |start_hz, step_hz, start_s| Sweep {

@@ -1,9 +1,9 @@
-//! True motion over a run of samples: phases as parabolas.
+//! Intra-pulse motion over a block of samples: phases as parabolas.
 //!
-//! Over a run, with `kappa = -1 .. 1` along it, the antennas' ways are taken as parabolas through three of
-//! their positions, the transmitter's over the times at which what is received was sent. A scatterer's
-//! delay is solved at `kappa = -1, 0, 1` and `d(kappa) = d0 + d1 kappa + d2 kappa^2` goes through them. With
-//! `f = fc + fw kappa` and the residual rate `g` its phase in turns, `-f d + g d^2 / 2`, is
+//! Over a block, with `kappa = -1 .. 1` along it, the tracks of the antennas are approximated by parabolas through
+//! three positions; that of the transmitter over the transmission times of the received samples. The delay of a
+//! scatterer is solved at `kappa = -1, 0, 1`, and `d(kappa) = d0 + d1 kappa + d2 kappa^2` interpolates it. With `f = fc
+//! + fw kappa` and the residual chirp rate `g`, the phase in turns, `-f d + g d^2 / 2`, is
 //!
 //! ```text
 //! c0 = -fc d0 + g d0^2 / 2
@@ -11,17 +11,17 @@
 //! c2 = -fw d1 - fc d2 + g (d1^2 / 2 + d0 d2)
 //! ```
 //!
-//! What is neglected is bounded, and the sweep cut into runs short enough that it stays below
+//! The neglected terms are bounded, and the sweep is divided into blocks short enough to keep them below
 //! [`NEGLECTED_RAD`]:
 //!
 //! - `kappa^3` and `kappa^4`: `|fw d2| + |g d1 d2| + |g| d2^2 / 2`;
-//! - an antenna's way off its parabola, measured between the nodes: `f e / c`;
-//! - the delay off its parabola, `f max|d'''| / (9 sqrt 3)`. From `R^2 = r r` twice and thrice
-//!   differentiated, with speed `v` and acceleration `a` (per unit of `kappa`) at range `R`:
-//!   `|R''| <= v^2 / R + a`, `|R'''| <= 3 v a / R + 2 v^3 / (sqrt 3 R^2)`.
+//! - deviation `e` of an antenna's track from its parabola, measured between the nodes: `f e / c`;
+//! - deviation of the delay from its parabola, `f max|d'''| / (9 sqrt 3)`. Differentiating `R^2 = r r` two and three
+//!   times, with speed `v` and acceleration `a` (per unit of `kappa`) at range `R`: `|R''| <= v^2 / R + a`, `|R'''| <=
+//!   3 v a / R + 2 v^3 / (sqrt 3 R^2)`.
 //!
-//! `c1` is a place of the NUFFT: a delay rate shifts the beat. `c2` is a series ([`super::run`]), good for
-//! `pi |c2| <= 1`, which bounds runs too.
+//! `c1` is a frequency of the NUFFT: a delay rate shifts the beat frequency. `c2` is expanded in a series
+//! ([`super::run`]), valid for `pi |c2| <= 1`, which also bounds the block length.
 
 #![allow(
     clippy::needless_range_loop,
@@ -36,29 +36,29 @@ use super::View;
 use super::chunk::{Chunk, LANES, Lanes, Phases};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
-/// Phase that a run may be wrong by, a third of -80 dB.
+/// Largest phase error of a block, radians; a third of -80 dB.
 const NEGLECTED_RAD: f64 = 3e-5;
-/// Largest `pi |c2|`.
+/// Largest `pi |c2|`, radians.
 pub(super) const MAX_BEND_RAD: f64 = 1.0;
-/// Shortest run; where even that is too long, the plain sum has to do.
+/// Smallest block, samples; if even this is too long, the plain sum is used.
 const MIN_SAMPLES: usize = 16;
-/// Where an antenna's way is held against its parabola.
+/// Values of `kappa` at which an antenna's track is compared with its parabola.
 const CHECKS: [f64; 6] = [-0.85, -0.58, -0.25, 0.25, 0.58, 0.85];
 
-/// Nearest and farthest scatterer from one antenna, metres.
+/// Distances of the nearest and farthest scatterers from one antenna, metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     pub(super) near_m: f64,
     pub(super) far_m: f64,
 }
 
-/// A parabola in space, `start + step x + bend x^2` for `|x| <= 1`.
+/// Parabola in space, `start + step x + bend x^2` for `|x| <= 1`.
 #[derive(Clone, Copy, Debug)]
 struct Parabola {
     start_m: DVec3,
     step_m: DVec3,
     bend_m: DVec3,
-    /// Largest distance seen between it and the way.
+    /// Largest measured distance between the parabola and the track, metres.
     error_m: f64,
 }
 
@@ -72,7 +72,7 @@ impl Parabola {
             error_m: 0.0,
         };
         for x in CHECKS {
-            // `max` would lose what is not a number.
+            // `f64::max` would ignore NaN.
             let error_m = place(x).distance(parabola.at(x));
             if error_m.is_nan() || error_m > parabola.error_m {
                 parabola.error_m = error_m;
@@ -86,7 +86,7 @@ impl Parabola {
     }
 }
 
-/// A run of samples.
+/// Block of samples with parabolic phases.
 #[derive(Clone, Debug)]
 pub(super) struct Arc {
     pub(super) first: usize,
@@ -94,7 +94,7 @@ pub(super) struct Arc {
     centre_hz: f64,
     half_hz: f64,
     half_samples: f64,
-    /// From its far end to the middle of the sweep, in half lengths.
+    /// Distance from the far end of the block to the middle of the sweep, in half lengths of the block.
     to_middle: f64,
     residual_hz_s: f64,
     reference_s: f64,
@@ -102,14 +102,14 @@ pub(super) struct Arc {
     half_s: f64,
     receiver: Parabola,
     transmitter: Parabola,
-    /// When the transmitter's parabola is in its middle, and half its length.
+    /// Time at the middle of the transmitter's parabola, and half its duration.
     sent_s: f64,
     sent_half_s: f64,
 }
 
 impl Arc {
-    /// The fewest equal runs whose errors are bounded, for scatterers at these distances from the
-    /// transmitter and the receiver; `None` if there are none.
+    /// Smallest number of equal blocks with bounded errors, for scatterers at the given distances from transmitter and
+    /// receiver; `None` if even the shortest blocks exceed the bound.
     pub(super) fn split(view: &View, transmitter: Reach, receiver: Reach) -> Option<Vec<Arc>> {
         let samples = view.sweep.count;
         let mut count = samples;
@@ -140,7 +140,7 @@ impl Arc {
         let late_s = (transmitter.far_m + receiver.far_m) / SPEED_OF_LIGHT_M_S;
         let soon_s = (transmitter.near_m + receiver.near_m) / SPEED_OF_LIGHT_M_S;
         let sent_s = centre_s - (late_s + soon_s) / 2.0;
-        // A tenth more: the nearest may come nearer until the run.
+        // 10 % longer, since the nearest scatterer may come closer before the block.
         let sent_half_s = 1.1 * (half_s.abs() + (late_s - soon_s) / 2.0) + 1e-12;
         Self {
             first,
@@ -164,21 +164,21 @@ impl Arc {
         let c = SPEED_OF_LIGHT_M_S;
         let scale = self.half_s.abs() / self.sent_half_s;
         let (mut first, mut second, mut third, mut off) = (0.0, 0.0, 0.0, 0.0);
-        for (way, reach, scale) in [
+        for (track, reach, scale) in [
             (&self.receiver, receiver, 1.0),
             (&self.transmitter, transmitter, scale),
         ] {
-            let v = (way.step_m.length() + 2.0 * way.bend_m.length()) * scale;
-            let a = 2.0 * way.bend_m.length() * scale * scale;
-            // Reaches are those of the middle of the sweep.
+            let v = (track.step_m.length() + 2.0 * track.bend_m.length()) * scale;
+            let a = 2.0 * track.bend_m.length() * scale * scale;
+            // The distances are those at the middle of the sweep.
             let near_m = (reach.near_m - v * self.to_middle).max(0.0);
             first += v / c;
             second += (v * v / near_m + a) / c;
             third += (3.0 * v * a / near_m + 2.0 / 3f64.sqrt() * v.powi(3) / near_m.powi(2)) / c;
-            off += way.error_m / c;
+            off += track.error_m / c;
         }
         if first == 0.0 && second.is_nan() {
-            // Nothing moves, and a scatterer sits on the antenna.
+            // Nothing moves, and a scatterer is at an antenna's position.
             (second, third) = (0.0, 0.0);
         }
         let highest_hz = self.centre_hz.abs() + self.half_hz.abs();
@@ -192,8 +192,8 @@ impl Arc {
         2.0 * PI * neglected <= NEGLECTED_RAD && PI * bend <= MAX_BEND_RAD
     }
 
-    /// Coefficients of a scatterer's phase from its delays (less the reference) at `kappa = -1, 0, 1`,
-    /// `c1` a sample.
+    /// Phase coefficients of a scatterer from its delays, minus the reference delay, at `kappa = -1, 0, 1`; `c1` is per
+    /// sample.
     #[inline(always)]
     fn coefficients(&self, before: f64, d0: f64, after: f64) -> [f64; 3] {
         let g = self.residual_hz_s;
@@ -205,7 +205,7 @@ impl Arc {
         [c0, c1 / self.half_samples, c2]
     }
 
-    /// Phases of still scatterers.
+    /// Phases of static scatterers.
     pub(super) fn phases(&self, chunk: &Chunk, phases: &mut Phases) {
         let mut delays = [[0.0; LANES]; 3];
         for (kappa, delays) in [-1.0, 0.0, 1.0].into_iter().zip(&mut delays) {
@@ -218,9 +218,9 @@ impl Arc {
         }
     }
 
-    /// Delays less the reference at `kappa`. Two rounds of the fixed point: the guess, twice the way back, is
-    /// wrong by the transmitter's distance from the receiver and its way meanwhile, some `1e-7` s
-    /// at most, and every round makes `v / c` of it: below 1e-16 s for a satellite, 1e-20 s for an aircraft.
+    /// Delays minus the reference delay at `kappa`. Two iterations of the fixed point. The initial guess, twice the
+    /// receive path, is wrong by the distance between the antennas and the transmitter's motion, at most some `1e-7` s.
+    /// Each iteration reduces the error by `v / c`: below 1e-16 s for a satellite, 1e-20 s for an aircraft.
     fn delays_s(&self, chunk: &Chunk, kappa: f64, out: &mut Lanes<f64>) {
         let c = SPEED_OF_LIGHT_M_S;
         let receiver_m = self.receiver.at(kappa);
@@ -248,8 +248,8 @@ impl Arc {
         }
     }
 
-    /// The phase of one scatterer at `place(t)`, solved without the antennas' parabolas; `None` if it does
-    /// not follow one of its own, measured at `kappa = +-1/2`.
+    /// Phase of one scatterer at `place(t)`, solved without the antennas' parabolas; `None` if it deviates from a
+    /// parabola, measured at `kappa = +-1/2`.
     pub(super) fn phase(&self, view: &View, place: impl Fn(f64) -> DVec3) -> Option<[f64; 3]> {
         let [before, early, middle, late, after] = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|kappa| {
             let time_s = self.centre_s + kappa * self.half_s;

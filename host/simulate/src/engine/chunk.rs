@@ -1,8 +1,8 @@
-//! Scatterers side by side, and the arithmetic that runs over them in lanes.
+//! Chunks of scatterers in lanes, and the arithmetic on them.
 //!
-//! Loops here are over arrays of one fixed length without branches, so that the compiler uses whatever
-//! vectors the target has. Rounding is done by adding and subtracting `1.5 2^52`, which leaves an integer in a
-//! float64's lowest bits: `round` is a call where the target is plain x86-64.
+//! Loops run over arrays of fixed length without branches, so that the compiler can vectorise them. Rounding is done by
+//! adding and subtracting `1.5 2^52`, which leaves an integer in the lowest bits of a float64: `round` is a function
+//! call on plain x86-64.
 
 #![allow(
     clippy::needless_range_loop,
@@ -13,13 +13,13 @@ use glam::DVec3;
 
 use crate::Scatterer;
 
-/// Scatterers in a chunk.
+/// Scatterers per chunk.
 pub(super) const LANES: usize = 256;
 
-/// A value for every scatterer of a chunk.
+/// One value per scatterer of a chunk.
 pub(super) type Lanes<T> = [T; LANES];
 
-/// `1.5 2^52`.
+/// Rounding constant, `1.5 2^52`.
 const INTEGER: f64 = 6_755_399_441_055_744.0;
 
 /// Up to [`LANES`] scatterers; those past `count` have amplitude 0.
@@ -34,7 +34,7 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Of at most [`LANES`] scatterers.
+    /// Make a chunk of at most [`LANES`] scatterers.
     pub(super) fn new(points: impl IntoIterator<Item = Scatterer>) -> Self {
         let mut chunk = Self {
             count: 0,
@@ -53,12 +53,12 @@ impl Chunk {
         chunk
     }
 
-    /// Where scatterer `i` is.
+    /// Position of scatterer `i`, metres.
     pub(super) fn position_m(&self, i: usize) -> DVec3 {
         DVec3::new(self.x_m[i], self.y_m[i], self.z_m[i])
     }
 
-    /// Distances from `from_m`.
+    /// Distances from `from_m`, metres.
     pub(super) fn ranges_m(&self, from_m: DVec3, out: &mut Lanes<f64>) {
         for i in 0..LANES {
             let (x, y, z) = (
@@ -71,8 +71,8 @@ impl Chunk {
     }
 }
 
-/// Phases over a run of samples, in turns: `turns + slope k + bend kappa^2`, with `k` counted from
-/// the run's middle and `kappa` the same in half lengths of the run.
+/// Phases over a block of samples, in turns: `turns + slope k + bend kappa^2`, with `k` counted from the middle of the
+/// block, and `kappa` the same in half lengths of the block.
 #[derive(Debug)]
 pub(super) struct Phases {
     pub(super) turns: Lanes<f64>,
@@ -90,12 +90,12 @@ impl Phases {
     }
 }
 
-/// Values and where they go on a NUFFT's grid.
+/// Values and their positions on the NUFFT grid.
 #[derive(Debug)]
 pub(super) struct Values {
-    /// First cell of the eight.
+    /// First of the eight cells.
     pub(super) cell: Lanes<u32>,
-    /// Place between the fourth and the fifth, 0 to 1.
+    /// Position between the fourth and fifth cells, 0 to 1.
     pub(super) fraction: Lanes<f32>,
     /// Real parts.
     pub(super) re: Lanes<f32>,
@@ -113,7 +113,8 @@ impl Values {
         }
     }
 
-    /// `amplitude gain exp(j 2 pi turns)` at the places `slope` of a grid of `length` cells.
+    /// Set the values to `amplitude gain exp(j 2 pi turns)`, at the grid positions given by `slope` on a grid of
+    /// `length` cells.
     pub(super) fn set(
         &mut self,
         amplitude: (&Lanes<f32>, &Lanes<f32>),
@@ -128,7 +129,7 @@ impl Values {
             let place = (u - ((u + INTEGER) - INTEGER) + 0.5) * cells;
             let whole = (place - 0.5) + INTEGER;
             self.fraction[i] = (place - (whole - INTEGER)) as f32;
-            // A place that is not a number must not lead outside the grid.
+            // A NaN position must not index outside the grid.
             self.cell[i] = (whole.to_bits() as u32).min(last);
         }
         for i in 0..LANES {
@@ -142,7 +143,7 @@ impl Values {
 }
 
 impl Values {
-    /// From term `p - 1` of the series in the bend to term `p`: times `j 2 pi bend / p`.
+    /// Advance from term `p - 1` to term `p` of the series in the bend: multiply by `j 2 pi bend / p`.
     pub(super) fn next_term(&mut self, phases: &Phases, p: usize) {
         let factor = std::f64::consts::TAU / p as f64;
         for i in 0..LANES {
@@ -152,8 +153,8 @@ impl Values {
     }
 }
 
-/// Sine and cosine of `turns`, `|turns| <= 1/2`, error 1e-6: Taylor series of the half angle, of
-/// remainders 6e-8 and 7e-9, and the double-angle formulas, which make four times of it and of rounding.
+/// Sine and cosine of `turns`, `|turns| <= 1/2`, with an error of 1e-6: Taylor series of the half angle with remainders
+/// 6e-8 and 7e-9, and the double-angle formulas, which multiply remainders and rounding errors by four.
 #[inline(always)]
 fn sin_cos(turns: f32) -> (f32, f32) {
     let x = turns * std::f32::consts::PI;
@@ -177,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sines_and_cosines_are_right_to_1e_6() {
+    fn sine_and_cosine_error_is_below_1e_6() {
         for i in 0..=10_000 {
             let turns = i as f32 / 10_000.0 - 0.5;
             let (sin, cos) = sin_cos(turns);
@@ -188,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn values_lie_where_their_slope_says_and_never_outside() {
+    fn values_lie_at_grid_position_of_slope_and_never_outside() {
         let mut phases = Phases::new();
         phases.slope[..6].copy_from_slice(&[0.0, 0.5, -0.5, 17.25, -1e9 + 0.125, f64::NAN]);
         let mut values = Values::new();

@@ -1,16 +1,15 @@
-//! Delays: from transmission over reflection to reception.
+//! Delays from transmission through reflection to reception.
 //!
-//! Of a wave that is received at `t`, with the antennas at `r(t)` and `q(t)` and the scatterer at
-//! `p(t)`,
+//! For a wave received at time `t`, with the antennas at `r(t)` (receiver) and `q(t)` (transmitter) and the scatterer
+//! at `p(t)`,
 //!
 //! ```text
 //! back = |r(t) - p(t - back)| / c,    tau = back + |q(t - tau) - p(t - back)| / c
 //! ```
 //!
-//! Both are fixed points, found by iteration: every round shrinks the error by `v / c`, at most 1e-5
-//! for anything that flies, so it ends when a round changes less than 1e-15 s, with an error below
-//! 1e-20 s (1e-9 turns at 100 GHz). With the radar standing still all is where it is at the pulse's
-//! time.
+//! Both are fixed points solved by iteration. Every iteration reduces the error by `v / c`, at most 1e-5 for aircraft
+//! and satellites. The iteration ends when a step changes less than 1e-15 s, with an error below 1e-20 s (1e-9 turns at
+//! 100 GHz). With stop-and-go, all positions are those at the pulse's time.
 
 use glam::DVec3;
 
@@ -18,28 +17,28 @@ use super::View;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::Motion;
 
-/// A change of delay below which the next is below rounding, seconds.
+/// Change of delay at which the iteration ends, seconds; the next change is below rounding.
 const SETTLED_S: f64 = 1e-15;
-/// Rounds that even a hundredth of the speed of light does not need.
+/// Maximum number of iterations; not reached even at a hundredth of the speed of light.
 const MAX_ROUNDS: usize = 12;
 
 impl View<'_> {
-    /// Where the transmitting antenna is, metres.
+    /// Position of the transmit antenna, metres.
     pub(super) fn transmitter_m(&self, time_s: f64) -> DVec3 {
         self.body.pose(time_s).point_m(self.transmitter.offset_m)
     }
 
-    /// Where the receiving antenna is, metres.
+    /// Position of the receive antenna, metres.
     pub(super) fn receiver_m(&self, time_s: f64) -> DVec3 {
         self.body.pose(time_s).point_m(self.receiver.offset_m)
     }
 
-    /// When sample `k` is taken.
+    /// Time of sample `k`, seconds.
     pub(super) fn sample_s(&self, k: f64) -> f64 {
         self.time_s + self.sweep.start_s + k * self.sweep.step_s
     }
 
-    /// The moment whose poses give amplitudes and visibility: the pulse's, or the middle of the sweep.
+    /// Time at which amplitudes and visibility are evaluated, seconds: that of the pulse, or the middle of the sweep.
     pub(super) fn middle_s(&self) -> f64 {
         match self.motion {
             Motion::StopAndGo => self.time_s,
@@ -47,8 +46,8 @@ impl View<'_> {
         }
     }
 
-    /// Delay of a scatterer that is at `place(t)`, received at `time_s`, the receiver being at
-    /// `receiver_m`; `guess_s` is near it.
+    /// Delay of a scatterer at `place(t)`, received at `time_s` at `receiver_m`; `guess_s` is a starting value. In
+    /// seconds.
     pub(super) fn delay_s(
         &self,
         place: impl Fn(f64) -> DVec3,

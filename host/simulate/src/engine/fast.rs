@@ -1,7 +1,7 @@
-//! The fast sum: a NUFFT a pulse, over chunks of scatterers in lanes.
+//! Fast sum over scatterers: one NUFFT per pulse over chunks of scatterers.
 //!
-//! With the radar standing still a scatterer's phase is linear in `k`, a place of the NUFFT. With true
-//! motion it is a parabola over each of some runs of samples ([`super::arc`]), a series of NUFFTs ([`super::run`]).
+//! With stop-and-go, a scatterer's phase is linear in `k`, a single frequency of the NUFFT. With intra-pulse motion it
+//! is a parabola over each block of samples ([`super::arc`]), a series of NUFFTs ([`super::run`]).
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -17,7 +17,7 @@ use crate::Scatterer;
 use crate::scene::Scene;
 use subaperture_model::radar::Motion;
 
-/// Sets `out` to the sum over `scene`, whose points are `points`.
+/// Set `out` to the sum over `scene`, whose points are `points`.
 pub(super) fn pulse(
     scene: &Scene,
     points: &[Chunk],
@@ -91,7 +91,7 @@ pub(super) fn pulse(
     }
 }
 
-/// Scatterers in chunks.
+/// Group scatterers into chunks.
 pub(super) fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> {
     let mut scatterers = scatterers.peekable();
     let mut chunks = Vec::new();
@@ -101,7 +101,7 @@ pub(super) fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> 
     chunks
 }
 
-/// Distances of the nearest and farthest from `from_m`; infinitely wide if one is not a number.
+/// Distances of the nearest and farthest scatterers from `from_m`; NaN positions make the interval infinitely wide.
 fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: DVec3) -> Reach {
     let mut reach: Option<Reach> = None;
     for chunk in chunks {
@@ -118,7 +118,7 @@ fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: D
             far_m: so_far.far_m.max(far_m),
         });
     }
-    // Nothing stands still: any distance will do.
+    // No static scatterers: any distance is valid.
     reach.unwrap_or(Reach {
         near_m: 1e6,
         far_m: 1e6,

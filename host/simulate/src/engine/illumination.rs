@@ -1,14 +1,15 @@
-//! How strongly a scatterer is seen: antennas, spreading and what hides it.
+//! Amplitude gain of a scatterer: antenna patterns, spreading loss and occlusion.
 //!
 //! ```text
 //! g = A_tx A_rx [R0^2 / (R_tx R_rx)] V
 //! ```
 //!
-//! with the antennas' amplitudes `A` towards the scatterer, the one-way ranges `R`, `R0^2` the product of both to
-//! the reference point in the middle pulse (number `P/2` of `P`, from 0) and the visibility `V`, 0 if a block lies between the scatterer and either antenna. All is taken at one moment, the pulse's or,
-//! with true motion, the middle of the sweep: what changes of it within a sweep is neglected, `v T / R`
-//! relative to the beam's width (1e-4 for 125 m/s, 1 ms and 1 km). Corners are seen by their wavelength at the
-//! middle of the band and, by antennas apart, along the bisector.
+//! with the antenna amplitudes `A` towards the scatterer, the one-way ranges `R`, `R0^2` the product of both ranges to
+//! the reference point at the middle pulse (number `P/2` of `P`, from 0), and the visibility `V`, 0 if a block lies
+//! between the scatterer and either antenna. All are evaluated at one time, that of the pulse or, with intra-pulse
+//! motion, the middle of the sweep. The change within a sweep is neglected, `v T / R` relative to the beamwidth (1e-4
+//! for 125 m/s, 1 ms and 1 km). Corner reflectors are evaluated at the wavelength of the band's centre and, for
+//! bistatic antennas, along the bisector.
 
 use glam::{DQuat, DVec3};
 
@@ -18,7 +19,7 @@ use crate::scene::{Block, Corner};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{Antenna, Pattern};
 
-/// One view's antennas at one moment.
+/// Antennas of a view at one time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Illumination<'a> {
     view: &'a View<'a>,
@@ -44,7 +45,7 @@ impl<'a> Illumination<'a> {
         }
     }
 
-    /// Whether patterns and visibility are 1 for every point.
+    /// Whether antenna gain and visibility are 1 for every point.
     pub(super) fn is_even(&self) -> bool {
         let even = |pattern| pattern == Pattern::Isotropic;
         self.blocks.is_empty()
@@ -52,7 +53,7 @@ impl<'a> Illumination<'a> {
             && even(self.view.receiver.pattern)
     }
 
-    /// Antennas and visibility of a point, without spreading.
+    /// Antenna gain and visibility of a point, without spreading loss.
     pub(super) fn beam(&self, point_m: DVec3) -> f64 {
         if self.is_even() {
             return 1.0;
@@ -64,7 +65,7 @@ impl<'a> Illumination<'a> {
         let beam = one(self.view.transmitter, self.transmitter_m)
             * one(self.view.receiver, self.receiver_m);
         let same = self.transmitter_m == self.receiver_m;
-        // Shadows cost most: only what the antennas see.
+        // Occlusion is the most costly, so it is tested only for illuminated points.
         if beam == 0.0
             || hidden(self.blocks, self.transmitter_m, point_m)
             || (!same && hidden(self.blocks, self.receiver_m, point_m))
@@ -74,19 +75,19 @@ impl<'a> Illumination<'a> {
         beam
     }
 
-    /// A corner's own amplitude.
+    /// Amplitude of a corner reflector.
     pub(super) fn corner(&self, corner: &Corner) -> f64 {
         let to = |antenna_m: DVec3| (antenna_m - corner.position_m).normalize_or_zero();
         let bisector = (to(self.transmitter_m) + to(self.receiver_m)).normalize_or_zero();
         corner.amplitude(bisector, self.wavelength_m)
     }
 
-    /// Range at which spreading is 1, if there is any.
+    /// Range at which the spreading factor is 1, metres; `None` without spreading loss.
     pub(super) fn spreading_from_m(&self) -> Option<f64> {
         self.view.spreading_from_m
     }
 
-    /// Spreading of a point; 1 where none is asked for.
+    /// Spreading factor of a point; 1 without spreading loss.
     pub(super) fn spreading(&self, point_m: DVec3) -> f64 {
         self.view.spreading_from_m.map_or(1.0, |from_m| {
             let out_m = self.transmitter_m.distance(point_m);
@@ -95,7 +96,7 @@ impl<'a> Illumination<'a> {
         })
     }
 
-    /// All of it, for a point.
+    /// Total gain of a point: antennas, visibility and spreading.
     pub(super) fn of(&self, point_m: DVec3) -> f64 {
         self.beam(point_m) * self.spreading(point_m)
     }

@@ -1,18 +1,19 @@
-//! Recycling: what a still radar sees of a lattice of points along its track, computed once.
+//! Reuse of phasors for a lattice of points along a straight track with stop-and-go.
 //!
-//! If pulses are sent from places `e` times an integer apart along a straight line, without turning, and the
-//! scene's points lie on lines along it, `e` times an integer apart too, then delay, phase and gain of
-//! a point in a pulse depend on the difference of the two integers alone (Schone 2020, 4.1.1). A row, all points
-//! beside and above the track alike, needs as many phasors as it has differences: its points plus the
-//! way, instead of their product.
+//! If pulse positions lie on a straight line at integer multiples of a spacing `e`, with constant attitude, and the
+//! scene's points lie on lines along the track at integer multiples of `e` too, then delay, phase and gain of a point
+//! in a pulse depend only on the difference of the two integers (Schone 2020, 4.1.1). A row contains all points with
+//! equal cross-track coordinates. It needs as many phasors as there are differences: points plus pulses instead of
+//! their product.
 //!
-//! Points may be off the lattice by 1e-7 wavelengths, pulses by 1e-6 of one (-100 dB). Blocks hide by place,
-//! not by difference: with blocks nothing is recycled. A pulse that does not fit is computed like any other.
+//! Points may deviate from the lattice by 1e-7 wavelengths, pulses by 1e-6 wavelengths (-100 dB). Occlusion depends on
+//! position instead of difference: nothing is reused in scenes with blocks. A pulse off the lattice is computed
+//! normally.
 //!
-//! It pays: 11.7 ns a point and pulse against 17.0 without, one core, 1e6 points (`benches/simulate.rs`);
-//! what is left is spreading.
+//! Benefit: 11.7 ns per point and pulse instead of 17.0, one core, 1e6 points (`benches/simulate.rs`); the remainder is
+//! gridding.
 //!
-//! Memory: 16 bytes a difference and 12 a point.
+//! Memory: 16 bytes per difference and 12 per point.
 
 use glam::{DQuat, DVec3};
 use num_complex::Complex64;
@@ -28,9 +29,9 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{Antenna, Motion};
 use subaperture_signal::phase::phasor;
 
-/// Most scatterers' spacings in a pulse's.
+/// Maximum number of point spacings per pulse spacing.
 const MAX_SPACINGS: u32 = 16;
-/// How much smaller than its use a table has to be.
+/// Minimum ratio of uses to table entries.
 const MIN_REUSE: u64 = 4;
 
 /// Tables for one radar on one track.
@@ -48,16 +49,16 @@ pub(super) struct Lattice {
     rows: Vec<Row>,
 }
 
-/// The points of a row and what is seen of them.
+/// Points of a row, and their unit responses.
 #[derive(Debug)]
 struct Row {
-    /// Index and amplitude of each, counted from the row's first.
+    /// Index (from the row's first point) and amplitude of each point.
     points: Vec<(u32, f32, f32)>,
-    /// By difference: from the first point seen from the last pulse on.
+    /// Unit responses by difference, from the first point seen from the last pulse.
     seen: Vec<Seen>,
 }
 
-/// A unit scatterer seen at one difference.
+/// Response of a unit scatterer at one difference.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     cell: u32,
@@ -66,16 +67,16 @@ struct Seen {
     im: f32,
 }
 
-/// Cells beside and above the track, index along it, and number of a scatterer.
+/// Cross-track cells (two axes), index along the track, and number of a scatterer.
 type Placed = (i64, i64, i64, u32);
 
-/// Index of a point along the track and what is left over, in metres.
+/// Index of a point along the track, and its distance from the lattice in metres.
 fn place(from_origin_m: f64, spacing_m: f64) -> (f64, f64) {
     let x = from_origin_m / spacing_m;
     (x.round(), (x - x.round()).abs() * spacing_m)
 }
 
-/// Into how many spacings a step of the track falls apart so that all points lie on them.
+/// Number of point spacings per pulse spacing for which all points lie on the lattice.
 fn spacings(scene: &Scene, origin_m: DVec3, step_m: DVec3, slack_m: f64) -> Option<u32> {
     let along = step_m.try_normalize()?;
     (1..=MAX_SPACINGS).find(|&n| {
@@ -87,7 +88,7 @@ fn spacings(scene: &Scene, origin_m: DVec3, step_m: DVec3, slack_m: f64) -> Opti
     })
 }
 
-/// All points, sorted by what is beside and above the track, then along it.
+/// All points, sorted by cross-track cells, then along the track.
 fn in_rows(
     scene: &Scene,
     origin_m: DVec3,
@@ -111,12 +112,12 @@ fn in_rows(
 }
 
 impl Lattice {
-    /// Tables for `views`, if they fit into `memory_bytes` and pay.
+    /// Make tables for `views` if they fit into `memory_bytes` and are worth it.
     pub(super) fn new(scene: &Scene, views: &[View], memory_bytes: u64) -> Option<Lattice> {
         let (first, last) = (views.first()?, views.last()?);
         let pose = first.body.pose(first.time_s);
-        let way_m = last.body.pose(last.time_s).position_m - pose.position_m;
-        let step_m = way_m / (views.len() - 1).max(1) as f64;
+        let travel_m = last.body.pose(last.time_s).position_m - pose.position_m;
+        let step_m = travel_m / (views.len() - 1).max(1) as f64;
         let along = step_m.try_normalize()?;
         let origin_m = scene.points.first()?.position_m;
         let wavelength_m = SPEED_OF_LIGHT_M_S / first.sweep.start_hz;
@@ -172,20 +173,20 @@ impl Lattice {
         Some(lattice)
     }
 
-    /// Bytes of the tables.
+    /// Size of the tables, bytes.
     pub(super) fn held_bytes(&self) -> u64 {
         let row = |row: &Row| size_of_val(&*row.points) + size_of_val(&*row.seen);
         self.rows.iter().map(row).sum::<usize>() as u64
     }
 
-    /// How many pitches after the first pulse this one is; `None` if it is not one of the tables'.
+    /// Distance of this pulse from the first in pitches; `None` if it does not fit the tables.
     pub(super) fn shift(&self, view: &View) -> Option<i64> {
         let pose = view.body.pose(view.time_s);
-        let way_m = pose.position_m - self.start_m;
-        let shift = (way_m.dot(self.pitch_m) / self.pitch_m.length_squared()).round();
-        let off_m = way_m.distance(self.pitch_m * shift);
+        let offset_m = pose.position_m - self.start_m;
+        let shift = (offset_m.dot(self.pitch_m) / self.pitch_m.length_squared()).round();
+        let off_m = offset_m.distance(self.pitch_m * shift);
         let wavelength_m = SPEED_OF_LIGHT_M_S / self.sweep.start_hz;
-        // A constant change of delay is a phase ramp, but not of the residual video phase.
+        // A constant change of delay is a phase ramp, but changes the residual video phase nonlinearly.
         let same_reference = self.reference_s == view.reference_s;
         let fits = view.motion == Motion::StopAndGo
             && view.sweep == self.sweep
@@ -199,7 +200,7 @@ impl Lattice {
         fits.then_some(shift as i64)
     }
 
-    /// Adds all points, seen from `shift`, to `run`.
+    /// Add all points, seen from `shift`, to `run`.
     pub(super) fn add(&self, shift: i64, run: &mut Run) {
         let from = (self.last - shift) as usize;
         for row in &self.rows {
@@ -218,7 +219,7 @@ impl Lattice {
         }
     }
 
-    /// Turns samples from the tables' reference to that of `view`.
+    /// Change the reference delay of samples from that of the tables to that of `view`.
     pub(super) fn refer(&self, view: &View, out: &mut [Complex64]) {
         let late_s = view.reference_s - self.reference_s;
         if late_s != 0.0 {
@@ -232,7 +233,7 @@ impl Lattice {
     }
 }
 
-/// Unit scatterers from `start_m` on, a pitch apart.
+/// Responses of unit scatterers from `start_m` on, one pitch apart.
 fn see(view: &View, start_m: DVec3, pitch_m: DVec3, count: usize, work: &mut Work) -> Vec<Seen> {
     let illumination = Illumination::new(view, &[]);
     let mut seen = Vec::with_capacity(count);

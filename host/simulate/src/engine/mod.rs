@@ -1,21 +1,21 @@
-//! The sum over scatterers: what one pair of antennas records of one pulse.
+//! Sum over scatterers: samples of one pulse of an antenna pair.
 //!
-//! Sample `k`, at frequency `f_k = start_hz + k step_hz` and time `t_k = start_s + k step_s` after
-//! the pulse's own, of scatterers `s` of amplitude `a_s` at delay `tau_s(t)`:
+//! Sample `k` has the frequency `f_k = start_hz + k step_hz` and the time `t_k = start_s + k step_s` after the pulse's
+//! time. For scatterers `s` with amplitude `a_s` and delay `tau_s(t)`:
 //!
 //! ```text
 //! z[k] = sum_s a_s g_s exp(-j 2 pi f_k d_s(t_k)) exp(+j pi residual_hz_s d_s(t_k)^2),
 //! d_s(t) = tau_s(t) - reference_s
 //! ```
 //!
-//! with `g_s` the antennas' amplitude towards the scatterer and, if asked, the spreading. The sum over
-//! everything in the scene is all this module does; noise, windows and files are others' work.
+//! where `g_s` is the antennas' amplitude towards the scatterer times, optionally, the spreading factor. This module
+//! only computes the sum over the scene; noise, windows and files are handled elsewhere.
 //!
-//! [`Method::Fast`] is held to -90 dB of [`Method::Sum`] by `tests/simulate/engine.rs`; measured are -124 dB
-//! with the radar standing still and -109 dB with true motion. One core, 512 samples, plain x86-64, a point and
-//! pulse (`benches/simulate.rs`): 1500 ns the sum, 17 ns fast, 12 ns recycled, 67 ns with true motion. Where
-//! the antennas' ways bend too much for runs of 16 samples, or a scatterer sits on an antenna in true
-//! motion, the fast sum is the plain one. A pulse is computed by one thread, in a fixed order.
+//! [`Method::Fast`] agrees with [`Method::Sum`] to -90 dB (`tests/simulate/engine.rs`); measured: -124 dB with
+//! stop-and-go and -109 dB with intra-pulse motion. Time per point and pulse on one core, 512 samples, plain x86-64
+//! (`benches/simulate.rs`): 1500 ns for the sum, 17 ns fast, 12 ns with reuse, 67 ns with intra-pulse motion. If the
+//! antennas' tracks are too curved for blocks of 16 samples, or a scatterer is at an antenna's position with
+//! intra-pulse motion, the plain sum is used. A pulse is computed by one thread, in a fixed order.
 
 mod arc;
 mod chunk;
@@ -35,58 +35,58 @@ use crate::scene::Scene;
 use subaperture_model::radar::{Antenna, Motion};
 use subaperture_model::track::Trajectory;
 
-/// How sums are computed.
+/// Method of computing sums over scatterers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// The plain sum in float64: slow, and the measure of the other.
+    /// Plain sum in float64: slow, the reference for the fast method.
     Sum,
-    /// A non-uniform FFT a pulse, with tables reused from pulse to pulse where the track allows.
+    /// One non-uniform FFT per pulse, with tables reused between pulses where the track allows.
     #[default]
     Fast,
 }
 
-/// The samples of a pulse: their frequencies and times.
+/// Frequencies and times of the samples of a pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Frequency of sample 0, hertz.
     pub start_hz: f64,
-    /// From sample to sample, hertz.
+    /// Frequency step per sample, hertz.
     pub step_hz: f64,
     /// Number of samples.
     pub count: usize,
-    /// Time of sample 0 after the pulse's, seconds.
+    /// Time of sample 0 relative to the pulse's time, seconds.
     pub start_s: f64,
-    /// From sample to sample, seconds.
+    /// Time step per sample, seconds.
     pub step_s: f64,
-    /// Chirp rate whose residual video phase stays in the samples; 0 for none.
+    /// Chirp rate whose residual video phase remains in the samples, hertz per second; 0 for none.
     pub residual_hz_s: f64,
 }
 
-/// One pulse of one pair of antennas.
+/// Pulse of an antenna pair.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// What carries the antennas.
+    /// Motion of the body that carries the antennas.
     pub body: &'a dyn Trajectory,
-    /// The one that transmits.
+    /// Transmit antenna: pattern and position on the body.
     pub transmitter: &'a Antenna,
-    /// The one that receives.
+    /// Receive antenna: pattern and position on the body.
     pub receiver: &'a Antenna,
     /// Time of the pulse, seconds.
     pub time_s: f64,
-    /// Its samples.
+    /// Frequencies and times of the samples.
     pub sweep: Sweep,
     /// Delay that counts as zero, seconds.
     pub reference_s: f64,
-    /// What moves meanwhile.
+    /// Motion model within a pulse.
     pub motion: Motion,
-    /// Range at which spreading is 1, that of the reference point in the middle pulse, metres; `None` for no
-    /// spreading.
+    /// Range at which the spreading factor is 1, that of the reference point at the middle pulse, metres; `None` for no
+    /// spreading loss.
     pub spreading_from_m: Option<f64>,
 }
 
-/// A scene made ready for sums over it.
+/// Scene prepared for sums over scatterers.
 ///
-/// Memory: for [`Method::Fast`] 32 bytes a point beside the scene's 40.
+/// Memory: for [`Method::Fast`], 32 bytes per point in addition to the scene's 40.
 #[derive(Debug)]
 pub struct Engine<'a> {
     scene: &'a Scene,
@@ -95,14 +95,14 @@ pub struct Engine<'a> {
     lattice: Option<Lattice>,
 }
 
-/// Working memory of one thread. What it was used for before never matters.
+/// Scratch memory of one thread. Its content before a call has no effect.
 #[derive(Debug, Default)]
 pub struct Scratch {
     work: run::Work,
 }
 
 impl<'a> Engine<'a> {
-    /// Prepares `scene`.
+    /// Prepare a scene for summation with `method`.
     pub fn new(scene: &'a Scene, method: Method) -> Self {
         let points = match method {
             Method::Sum => Vec::new(),
@@ -116,9 +116,9 @@ impl<'a> Engine<'a> {
         }
     }
 
-    /// Prepares `scene` for the pulses `views` of one pair of antennas, in their order. On a straight, even track
-    /// over a lattice of points, what the radar sees is kept in tables of at most `memory_bytes` and
-    /// reused; else, and for other pulses, this is [`Self::new`].
+    /// Prepare a scene for the pulses `views` of an antenna pair, in their order. For a straight, uniform track over a
+    /// lattice of points, phasors are kept in tables of at most `memory_bytes` and reused. Otherwise, and for other
+    /// pulses, this equals [`Self::new`].
     pub fn for_track(scene: &'a Scene, method: Method, views: &[View], memory_bytes: u64) -> Self {
         let mut engine = Self::new(scene, method);
         if method == Method::Fast {
@@ -127,7 +127,7 @@ impl<'a> Engine<'a> {
         engine
     }
 
-    /// Bytes held beside the scene.
+    /// Memory held in addition to the scene, bytes.
     pub fn held_bytes(&self) -> u64 {
         let tables = self.lattice.as_ref().map_or(0, Lattice::held_bytes);
         size_of_val(self.points.as_slice()) as u64 + tables
@@ -138,7 +138,7 @@ impl<'a> Engine<'a> {
         self.lattice.is_some()
     }
 
-    /// Sets `out` to the samples of the pulse that `view` describes.
+    /// Set `out` to the samples of the pulse described by `view`.
     ///
     /// # Panics
     /// If `out` does not hold `view.sweep.count` samples.

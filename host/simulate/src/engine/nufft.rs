@@ -1,18 +1,17 @@
-//! Sums of exponentials at any frequencies, on a grid of samples: a type-1 non-uniform FFT.
+//! Sums of exponentials at arbitrary frequencies on a uniform grid: type-1 non-uniform FFT (NUFFT).
 //!
 //! ```text
 //! z[k] = sum_s v_s exp(+j 2 pi u_s (k - K/2)),    k = 0 .. K - 1
 //! ```
 //!
-//! Each `v_s` is spread over 8 cells of a grid of `M >= 2 K` cells at `M u_s` with a Kaiser-Bessel
-//! kernel ([`subaperture_signal::kaiser_bessel`]); an FFT and a division by the kernel's spectrum give `z`.
-//! `u` counts modulo 1, so nothing is out of range: it wraps, as the sum itself does.
+//! Each `v_s` is gridded to 8 cells of a grid of `M >= 2 K` cells around `M u_s` with a Kaiser-Bessel kernel
+//! ([`subaperture_signal::kaiser_bessel`]). An FFT and a division by the kernel's spectrum give `z`. Frequencies `u`
+//! are modulo 1 and wrap around, as the sum itself does.
 //!
-//! The grid is float32, in two planes, emptied into a float64 grid before roundings add up: with at most
-//! [`FLUSH`] values a time. With kernel and table the error is -125 dB on random scenes
-//! (`tests/simulate/engine.rs`).
+//! The grid is float32 in two planes, added to a float64 grid before rounding errors accumulate: after at most
+//! [`FLUSH`] chunks. With kernel and table the error is -125 dB on random scenes (`tests/simulate/engine.rs`).
 //!
-//! Cost: 16 multiply-adds a value, and an FFT of `M`.
+//! Cost: 16 multiply-adds per value, and an FFT of `M` cells.
 
 #![allow(
     clippy::needless_range_loop,
@@ -29,12 +28,12 @@ use super::chunk::{LANES, Values};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
-/// Cells that a value is spread over.
+/// Cells per value.
 const TAPS: usize = 8;
-/// Chunks that are added in float32.
+/// Chunks accumulated in float32.
 const FLUSH: usize = 64;
 
-/// The plan for one number of samples.
+/// NUFFT plan for one number of samples.
 pub(super) struct Nufft {
     samples: usize,
     kernel: KaiserBessel,
@@ -45,7 +44,7 @@ pub(super) struct Nufft {
     scratch: Vec<Complex64>,
 }
 
-/// What values are spread on.
+/// Grid onto which values are spread.
 #[derive(Debug, Default)]
 pub(super) struct Grid {
     re: Vec<f32>,
@@ -62,7 +61,7 @@ impl Nufft {
         let middle = (samples / 2) as i64;
         let shape = (0..samples as i64)
             .map(|k| {
-                // Places count from half a turn below zero.
+                // Positions count from half a turn below zero.
                 let sign = if (k - middle) % 2 == 0 { 1.0 } else { -1.0 };
                 sign / kernel.spectrum((k - middle) as f64 / length as f64)
             })
@@ -77,17 +76,17 @@ impl Nufft {
         }
     }
 
-    /// Samples that it makes, `K`.
+    /// Number of samples, `K`.
     pub(super) fn samples(&self) -> usize {
         self.samples
     }
 
-    /// Cells of the grid, `M`.
+    /// Number of grid cells, `M`.
     pub(super) fn length(&self) -> usize {
         self.work.len()
     }
 
-    /// Adds the first `count` values to `grid`.
+    /// Add the first `count` values to `grid`.
     pub(super) fn spread(&self, values: &Values, count: usize, grid: &mut Grid) {
         let (re, im) = (&mut grid.re[..], &mut grid.im[..]);
         for i in 0..count.min(LANES) {
@@ -107,13 +106,13 @@ impl Nufft {
         }
     }
 
-    /// Adds the samples of what was spread on `grid` to `out(k, value)`, and empties it.
+    /// Call `out(k, value)` with the samples of the grid, and empty it.
     pub(super) fn finish(&mut self, grid: &mut Grid, mut out: impl FnMut(usize, Complex64)) {
         grid.flush();
         let length = self.length();
         self.work.fill(Complex64::ZERO);
         for (i, z) in grid.sum.iter_mut().enumerate() {
-            // The eight start three cells before the place.
+            // The first of the eight cells is three cells before the position.
             self.work[(i + length - (TAPS / 2 - 1)) % length] += std::mem::take(z);
         }
         self.inverse
@@ -126,7 +125,7 @@ impl Nufft {
 }
 
 impl Grid {
-    /// Makes it the size `nufft` needs, empty.
+    /// Resize to the size for `nufft`, and empty.
     pub(super) fn fit(&mut self, nufft: &Nufft) {
         let cells = nufft.length() + TAPS;
         for plane in [&mut self.re, &mut self.im] {

@@ -1,16 +1,16 @@
-//! A run of samples: chunks of scatterers, in lanes, to one NUFFT or a series of them.
+//! Block of samples: chunks of scatterers to one NUFFT or a series of them.
 //!
-//! Where a scatterer's phase is a parabola over the run ([`super::arc`]),
+//! If a scatterer's phase is a parabola over the block ([`super::arc`]),
 //!
 //! ```text
 //! exp(j 2 pi c2 kappa^2) = exp(j pi c2) sum_p (j 2 pi c2)^p / p! (kappa^2 - 1/2)^p,
 //! ```
 //!
-//! cut where the rest, `|pi c2|^P / P!`, is below [`SERIES_RAD`]: a NUFFT for each `p`, multiplied by its power of
-//! `kappa` afterwards. 150 MHz swept in 1 ms at 125 m/s needs one run and 5 terms.
+//! truncated where the remainder, `|pi c2|^P / P!`, is below [`SERIES_RAD`]: one NUFFT per `p`, multiplied by its power
+//! of `kappa` afterwards. 150 MHz swept in 1 ms at 125 m/s needs one block and 5 terms.
 //!
-//! Phases are reduced in float64 and turned into float32 phasors, errors of 1e-6 at most that differ from scatterer
-//! to scatterer.
+//! Phases are reduced in float64 and converted to float32 phasors, with errors of at most 1e-6 that differ between
+//! scatterers.
 
 #![allow(
     clippy::needless_range_loop,
@@ -27,10 +27,10 @@ use super::nufft::{Grid, Nufft};
 use crate::scene::Mover;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
-/// What the series may leave out.
+/// Truncation error of the series, radians.
 const SERIES_RAD: f64 = 1e-5;
 
-/// Working memory: some 30 KB, and 32 bytes a cell of a grid.
+/// Scratch memory: some 30 KB, and 32 bytes per cell of each grid.
 #[derive(Debug)]
 pub(super) struct Work {
     nuffts: Vec<Nufft>,
@@ -54,11 +54,11 @@ impl Default for Work {
     }
 }
 
-/// One NUFFT's samples, or a series of them.
+/// Samples of one NUFFT, or of a series of them.
 pub(super) struct Run<'a> {
     pub(super) work: &'a mut Work,
     nufft: usize,
-    /// Terms of the series in use.
+    /// Number of series terms in use.
     terms: usize,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Sets the gain of each scatterer.
+    /// Set the gain of each scatterer.
     pub(super) fn illuminate(&mut self, illumination: &Illumination, chunk: &Chunk) {
         let gain = &mut self.work.gain;
         if illumination.is_even() {
@@ -96,7 +96,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Sets the phases of scatterers and a radar that stand still.
+    /// Set the phases for static scatterers and a stop-and-go radar.
     pub(super) fn stand_still(&mut self, view: &View, chunk: &Chunk) {
         let transmitter_m = view.transmitter_m(view.time_s);
         let receiver_m = view.receiver_m(view.time_s);
@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Sets the phases of movers; gives back those that it cannot, with gain 0.
+    /// Set the phases of moving targets, and return those without a parabolic phase, whose gain is set to 0.
     pub(super) fn follow<'m>(
         &mut self,
         arc: &Arc,
@@ -138,7 +138,7 @@ impl<'a> Run<'a> {
         rest
     }
 
-    /// Adds a chunk with all the terms that its bends need.
+    /// Add a chunk with as many series terms as its curvature needs.
     pub(super) fn add_bent(&mut self, chunk: &Chunk) {
         let phases = &mut self.work.phases;
         let mut largest = 0.0f64;
@@ -157,7 +157,7 @@ impl<'a> Run<'a> {
         self.add(chunk, terms);
     }
 
-    /// Makes grids for so many terms ready.
+    /// Prepare grids for `terms` terms.
     fn open(&mut self, terms: usize) {
         let Work { nuffts, grids, .. } = &mut *self.work;
         while self.terms < terms {
@@ -183,7 +183,7 @@ impl<'a> Run<'a> {
         values
     }
 
-    /// Adds the first `count` of the values that `fill` sets.
+    /// Add the first `count` of the values set by `fill`.
     pub(super) fn add_values(&mut self, count: usize, fill: impl FnOnce(&mut Values)) {
         self.open(1);
         let Work {
@@ -196,7 +196,7 @@ impl<'a> Run<'a> {
         nuffts[self.nufft].spread(values, count, &mut grids[0]);
     }
 
-    /// Adds a chunk with some terms of the series.
+    /// Add a chunk with `terms` series terms.
     pub(super) fn add(&mut self, chunk: &Chunk, terms: usize) {
         self.open(terms);
         let Work {
@@ -217,7 +217,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Adds the samples to `out`.
+    /// Add the samples to `out`.
     pub(super) fn finish(self, out: &mut [Complex64]) {
         let Work { nuffts, grids, .. } = self.work;
         let samples = out.len();

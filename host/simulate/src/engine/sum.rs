@@ -1,8 +1,7 @@
-//! The sum as defined, in float64, scatterer by scatterer and sample by sample.
+//! Sum over scatterers as defined, in float64, scatterer by scatterer and sample by sample.
 //!
-//! With the radar standing still a phasor recurrence over frequency is used, exact to 1e-13; with
-//! true motion the delay is solved for every sample. Cost: 8 operations a scatterer and sample, or
-//! some five poses of the body.
+//! With stop-and-go, a phasor recurrence over frequency is used, accurate to 1e-13. With intra-pulse motion the delay
+//! is solved for every sample. Cost: 8 operations per scatterer and sample, or about five poses of the body.
 
 use std::ops::Range;
 
@@ -16,7 +15,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::Motion;
 use subaperture_signal::phase::phasor;
 
-/// Sets `out` to the sum over `scene`.
+/// Set `out` to the sum over `scene`.
 pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
     out.fill(Complex64::ZERO);
     let illumination = Illumination::new(view, &scene.blocks);
@@ -37,17 +36,17 @@ pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
     }
 }
 
-/// Adds single scatterers to the samples of a pulse.
+/// Accumulator of single scatterers into the samples of a pulse.
 pub(super) struct Adder<'a> {
     view: &'a View<'a>,
     /// Index of the first sample.
     first: usize,
-    /// Where the receiver is at each sample; once, if it stands still.
+    /// Receiver position at each sample; a single one with stop-and-go.
     receivers_m: Vec<DVec3>,
 }
 
 impl<'a> Adder<'a> {
-    /// To a run of the pulse's samples.
+    /// Make an accumulator for a block of the pulse's samples.
     pub(super) fn of_samples(view: &'a View<'a>, samples: Range<usize>) -> Self {
         let first = samples.start;
         let receivers_m = match view.motion {
@@ -63,7 +62,7 @@ impl<'a> Adder<'a> {
         }
     }
 
-    /// Adds a scatterer at `place(t)`.
+    /// Add a scatterer at `place(t)`.
     pub(super) fn add(
         &self,
         amplitude: Complex64,

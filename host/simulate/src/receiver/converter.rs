@@ -1,8 +1,8 @@
-//! The converter to numbers: I and Q rounded to steps of `2 A / 2^bits`, `A` the full scale.
+//! Analogue-to-digital converter: I and Q rounded to steps of `2 A / 2^bits`, with `A` the full scale.
 //!
-//! Codes run from `-2^(bits-1)` to `2^(bits-1) - 1`, so a signal of 0 stays 0. The error of rounding is
-//! uniform over a step, of power `step^2 / 12`, for a signal that is busy over many steps; a sine of amplitude
-//! `A` then has `3/2 4^bits` times its power: `6.02 bits + 1.76` dB. Larger signals than `A` saturate and are
+//! Codes range from `-2^(bits-1)` to `2^(bits-1) - 1`, and a signal of 0 stays 0. For a signal that covers many steps,
+//! the quantisation error is uniform over a step, with power `step^2 / 12`. A sine of amplitude `A` then has a
+//! signal-to-quantisation-noise ratio of `3/2 4^bits`, or `6.02 bits + 1.76` dB. Signals above `A` saturate and are
 //! counted.
 
 use num_complex::Complex64;
@@ -10,12 +10,12 @@ use num_complex::Complex64;
 use subaperture_model::radar::Converter;
 use subaperture_model::units::amplitude_of_db;
 
-/// A converter made ready.
+/// Prepared converter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quantiser {
     full_scale: f64,
     step: f64,
-    /// The largest code.
+    /// Largest code.
     last: f64,
 }
 
@@ -28,7 +28,7 @@ impl Quantiser {
         let full_scale = amplitude_of_db(full_scale_db);
         if !((1..=32).contains(&bits) && full_scale.is_finite() && full_scale > 0.0) {
             return Err(format!(
-                "a converter of {bits} bits and {full_scale_db} dB of full scale: bits are 1 to 32"
+                "converter of {bits} bits with a full scale of {full_scale_db} dB: expected 1 to 32 bits, and a finite full scale"
             ));
         }
         let half = 2f64.powi(bits as i32 - 1);
@@ -39,7 +39,7 @@ impl Quantiser {
         })
     }
 
-    /// Converts; the number of samples of which I or Q was beyond full scale.
+    /// Quantise samples, and return the number of samples whose I or Q exceeds full scale.
     pub(super) fn convert(&self, samples: &mut [Complex64]) -> u32 {
         let code = |x: f64| (x / self.step).round().clamp(-self.last - 1.0, self.last) * self.step;
         let mut saturated = 0;
@@ -65,15 +65,14 @@ mod tests {
         Quantiser::new(converter).unwrap()
     }
 
-    /// `6.02 b + 1.76` dB below a full-scale tone. The tone is taken half a step below full scale, where
-    /// the largest code ends, which costs `20 log10(1 - 2^-b)`: 0.03 dB at 8 bits. Over 65536 samples at an
-    /// irrational frequency the error's mean power has a standard error of `sqrt(4/5 / 131072)`, 0.011 dB: four
-    /// of them. A sine of `A` steps dwells at its crests, where its error is not uniform: Fourier's series of
-    /// the error, squared and averaged over the sine, is
-    /// `1/12 (1 + 12 / pi^2 sum_k (-1)^k / k^2 J0(2 pi k A))`, and `|J0(x)| <= sqrt(2 / (pi x))`, so the
-    /// power differs by `12 / pi^2 zeta(5/2) / (pi sqrt(A))` at most: 0.2 dB at 8 bits.
+    /// Expected: `6.02 b + 1.76` dB below a full-scale tone. The tone is half a step below full scale, at the largest
+    /// code, which costs `20 log10(1 - 2^-b)`: 0.03 dB at 8 bits. Over 65536 samples at an irrational frequency, the
+    /// error's mean power has a standard error of `sqrt(4/5 / 131072)`, 0.011 dB; four of these are allowed. A sine of
+    /// `A` steps dwells at its crests, where the error is not uniform: the Fourier series of the error, squared and
+    /// averaged over the sine, is `1/12 (1 + 12 / pi^2 sum_k (-1)^k / k^2 J0(2 pi k A))`, and `|J0(x)| <= sqrt(2 / (pi
+    /// x))`, so that the power differs by at most `12 / pi^2 zeta(5/2) / (pi sqrt(A))`: 0.2 dB at 8 bits.
     #[test]
-    fn noise_of_quantisation_is_as_bits_have_it() {
+    fn quantisation_noise_matches_number_of_bits() {
         for bits in [8u32, 10, 12, 14] {
             let amplitude = 10f64.powf(0.3) * (1.0 - 0.5f64.powi(bits as i32));
             let tone: Vec<_> = (0..65536)
@@ -95,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_large_saturates_and_is_counted() {
+    fn samples_beyond_full_scale_saturate_and_are_counted() {
         let full = 10f64.powf(0.3);
         let mut samples = [
             Complex64::new(1.5 * full, 0.0),
@@ -103,7 +102,7 @@ mod tests {
             Complex64::new(0.5 * full, -full),
         ];
         assert_eq!(quantiser(4).convert(&mut samples), 2);
-        // Codes are eighths of full scale: 7 the largest, -8 the smallest.
+        // Codes are eighths of full scale: 7 is the largest, -8 the smallest.
         let expected = [(7.0, 0.0), (0.0, -8.0), (4.0, -8.0)];
         for (z, (i, q)) in samples.iter().zip(expected) {
             let expected = Complex64::new(i, q) * (full / 8.0);

@@ -1,15 +1,15 @@
-//! Foreign transmitters.
+//! Radio-frequency interference from other transmitters.
 //!
-//! A tone at `f` is mixed as the echo is, with an oscillator that starts every pulse with phase 0:
-//! sample `k` gets `exp(j 2 pi f t) exp(-j 2 pi phase_lo(t_k))`. The filter before the converter passes what is
-//! within half the sampling rate of the oscillator, all or nothing, so a tone crosses a sweep as a
-//! chirp of its own; a carrier averaged over its dwell has `sinc((f - f_k) dwell_s)` of it.
+//! A tone at `f` is mixed like the echo, with an oscillator that starts every pulse with phase 0: sample `k` is `exp(j
+//! 2 pi f t) exp(-j 2 pi phase_lo(t_k))`. The filter before the converter is ideal: it passes frequencies within half
+//! the sample rate of the oscillator. In an FMCW sweep, a tone therefore appears as a chirp. For a carrier averaged
+//! over its dwell time, the factor is `sinc((f - f_k) dwell_s)`.
 //!
-//! A noise-like signal is a sum of tones over its band with complex Gaussian amplitudes, drawn anew for every
-//! pulse: two tones for every cell `1 / T` of a pulse's length `T`, 16 to 4096 in all, so that it does not
+//! A noise-like signal is a sum of tones over its band with complex Gaussian amplitudes, drawn anew for every pulse.
+//! There are two tones per cell `1 / T` for a pulse of duration `T`, 16 to 4096 in total, so that the signal does not
 //! repeat within a pulse (beyond 2048 cells it does).
 //!
-//! All receivers hear it alike: the angle of arrival and the way to it are neglected.
+//! All receivers have the same interference: angle of arrival and propagation are neglected.
 
 use num_complex::Complex64;
 
@@ -20,7 +20,7 @@ use subaperture_model::radar::{Interferer, Radar, Waveform};
 use subaperture_model::units::amplitude_of_db;
 use subaperture_signal::phase::phasor;
 
-/// A foreign transmitter made ready.
+/// Prepared interferer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interference {
     interferer: Interferer,
@@ -39,7 +39,7 @@ impl Interference {
             && (0.0..=1.0).contains(&i.duty))
         {
             return Err(format!(
-                "{i:?}: a bandwidth is not negative, a duty lies between 0 and 1"
+                "{i:?}: expected finite values, a bandwidth that is not negative, and a duty from 0 to 1"
             ));
         }
         Ok(Self {
@@ -49,7 +49,7 @@ impl Interference {
         })
     }
 
-    /// Adds the transmitter of this `index` to the samples of a pulse.
+    /// Add the interferer with this `index` to the samples of a pulse.
     pub(super) fn add(&self, moment: &Moment, seed: u64, index: usize, samples: &mut [Complex64]) {
         let Interferer {
             frequency_hz,
@@ -97,18 +97,18 @@ impl Interference {
     }
 }
 
-/// The oscillator at a sample, and what the receiver lets through.
+/// Oscillator at a sample, and the receiver's filter.
 struct Mixed {
     frequency_hz: f64,
-    /// Phase since the pulse's start, turns.
+    /// Phase since the start of the pulse, turns.
     turns: f64,
     filter: Pass,
 }
 
 enum Pass {
-    /// Within half of this rate.
+    /// Ideal low-pass filter with half of this sample rate, hertz.
     Rate(f64),
-    /// An average over this time.
+    /// Average over this dwell time, seconds.
     Dwell(f64),
 }
 

@@ -1,10 +1,10 @@
-//! What a receiver adds to the echoes: one disturbance a file, each absent at no cost.
+//! Receiver impairments, one per module; each costs nothing when absent.
 //!
-//! In the order in which they come: [`phase_noise`], [`interference`], [`thermal`], [`converter`]. Errors of
-//! the clock ([`clock`]) are errors of frequencies and times, so they act on the echo's making.
+//! Order of application: [`phase_noise`], [`interference`], [`thermal`], [`converter`]. Errors of the clock ([`clock`])
+//! change frequencies and times, so that they act on the computation of the echo.
 //!
-//! Powers relate to a raw sample of the echo of 1 m² at the reference point, whose magnitude is 1.
-//! Everything random comes from a stream of its own for each kind, channel and pulse (`stream`).
+//! Powers are relative to a raw sample of the echo of 1 m² at the reference point, whose magnitude is 1. Every kind of
+//! random effect has its own random stream per channel and pulse (`stream`).
 
 mod chain;
 pub mod clock;
@@ -24,21 +24,21 @@ use subaperture_model::radar::{Radar, Waveform};
 
 pub use chain::Chain;
 
-/// All disturbances of a radar, made ready.
+/// Prepared receiver impairments of a radar.
 #[derive(Debug)]
 pub(super) struct Impairments {
     seed: u64,
-    /// Standard deviation of noise in I and in Q.
+    /// Standard deviation of the thermal noise in I and in Q.
     noise: Option<f64>,
     oscillator: Option<Oscillator>,
     interference: Vec<Interference>,
     quantiser: Option<Quantiser>,
 }
 
-/// The pulse whose samples are disturbed.
+/// Pulse to which impairments are applied.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
-    /// What is truly transmitted and sampled.
+    /// Waveform actually transmitted and sampled.
     pub waveform: &'a Waveform,
     /// Index of the pulse among those of all transmitters.
     pub pulse: usize,
@@ -51,7 +51,7 @@ pub struct Moment<'a> {
 }
 
 impl Impairments {
-    /// `range_m` is the range of the reference. The text of an error says what is wrong.
+    /// Make the impairments; `range_m` is the range of the reference. The error is a message.
     pub(super) fn new(experiment: &Experiment, range_m: f64) -> Result<Self, String> {
         Self::of(&experiment.radar, experiment.seed, range_m)
     }
@@ -74,13 +74,13 @@ impl Impairments {
         })
     }
 
-    /// Disturbs the samples of a pulse; the number of them that saturated the converter.
+    /// Apply all impairments to the samples of a pulse, and return the number of samples that saturate the converter.
     pub(super) fn apply(&self, moment: &Moment, samples: &mut [Complex64]) -> u32 {
         self.receive(moment, samples);
         self.convert(samples)
     }
 
-    /// All that comes before the converter.
+    /// Apply the impairments before the converter.
     fn receive(&self, moment: &Moment, samples: &mut [Complex64]) {
         if let Some(oscillator) = &self.oscillator {
             oscillator.disturb(moment, samples);

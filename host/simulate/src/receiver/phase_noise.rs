@@ -1,25 +1,26 @@
-//! Noise of the oscillator's phase.
+//! Phase noise of the oscillator.
 //!
-//! One random process over the whole collection, evaluated at any time: a sum of sinusoids, one in each of
+//! One random process for the whole collection, evaluated at any time: a sum of sinusoids, one in each of 24 cells per
+//! octave of the table's offset frequencies, at a random frequency in its cell and with random phase,
 //! 24 cells an octave of the table's offsets, at a random place in its cell and of random phase,
 //!
 //! ```text
 //! phi(t) = sum_i 2 sqrt(L(f_i) df_i) cos(2 pi f_i t + theta_i)
 //! ```
 //!
-//! whose one-sided spectrum is `2 L(f)`, as the definition of `L` has it: each term has the power
-//! `2 L df`. Memory is bounded by the number of octaves, and no sample depends on another.
+//! Its one-sided spectrum is `2 L(f)`, according to the definition of `L`: each term has the power `2 L df`. Memory is
+//! bounded by the number of octaves, and samples are computed independently.
 //!
-//! Transmission and reception share the oscillator, so an echo of delay `tau` has
-//! `phi(t - tau) - phi(t - t_m)`, `t_m` the delay of the copy it is mixed with (0 but for some FMCW
-//! radars): of an offset `f` the part `2 sin(pi f (tau - t_m))` in amplitude.
+//! Transmission and reception share the oscillator. An echo with delay `tau` therefore has `phi(t - tau) - phi(t -
+//! t_m)`, with `t_m` the delay of the copy with which it is mixed (0 except for some FMCW radars): at offset `f`, a
+//! factor of `2 sin(pi f (tau - t_m))` in amplitude (range correlation).
 //!
-//! Neglected: one delay, the reference's, serves all scatterers of a pulse. An echo that comes `e` later
-//! has in truth a noise that differs by the part `2 sin(pi f e)` of that at offset `f`: 6 % for
-//! 100 m and 30 kHz. Offsets beyond half the sampling rate fold, as without a filter. At
-//! resolutions finer than 1/24 octave the spectrum is one of lines.
+//! Neglected: one delay, that of the reference, is used for all scatterers of a pulse. The noise of an echo that
+//! arrives `e` later differs at offset `f` by the fraction `2 sin(pi f e)`: 6 % for 100 m and 30 kHz. Offsets beyond
+//! half the sample rate alias, as without a filter. At resolutions finer than 1/24 octave the spectrum consists of
+//! lines.
 //!
-//! Cost: 10 operations a sinusoid and sample. Accuracy: the test below, spectrum against `L`.
+//! Cost: 10 operations per sinusoid and sample. Accuracy: the test below compares the spectrum with `L`.
 
 use num_complex::Complex64;
 
@@ -30,10 +31,10 @@ use subaperture_model::radar::{PhaseNoise, Waveform};
 use subaperture_model::units::power_of_db;
 use subaperture_signal::phase::{cis, phasor};
 
-/// Sinusoids an octave of offset.
+/// Sinusoids per octave of offset frequency.
 const PER_OCTAVE: f64 = 24.0;
 
-/// The process.
+/// Phase noise process.
 #[derive(Clone, Debug)]
 pub(super) struct Oscillator {
     lines: Vec<Line>,
@@ -56,7 +57,7 @@ impl Oscillator {
         };
         if levels.len() < 2 || !rising || !levels.iter().all(sound) {
             return Err(format!(
-                "phase noise {levels:?}: give two or more offsets, positive and rising, with levels"
+                "phase noise {levels:?}: expected two or more positive, ascending offsets with finite levels"
             ));
         }
         let (first_hz, last_hz) = (levels[0].0, levels[levels.len() - 1].0);
@@ -80,7 +81,7 @@ impl Oscillator {
         })
     }
 
-    /// Turns the samples of a pulse by the phase of their moments.
+    /// Rotate the samples of a pulse by the phase noise at their times.
     pub(super) fn disturb(&self, moment: &Moment, samples: &mut [Complex64]) {
         let mixer_s = match *moment.waveform {
             Waveform::Fmcw { mixer_delay_s, .. } => mixer_delay_s,
@@ -106,7 +107,7 @@ impl Oscillator {
     }
 }
 
-/// `L` between the table's offsets, straight on logarithmic axes.
+/// `L` interpolated between the table's offsets, linear on logarithmic axes.
 fn level_db(levels: &[(f64, f64)], offset_hz: f64) -> f64 {
     let above = levels.partition_point(|&(f, _)| f < offset_hz);
     let above = above.clamp(1, levels.len() - 1);
@@ -118,15 +119,15 @@ fn level_db(levels: &[(f64, f64)], offset_hz: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The spectrum of the difference process at several offsets against `4 sin^2(pi f tau) L(f)`.
+    /// Compare the spectrum of the difference process at several offsets with `4 sin^2(pi f tau) L(f)`.
     ///
-    /// Samples at 1 MHz for 65.536 ms, Hann's window, power summed over a band of half an octave and over
-    /// 16 seeds: 12 lines a seed. Each line's power is exact but for its place in the cell (slope of
-    /// spectrum times cell, random, below 10 % a line) and for lines that sit on the band's edges (2
-    /// of 12, in or out: 8 % RMS a seed). Over 16 seeds: below 3 %. Beats between lines, 12 a band and
-    /// seed, average to a part `1 / sqrt(12 * 16)` at worst, 7 %. Bound: 3 times 8 % is 1 dB.
+    /// Samples at 1 MHz for 65.536 ms, Hann window, power summed over a band of half an octave and over 16 seeds: 12
+    /// lines per seed. The power of each line is exact except for its position in the cell (slope of the spectrum times
+    /// the cell, random, below 10 % per line) and for lines at the band's edges (2 of 12, inside or outside: 8 % RMS
+    /// per seed). Over 16 seeds: below 3 %. Beats between lines, 12 per band and seed, average to at most `1 / sqrt(12
+    /// * 16)`, 7 %. Bound: 3 times 8 % is 1 dB.
     #[test]
-    fn the_spectrum_is_that_of_the_table() {
+    fn phase_noise_spectrum_matches_table() {
         let noise = PhaseNoise {
             levels: vec![(1e3, -90.0), (1e4, -100.0), (4e5, -120.0)],
         };
@@ -167,13 +168,13 @@ mod tests {
             for (sum, centre_hz) in measured.iter_mut().zip(bands) {
                 let bin = |f: f64| (f / rate_hz * count as f64).round() as usize;
                 let band = bin(centre_hz * 0.5f64.powf(0.25))..bin(centre_hz * 2f64.powf(0.25));
-                // One-sided power: both halves of a real signal's spectrum.
+                // One-sided power: both halves of the spectrum of a real signal.
                 let power: f64 = spectrum[band].iter().map(Complex64::norm_sqr).sum();
                 *sum += 2.0 * power / (count as f64 * count as f64) / seeds as f64;
             }
         }
         for (power, centre_hz) in measured.into_iter().zip(bands) {
-            // Integral of 2 L 4 sin^2 over the band, by 1000 steps; L by the table's own words.
+            // Integral of 2 L 4 sin^2 over the band in 1000 steps; L is written out from the table.
             let (low, high) = (centre_hz * 0.5f64.powf(0.25), centre_hz * 2f64.powf(0.25));
             let step = (high - low) / 1000.0;
             let expected: f64 = (0..1000)
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_without_order_are_refused() {
+    fn phase_noise_tables_without_ascending_offsets_are_refused() {
         for levels in [vec![(1e3, -90.0)], vec![(1e4, -90.0), (1e3, -100.0)]] {
             assert!(Oscillator::new(&PhaseNoise { levels }, 1).is_err());
         }

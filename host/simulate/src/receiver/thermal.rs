@@ -1,16 +1,16 @@
-//! Thermal noise: complex Gaussian, independent from sample to sample.
+//! Thermal noise: complex Gaussian, independent between samples.
 //!
-//! The radar equation (Chim 2018 (2.11), for transmitting and receiving gains of their own) for a cross
-//! section of `s = 1 m²`, against noise of the antenna's temperature and of the receiver, its noise
+//! Radar equation (Chim 2018 (2.11), with separate transmit and receive gains) for a cross section of `s = 1 m²`, with
+//! noise from the antenna temperature and from the receiver. Its noise figure `F` is defined at `T_0 = 290 K`:
 //! figure `F` being defined at `T_0 = 290 K`:
 //!
 //! ```text
 //! SNR = P G_t G_r lambda^2 s / ((4 pi)^3 R^4 L) / (k (T_a + (F - 1) T_0) B)
 //! ```
 //!
-//! per raw sample, `B` its noise bandwidth ([`Waveform::noise_bandwidth_hz`]). With `T_a = T_0` the noise is
-//! `k T_0 F B`. `R` is the range of the reference point at the middle of the collection: the scene's unit of
-//! amplitude is the echo there.
+//! per raw sample, with `B` the noise bandwidth ([`Waveform::noise_bandwidth_hz`]). With `T_a = T_0` the noise is `k
+//! T_0 F B`. `R` is the range of the reference point at the middle of the collection, where the echo defines the
+//! scene's unit of amplitude.
 //!
 //! [`Waveform::noise_bandwidth_hz`]: subaperture_model::radar::Waveform::noise_bandwidth_hz
 
@@ -23,15 +23,15 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{LinkBudget, Radar, ThermalNoise};
 use subaperture_model::units::{amplitude_of_db, power_of_db};
 
-/// Boltzmann's constant, joules a kelvin (exact by definition).
+/// Boltzmann constant, joules per kelvin (exact by definition).
 const BOLTZMANN_J_K: f64 = 1.380_649e-23;
-/// Temperature at which noise figures are defined, kelvin.
+/// Reference temperature of noise figures, kelvin.
 const STANDARD_K: f64 = 290.0;
 
-/// Signal to noise ratio of a raw sample of a target of 1 m² at `range_m`, dB; `bandwidth_hz` is the
-/// noise bandwidth. For two ranges take their geometric mean.
+/// Signal-to-noise ratio of a raw sample for a target of 1 m² at `range_m`, dB; `bandwidth_hz` is the noise bandwidth.
+/// For bistatic ranges use their geometric mean.
 ///
-/// The radar of Chim 2018, ch. 5 (4 W, 1.604 dB), with 10 dBi each way at 1.3 GHz, 100 m and 1 MHz:
+/// Radar of Chim 2018, ch. 5 (4 W, 1.604 dB), with antenna gains of 10 dBi at 1.3 GHz, 100 m and 1 MHz:
 ///
 /// ```
 /// use subaperture_model::radar::LinkBudget;
@@ -45,7 +45,7 @@ const STANDARD_K: f64 = 290.0;
 ///     noise_figure_db: 1.604,
 ///     temperature_k: 290.0,
 /// };
-/// // 6.02 + 20 - 12.74 - 32.98 - 80 dBW received, -143.98 + 1.60 dBW of noise.
+/// // Received: 6.02 + 20 - 12.74 - 32.98 - 80 dBW; noise: -143.98 + 1.60 dBW.
 /// assert!((snr_db(&budget, 1.3e9, 100.0, 1e6) - 42.68).abs() < 0.02);
 /// ```
 pub fn snr_db(budget: &LinkBudget, centre_hz: f64, range_m: f64, bandwidth_hz: f64) -> f64 {
@@ -78,12 +78,12 @@ pub(super) fn deviation(noise: &ThermalNoise, radar: &Radar, range_m: f64) -> Re
         Ok(deviation)
     } else {
         Err(format!(
-            "thermal noise has a power of {power_db} dB: check its link budget"
+            "thermal noise power of {power_db} dB: expected a finite value, check the link budget"
         ))
     }
 }
 
-/// Adds noise to the samples of a pulse.
+/// Add noise to the samples of a pulse.
 pub(super) fn add(moment: &Moment, seed: u64, deviation: f64, samples: &mut [Complex64]) {
     let mut random = stream(seed, Kind::Thermal, moment.receiver, moment.pulse);
     for z in samples {

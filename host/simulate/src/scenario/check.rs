@@ -1,6 +1,6 @@
-//! What makes no sense together: the radar's timing, its window and its way against the scene.
+//! Consistency checks of a scenario: timing, receive window and track of the radar against the scene.
 //!
-//! Geometry is looked at on up to 257 pulses, the first and the last among them, with every antenna.
+//! The geometry is checked at up to 257 pulses, the first and last among them, for every antenna.
 
 use glam::DVec3;
 
@@ -14,25 +14,25 @@ use super::error::Found;
 use super::values::Values;
 use subaperture_describe::radar::transmission_s;
 
-/// Pulses that are looked at.
-const LOOKS: usize = 256;
+/// Number of intervals between checked pulses.
+const CHECKED_PULSES: usize = 256;
 
-/// Farthest that a radar may be from the scene's origin, metres: float64 still tells 1e-7 m apart there.
+/// Largest distance of the radar from the scene's origin, metres: there float64 still resolves 1e-7 m.
 const FARTHEST_M: f64 = 1e9;
 
-/// Where the antennas are at one pulse.
-struct Look {
+/// Antenna positions at one pulse.
+struct Snapshot {
     pulse: usize,
     transmitters_m: Vec<DVec3>,
     receivers_m: Vec<DVec3>,
 }
 
-impl Look {
+impl Snapshot {
     fn antennas_m(&self) -> impl Iterator<Item = DVec3> {
         self.transmitters_m.iter().chain(&self.receivers_m).copied()
     }
 
-    /// Smallest and largest delay of the reference over all pairs, seconds.
+    /// Smallest and largest delay of the reference over all antenna pairs, seconds.
     fn reference_delays_s(&self, reference: Reference) -> (f64, f64) {
         let point = match reference {
             Reference::Range(range_m) => {
@@ -55,31 +55,30 @@ impl Look {
     }
 }
 
-fn look(radar: &Radar, track: &dyn Trajectory, pulse: usize) -> Look {
+fn snapshot(radar: &Radar, track: &dyn Trajectory, pulse: usize) -> Snapshot {
     let pose = track.pose(radar.start_s + pulse as f64 * radar.pri_s);
     let places = |antennas: &[subaperture_model::radar::Antenna]| {
         let offsets = antennas.iter().map(|antenna| antenna.offset_m);
         offsets.map(|offset| pose.point_m(offset)).collect()
     };
-    Look {
+    Snapshot {
         pulse,
         transmitters_m: places(&radar.transmitters),
         receivers_m: places(&radar.receivers),
     }
 }
 
-fn looks(radar: &Radar, track: &dyn Trajectory) -> Vec<Look> {
+fn snapshots(radar: &Radar, track: &dyn Trajectory) -> Vec<Snapshot> {
     let last = radar.num_pulses - 1;
-    let count = last.min(LOOKS);
+    let count = last.min(CHECKED_PULSES);
     (0..=count)
-        .map(|i| look(radar, track, (i * last).checked_div(count).unwrap_or(0)))
+        .map(|i| snapshot(radar, track, (i * last).checked_div(count).unwrap_or(0)))
         .collect()
 }
 
-/// Puts the middle of a window that was not given where the reference's echo is in the middle of the
-/// collection.
+/// Place a receive window without a given start so that the reference's echo of the middle pulse is in its middle.
 pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference: Reference) {
-    let middle = look(radar, track, radar.num_pulses / 2);
+    let middle = snapshot(radar, track, radar.num_pulses / 2);
     let (least, most) = middle.reference_delays_s(reference);
     if let Waveform::Pulsed {
         sample_rate_hz,
@@ -95,7 +94,7 @@ pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference:
     }
 }
 
-/// Everything that makes no sense together, the first of its kind each.
+/// All inconsistencies, the first of each kind.
 pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
     let (radar_values, platform) = (top.section("radar"), top.section("platform"));
     let radar = &experiment.radar;
@@ -110,7 +109,7 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
         faults.push(radar_values.fault(
             key,
             format!(
-                "the next pulse begins after {} but one takes {}: lengthen pri or shorten the pulse",
+                "the pulse repetition interval of {} is shorter than a pulse of {}: lengthen pri or shorten the pulse",
                 time(radar.pri_s),
                 time(taken_s)
             ),
@@ -120,14 +119,14 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
         faults.push(radar_values.fault(
             "pulses",
             format!(
-                "{} transmitters take turns over {} pulses, so some never transmit: raise pulses",
+                "{} transmitters alternate over {} pulses, so that some never transmit: raise pulses",
                 radar.transmitters.len(),
                 radar.num_pulses
             ),
         ));
     }
-    let looks = looks(radar, &*experiment.track);
-    let far = |look: &&Look| {
+    let looks = snapshots(radar, &*experiment.track);
+    let far = |look: &&Snapshot| {
         look.antennas_m()
             .any(|a| a.length().is_nan() || a.length() > FARTHEST_M)
     };
@@ -135,7 +134,7 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
         faults.push(Found::new(
             &platform.at,
             format!(
-                "at pulse {} the radar is more than 1e9 m from the scene: shorten its way",
+                "at pulse {} the radar is more than 1e9 m from the scene: shorten its track",
                 look.pulse
             ),
         ));
@@ -147,8 +146,8 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
     faults
 }
 
-/// A receive window or a sampled beat that leaves out the reference.
-fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+/// Check that the receive window or the sampled beat frequencies contain the reference.
+fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
     let delays = looks
         .iter()
         .map(|look| (look.pulse, look.reference_delays_s(experiment.reference)));
@@ -165,9 +164,9 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                 let echo_end_s = most_s + shape.duration_s();
                 let slack_s = 1e-9 * echo_end_s;
                 if least_s < window_start_s - slack_s || echo_end_s > end_s + slack_s {
-                    let misses = format!(
-                        "in pulse {pulse} the reference's echo lasts from {} to {} and the receive \
-                         window from {} to {}, which misses it",
+                    let missed = format!(
+                        "in pulse {pulse} the reference's echo extends from {} to {}, but the receive \
+                                                window only from {} to {}",
                         time(least_s),
                         time(echo_end_s),
                         time(*window_start_s),
@@ -176,15 +175,17 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                     let middle = looks[looks.len() / 2].reference_delays_s(experiment.reference);
                     let middle_is_seen = middle.0 >= window_start_s - slack_s
                         && middle.1 + shape.duration_s() <= end_s + slack_s;
-                    return Some(match (&way(experiment, looks), middle_is_seen) {
-                        // It is the radar that goes too far, and no window that is badly placed.
-                        (Some(way), true) => values.fault("pulses", format!("{misses}: {way}")),
+                    return Some(match (&travel(experiment, looks), middle_is_seen) {
+                        // The radar travels too far; the window itself is well placed.
+                        (Some(travel), true) => {
+                            values.fault("pulses", format!("{missed}: {travel}"))
+                        }
                         _ => values.fault(
                             match values.keys.contains_key("window_start") {
                                 true => "window_start",
                                 false => "samples",
                             },
-                            format!("{misses}: move or lengthen the window"),
+                            format!("{missed}: move or lengthen the window"),
                         ),
                     });
                 }
@@ -203,7 +204,7 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                     return Some(values.fault(
                         "sample_rate",
                         format!(
-                            "in pulse {pulse} the reference's beat is {}, beyond half the sample rate: \
+                            "in pulse {pulse} the reference's beat frequency is {}, beyond half the sample rate: \
                              raise it, sweep slower or set mixer_delay to about {}",
                             hertz(beat_hz),
                             time(least_s)
@@ -217,22 +218,22 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
     None
 }
 
-/// How far the radar goes in its pulses, and what to do about it if that is too far; `None` where it stands.
-fn way(experiment: &Experiment, looks: &[Look]) -> Option<String> {
-    let antenna = |look: &Look| look.antennas_m().next();
-    let ends = |pair: &[Look]| Some(antenna(&pair[0])?.distance(antenna(&pair[1])?));
-    let way_m: f64 = looks.windows(2).filter_map(ends).sum();
-    (way_m > 0.0).then(|| {
+/// Distance travelled by the radar during its pulses, with advice, as a message; `None` if it does not move.
+fn travel(experiment: &Experiment, looks: &[Snapshot]) -> Option<String> {
+    let antenna = |look: &Snapshot| look.antennas_m().next();
+    let ends = |pair: &[Snapshot]| Some(antenna(&pair[0])?.distance(antenna(&pair[1])?));
+    let travel_m: f64 = looks.windows(2).filter_map(ends).sum();
+    (travel_m > 0.0).then(|| {
         let num_pulses = experiment.radar.num_pulses;
         format!(
-            "over {num_pulses} pulses the radar goes {}; take fewer pulses, or lengthen the window (samples)",
-            metres(way_m)
+            "over {num_pulses} pulses the radar travels {}; use fewer pulses, or lengthen the window (samples)",
+            metres(travel_m)
         )
     })
 }
 
-/// A radar within the scene that it is to see.
-fn inside(top: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+/// Check that the radar is outside of the scene.
+fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
     let wavelength_m = SPEED_OF_LIGHT_M_S / experiment.radar.waveform.centre_hz();
     let (point, ground_m) = match experiment.reference {
         Reference::Point(point) => (Some(point), point.z),
@@ -259,8 +260,8 @@ fn inside(top: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found
     ))
 }
 
-/// A radar that never moves over a scene that does not either.
-fn aperture(platform: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+/// Check that radar or scene move, so that there is an aperture.
+fn aperture(platform: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
     let still = looks.iter().all(|look| {
         look.antennas_m()
             .zip(looks[0].antennas_m())
@@ -272,12 +273,12 @@ fn aperture(platform: &Values, experiment: &Experiment, looks: &[Look]) -> Optio
         Found::new(
             &platform.at,
             "the radar does not move from the first pulse to the last, so there is no aperture: give it \
-             speed, or kind = \"fixed\" if it is to stand",
+             speed, or set kind = \"fixed\" for a stationary radar",
         )
     })
 }
 
-/// A time in the unit that suits.
+/// Time in a suitable unit.
 fn time(seconds: f64) -> String {
     let (factor, unit) = match seconds.abs() {
         s if s >= 1.0 => (1.0, "s"),

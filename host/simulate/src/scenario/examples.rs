@@ -1,7 +1,7 @@
-//! Scenarios to start from: what `subap simulate --example NAME` prints.
+//! Example scenarios, as printed by `subap simulate --example NAME`.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 8] = [
+const EXAMPLES: [(&str, &str); 9] = [
     ("spotlight", include_str!("examples/spotlight.toml")),
     ("stripmap", include_str!("examples/stripmap.toml")),
     ("circular", include_str!("examples/circular.toml")),
@@ -9,15 +9,16 @@ const EXAMPLES: [(&str, &str); 8] = [
     ("stepped", include_str!("examples/stepped.toml")),
     ("mover", include_str!("examples/mover.toml")),
     ("arc", include_str!("examples/arc.toml")),
+    ("walk", include_str!("examples/walk.toml")),
     ("distributed", include_str!("examples/distributed.toml")),
 ];
 
-/// The names of the examples.
-pub fn names() -> [&'static str; 8] {
+/// Names of the examples.
+pub fn names() -> [&'static str; 9] {
     EXAMPLES.map(|(name, _)| name)
 }
 
-/// The example of this name.
+/// Example called `name`; `None` if there is none.
 pub fn text(name: &str) -> Option<&'static str> {
     let found = EXAMPLES.iter().find(|(known, _)| *known == name);
     found.map(|&(_, text)| text)

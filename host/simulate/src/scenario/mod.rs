@@ -1,16 +1,15 @@
-//! Scenarios: a text that says what to simulate, made into an [`Experiment`].
+//! Scenarios: TOML descriptions of a simulation, converted into an [`Experiment`].
 //!
-//! The text is TOML. Quantities carry their units (`pri = "1 ms"`), and everything is checked against
-//! one table of keys, which [`reference()`] prints. Errors point at file, line and column, show the line,
-//! and say what to do; several are told at once.
+//! Quantities carry units (`pri = "1 ms"`), and the text is checked against one table of keys, which [`reference()`]
+//! prints. Errors give file, line and column, show the line, and say what to do; several faults are reported at once.
 //!
 //! ```text
-//! text ─> tree (values and places; settings laid over) ─> resolve (names, kinds, units, bounds,
-//!         defaults) ─> radar, receiver, platform, scene ─> check (what makes no sense together)
+//! text ─> tree (values and positions; settings applied) ─> resolve (names, types, units, bounds,
+//!         defaults) ─> radar, receiver, platform, scene ─> check (consistency)
 //! ```
 //!
-//! A setting ([`Scenario::set`]) overrides one key of the text, as `radar.pri` or
-//! `scene.point[0].position`; its errors name it in place of a line.
+//! A setting ([`Scenario::set`]) overrides one key of the text, such as `radar.pri` or `scene.point[0].position`. Its
+//! errors name the key instead of a line.
 //!
 //! # Example
 //! ```
@@ -61,16 +60,16 @@ use subaperture_describe::{Description, error, radar, values};
 pub use keys::reference;
 pub use subaperture_describe::{DescriptionError as ScenarioError, Fault};
 
-/// What a pulse takes from its simulation to its file, at the most: its geometry as echo and as phase history, where
-/// the antennas truly were, the engine's view of it, its CPHD record.
+/// Memory per pulse from simulation to file, bytes: geometry as echo and as phase history, true antenna positions, the
+/// engine's view, the CPHD record.
 const BYTES_A_PULSE: u64 = 1024;
 
-/// A text that says what to simulate, and settings that override it.
+/// TOML description of a simulation, with settings that override it.
 #[derive(Clone, Debug)]
 pub struct Scenario(Description);
 
 impl Scenario {
-    /// A scenario of a text. `file` names it in errors; paths in it start at `folder`.
+    /// Make a scenario of a text. `file` is its name in errors; relative paths start at `folder`.
     pub fn new(
         file: impl Into<String>,
         text: impl Into<String>,
@@ -79,35 +78,35 @@ impl Scenario {
         Self(Description::new(file, text, folder))
     }
 
-    /// Reads a scenario's text.
+    /// Read a scenario file.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
+    /// If the file cannot be read, is not UTF-8, or is larger than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Description::read(path).map(Self)
     }
 
-    /// Overrides the key at a dotted path, such as `radar.pri` or `scene.point[0].position`. The value is
-    /// as in the text; a text may leave out its quotes. Later settings override earlier ones.
+    /// Override the key at a dotted path, such as `radar.pri` or `scene.point[0].position`. The value is written as in
+    /// TOML; quotes of a string may be omitted. Later settings override earlier ones.
     ///
     /// # Errors
-    /// For a key that there is not; values are checked by [`Self::experiment`].
+    /// For an unknown key. Values are checked by [`Self::experiment`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), ScenarioError> {
         self.0.set(&keys::SCHEMA, "--set", key, value)
     }
 
-    /// What the scenario describes.
+    /// Build the experiment of the scenario.
     ///
     /// # Errors
-    /// [`ScenarioError`] with everything that is wrong, as far as one error does not hide another.
+    /// [`ScenarioError`] with all faults, as far as one does not hide another.
     pub fn experiment(&self) -> Result<Experiment, ScenarioError> {
         self.experiment_within(u64::MAX)
     }
 
-    /// What the scenario describes, if its scene and its list of pulses fit `memory_bytes`; asked before they are made.
+    /// Build the experiment if its scene and pulses fit into `memory_bytes`; checked before they are made.
     ///
     /// # Errors
-    /// As [`Self::experiment`].
+    /// Those of [`Self::experiment`], and for too little memory.
     pub fn experiment_within(&self, memory_bytes: u64) -> Result<Experiment, ScenarioError> {
         let built = self.build(memory_bytes);
         built.map_err(|faults| self.0.explain(faults))
@@ -117,7 +116,7 @@ impl Scenario {
         if let Some(at) = self.0.has_section("recording") {
             return Err(vec![Found::new(
                 &at,
-                "this describes a raw recording, which is there already and not to be simulated: give it to subap \
+                "this file describes an existing raw recording, not a simulation: give it to subap \
                  info or subap focus (a scenario has no [recording])",
             )]);
         }
@@ -132,14 +131,14 @@ impl Scenario {
             .saturating_mul(radar.receivers.len() as u64);
         if pulses_bytes > memory_bytes {
             let what = format!(
-                "{} pulses take {pulses_bytes} bytes, and {memory_bytes} of memory are left: simulate fewer \
+                "{} pulses need {pulses_bytes} bytes, but {memory_bytes} are available: simulate fewer \
                  pulses, or {ALLOW_MORE_MEMORY}",
                 radar.num_pulses
             );
             return Err(vec![top.section("radar").fault("pulses", what)]);
         }
-        let ways = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
-        check::place_window(&mut radar, &*ways.track, place.reference);
+        let tracks = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
+        check::place_window(&mut radar, &*tracks.track, place.reference);
         let scene = scene::build(
             top.section("scene"),
             &radar,
@@ -153,8 +152,8 @@ impl Scenario {
             frame: place.frame,
             extent: place.extent,
             radar,
-            track: ways.track,
-            measured: ways.measured,
+            track: tracks.track,
+            measured: tracks.measured,
             scene,
             reference: place.reference,
             seed,

@@ -1,4 +1,4 @@
-//! `[platform]` and `[navigation]`: from keys to the true and the measured track; movers' tracks too.
+//! True and measured tracks from `[platform]` and `[navigation]`, and tracks of moving targets.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,27 +13,27 @@ use subaperture_model::track::Trajectory;
 use super::error::Found;
 use super::values::Values;
 
-/// The track, and what the recording says of it.
-pub(super) struct Ways {
+/// True track, and measured track if any.
+pub(super) struct Tracks {
     pub(super) track: Arc<dyn Trajectory>,
     pub(super) measured: Option<Arc<dyn Trajectory>>,
 }
 
-/// Middle of the collection, seconds.
+/// Time at the middle of the collection, seconds.
 pub(super) fn middle_s(radar: &Radar) -> f64 {
     radar.start_s + (radar.num_pulses as f64 - 1.0) / 2.0 * radar.pri_s
 }
 
-/// The tracks of the scenario's `top`.
+/// Build the tracks of a scenario.
 pub(super) fn build(
     top: &Values,
     radar: &Radar,
     frame: &SceneFrame,
     seed: u64,
     folder: &Path,
-) -> Result<Ways, Found> {
+) -> Result<Tracks, Found> {
     let platform = top.section("platform");
-    let way = match platform.text("kind") {
+    let nominal = match platform.text("kind") {
         "csv" | "novatel" => {
             let origin = top.section("scene").section("origin");
             let known = ["latitude", "longitude"].iter().any(|key| origin.says(key));
@@ -43,11 +43,11 @@ pub(super) fn build(
     };
     let perturbations = platform.sections("perturbation");
     let track: Arc<dyn Trajectory> = if perturbations.is_empty() {
-        way
+        nominal
     } else {
         let all = perturbations.iter().zip(0..);
         Arc::new(Perturbed {
-            track: way,
+            track: nominal,
             perturbations: all
                 .map(|(values, index)| perturbation(values, seed, index))
                 .collect::<Result<_, _>>()?,
@@ -57,7 +57,7 @@ pub(super) fn build(
         .optional_section("navigation")
         .map(|values| navigated(values, track.clone(), seed))
         .transpose()?;
-    Ok(Ways { track, measured })
+    Ok(Tracks { track, measured })
 }
 
 fn perturbation(values: &Values, seed: u64, index: u32) -> Result<Perturbation, Found> {

@@ -1,4 +1,4 @@
-//! `[scene]`: from its keys to where it is and what it holds.
+//! Geometry and content of a scene from `[scene]`.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use num_complex::Complex64;
 
 use crate::Scatterer;
 use crate::scene::{
-    Area, Building, Clutter, Corner, Density, MOST_POINTS, Mover, Picture, Placement, Scene,
+    Area, Building, Clutter, Corner, Density, MAX_POINTS, Mover, Picture, Placement, Scene,
     SceneError,
 };
 use subaperture_describe::{place, track};
@@ -19,18 +19,18 @@ use super::error::Found;
 use super::platform;
 use super::values::Values;
 
-/// What a point takes while a scene is made ready: 40 bytes as it is, once more while it is made, 32 of the
-/// engine's, and as many while those are sorted.
+/// Memory per point while a scene is prepared, bytes: 40 for the point, as much while it is made, 32 of the engine, and
+/// as much while those are sorted.
 const BYTES_A_POINT: u64 = 160;
 
-/// Where the scene is.
+/// Geometry of the scene.
 pub(super) struct Place {
     pub(super) frame: SceneFrame,
     pub(super) extent: Option<Extent>,
     pub(super) reference: Reference,
 }
 
-/// Where the scene is, and what phases are referred to.
+/// Build the frame, extent and reference of the scene.
 pub(super) fn place(values: &Values) -> Result<Place, Found> {
     Ok(Place {
         frame: place::frame(values.section("origin")),
@@ -39,7 +39,7 @@ pub(super) fn place(values: &Values) -> Result<Place, Found> {
     })
 }
 
-/// What the scene holds.
+/// Build the content of the scene.
 pub(super) fn build(
     values: &Values,
     radar: &Radar,
@@ -49,7 +49,7 @@ pub(super) fn build(
 ) -> Result<Scene, Found> {
     let most = (memory_bytes / BYTES_A_POINT) as f64;
     let mut scene = Scene::default();
-    let left = |scene: &Scene| (most - scene.points.len() as f64).min(MOST_POINTS);
+    let left = |scene: &Scene| (most - scene.points.len() as f64).min(MAX_POINTS);
     for point in values.sections("point") {
         scene.points.push(Scatterer {
             position_m: point.vector("position"),
@@ -103,7 +103,7 @@ pub(super) fn build(
     Ok(scene)
 }
 
-/// What a maker made, or its error at `key`.
+/// Attach an error to the key `key`.
 fn made<T>(values: &Values, key: &str, result: Result<T, SceneError>) -> Result<T, Found> {
     result.map_err(|error| values.fault(key, error.to_string()))
 }
@@ -150,7 +150,7 @@ fn clutter(values: &Values) -> Result<Clutter, Found> {
     })
 }
 
-/// The square root of the cross section, with the phase of the reflection.
+/// Square root of the cross section, with the phase of the reflection.
 fn amplitude(values: &Values) -> Complex64 {
     cis(values.number("phase")) * values.number("cross_section").sqrt()
 }

@@ -1,4 +1,4 @@
-//! The table of keys against the builders, and whole scenarios against damage.
+//! Tests of the key table against the builders, and of whole scenarios.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -10,7 +10,7 @@ use super::*;
 use subaperture_describe::schema::{Kind, Need, Presence, Section};
 use subaperture_model::phase_history::{PhaseHistory, check_finite};
 
-/// The words that a section's selector can have; one empty word if it has none.
+/// Values of a section's selector; one empty string if it has none.
 fn variants(section: &Section) -> &'static [&'static str] {
     match section.key(section.selector).map(|key| key.kind) {
         Some(Kind::Choice(words)) => words,
@@ -18,7 +18,7 @@ fn variants(section: &Section) -> &'static [&'static str] {
     }
 }
 
-/// Keys of which a scenario can have one only: the second goes where the first is not.
+/// Mutually exclusive keys: the second is used where the first is absent.
 const EITHER: &[(&str, &str, &str)] = &[
     ("radar", "pri", "prf"),
     ("radar.pulse", "code", "phases"),
@@ -26,8 +26,8 @@ const EITHER: &[(&str, &str, &str)] = &[
     ("scene.clutter", "density", "count"),
 ];
 
-/// The section as text with the selector at `variant`: every key if `all`, of pairs the second if
-/// `second`; else what is required and of each pair the first.
+/// Write a section as text with the selector at `variant`. With `all`, every key is written, and the second of each
+/// exclusive pair if `second`; otherwise the required keys and the first of each pair.
 fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, second: bool) {
     if !section.path.is_empty() {
         let _ = writeln!(text, "{}", section.header());
@@ -51,7 +51,7 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
     }
 }
 
-/// A scenario that has `section` with `variant`, and of others what is required.
+/// Scenario with `section` at `variant`, and the required part of all other sections.
 fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
     let mut text = String::new();
     for other in SCHEMA.sections {
@@ -75,7 +75,7 @@ fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> S
     text
 }
 
-/// A folder with the files that examples name.
+/// Folder with the files named by the examples of keys.
 fn files() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let csv = "time_s,x_m,y_m,z_m\n0,-3,-5000,3000\n0.03,0,-5000,3000\n0.06,3,-5000,3000\n";
@@ -95,23 +95,23 @@ fn files() -> tempfile::TempDir {
     folder
 }
 
-/// Every key of the table with every value of its section's selector makes a scenario, and a builder
-/// takes it: `experiment` itself asserts that in debug builds, and this test repeats it for others.
+/// Every key of the table, with every value of its section's selector, makes a valid scenario and is read by a builder:
+/// `experiment` asserts this in debug builds, and this test repeats it for others.
 #[test]
-fn every_key_makes_a_scenario_and_is_read() {
+fn every_key_is_accepted_and_read() {
     let folder = files();
     let mut seen = BTreeSet::new();
     for section in SCHEMA.sections {
         for variant in variants(section) {
             for (all, second) in [(false, false), (true, false), (true, true)] {
                 let mut text = scenario_with(section, variant, all, second);
-                // A beat from far away is beyond any sampling.
+                // The beat frequency of a distant scene exceeds half the sample rate.
                 if *variant == "fmcw" {
                     text = text.replace("0, -5, 3 km", "0, -50, 3 m");
                 }
                 if *variant == "novatel" {
                     text = text.replace("track.csv", "track.log");
-                    // The log lies near 0 N, 0 E; on the Earth a scene has to say where it is.
+                    // The log lies near 0 N, 0 E; a scene on the Earth needs its origin.
                     text =
                         text.replace("[scene.origin]\n", "[scene.origin]\nlatitude = \"0 deg\"\n");
                 }
@@ -150,7 +150,7 @@ fn every_key_makes_a_scenario_and_is_read() {
 }
 
 #[test]
-fn the_table_is_sound() {
+fn key_table_is_consistent() {
     let reference = reference();
     let mut paths = BTreeSet::new();
     for section in SCHEMA.sections {
@@ -186,9 +186,9 @@ fn the_table_is_sound() {
     assert!(reference.lines().all(|line| line.chars().count() <= 110));
 }
 
-/// Every example, cut to a few pulses, is recorded: finite samples that are not all noise and zeros.
+/// Every example, cut to a few pulses, is recorded with finite samples that are not all zero.
 #[test]
-fn every_example_is_recorded() {
+fn every_example_records_finite_samples() {
     for name in examples::names() {
         let text = examples::text(name).unwrap();
         let whole = Scenario::new(name, text, ".");
@@ -215,7 +215,7 @@ fn every_example_is_recorded() {
     }
 }
 
-/// A scenario that makes sense.
+/// Valid scenario.
 const SOUND: &str = "\
 [radar]
 kind = \"pulsed\"
@@ -236,7 +236,7 @@ position = \"0, -5, 3 km\"
 velocity = \"100, 0, 0 m/s\"
 ";
 
-/// Changes texts of the sound scenario: the error must point at this line and column, and say `part`.
+/// Apply changes to the valid scenario, and check that an error at this line and column contains `part`.
 fn refuse(changes: &[(&str, &str)], line: usize, column: usize, part: &str) {
     let mut text = SOUND.to_owned();
     for (old, new) in changes {
@@ -259,21 +259,26 @@ fn refuse(changes: &[(&str, &str)], line: usize, column: usize, part: &str) {
 }
 
 #[test]
-fn senseless_scenarios_are_refused_at_their_place() {
+fn inconsistent_scenarios_are_refused_at_line_and_column() {
     assert!(Scenario::new("a.toml", SOUND, ".").experiment().is_ok());
     refuse(
         &[("\"1 ms\"", "\"500 ns\"")],
         4,
         7,
-        "the next pulse begins after 500",
+        "pulse repetition interval of 500",
     );
     refuse(
         &[("\"200 MHz\"", "\"300 MHz\"")],
         10,
         13,
-        "wider than the 250",
+        "exceeds the sample rate of 250",
     );
-    refuse(&[("\"0, 1, 0\"", "\"0, 0, 0\"")], 13, 13, "points nowhere");
+    refuse(
+        &[("\"0, 1, 0\"", "\"0, 0, 0\"")],
+        13,
+        13,
+        "cannot have length zero",
+    );
     refuse(
         &[("\"0, 1, 0\"", "\"0, 0, 2\"")],
         12,
@@ -287,7 +292,7 @@ fn senseless_scenarios_are_refused_at_their_place() {
         "no aperture",
     );
     refuse(
-        // Of 65 pulses one is in the middle.
+        // With 65 pulses, one is in the middle.
         &[
             ("\"0, -5, 3 km\"", "\"0, 0, 0 km\""),
             ("pulses = 64", "pulses = 65"),
@@ -300,18 +305,18 @@ fn senseless_scenarios_are_refused_at_their_place() {
         &[("samples = 512", "samples = 512\nwindow_start = \"1 us\"")],
         8,
         16,
-        "which misses it",
+        "but the receive window",
     );
     refuse(
         &[("samples = 512", "samples = 200")],
         7,
         11,
-        "which misses it",
+        "but the receive window",
     );
 }
 
 #[test]
-fn senseless_bands_and_rates_are_refused_at_their_place() {
+fn invalid_bands_and_rates_are_refused_at_line_and_column() {
     refuse(&[("\"10 GHz\"", "\"10 MHz\"")], 6, 15, "below 0 Hz");
     refuse(
         &[

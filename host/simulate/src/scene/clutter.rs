@@ -1,4 +1,4 @@
-//! Clutter: many weak points that together look like ground.
+//! Ground clutter: many weak point scatterers.
 //!
 //! `N` points, uniform over an area `A`, with independent complex Gaussian amplitudes of
 //!
@@ -6,11 +6,11 @@
 //! E |a|^2 = sigma0 A / N
 //! ```
 //!
-//! so that the mean cross section of a square metre is `sigma0`. An image of it has exponential power
-//! (fully developed speckle) whatever the density, as amplitudes are Gaussian already; but where a
-//! resolution cell holds few points, neighbouring cells show their number, and ten a cell keep the
-//! fluctuation of power within 3 % of an exponential's. The points lie still, on a level plane, alike from all
-//! directions: no growth of `sigma0` with grazing angle, no wind.
+//! so that the mean cross section per square metre is `sigma0`. Its image has exponentially distributed power (fully
+//! developed speckle) at any density, since the amplitudes are Gaussian. With few points per resolution cell,
+//! neighbouring cells show the fluctuation of their number; ten per cell keep the fluctuation of power within 3 % of
+//! that of an exponential distribution. The points are static and isotropic, on a horizontal plane: `sigma0` does not
+//! depend on the grazing angle, and there is no wind.
 
 use std::f64::consts::TAU;
 
@@ -25,55 +25,55 @@ use subaperture_describe::error::ALLOW_MORE_MEMORY;
 use subaperture_model::geometry::Extent;
 use subaperture_model::units::power_of_db;
 
-/// Stream of random numbers.
+/// Random stream.
 const CLUTTER: u64 = u64::from_be_bytes(*b"clutter\0");
 
-/// Most points of one maker: 2.7 GB of scatterers.
-pub(crate) const MOST_POINTS: f64 = (1u64 << 26) as f64;
+/// Maximum number of points of one clutter patch, picture or building: 2.7 GB of scatterers.
+pub(crate) const MAX_POINTS: f64 = (1u64 << 26) as f64;
 
-/// Refuses more points than memory allows.
+/// Refuse more points than memory allows.
 pub(super) fn check_points(what: &str, count: f64, most: f64) -> Result<(), SceneError> {
     if count <= most {
         return Ok(());
     }
     Err(SceneError(format!(
-        "{what} of {count} points, and memory leaves room for {most}: give fewer, or {ALLOW_MORE_MEMORY}"
+        "{what} of {count} points exceeds the {most} that fit into memory: give fewer, or {ALLOW_MORE_MEMORY}"
     )))
 }
 
-/// Where clutter lies, on a level plane.
+/// Area of clutter on a horizontal plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Area {
-    /// A rectangle.
+    /// Axis-parallel rectangle.
     Rectangle(Extent),
-    /// A disc.
+    /// Circular disc.
     Disc {
-        /// Its centre, x and y in metres.
+        /// Centre, x and y in metres.
         centre_m: DVec2,
-        /// Its radius, metres.
+        /// Radius, metres.
         radius_m: f64,
     },
 }
 
-/// How many points there are.
+/// Number of points, per area or in total. It does not affect the mean power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Density {
-    /// On every square metre.
+    /// Points per square metre.
     PerSquareMetre(f64),
-    /// In all.
+    /// Total number of points in the area.
     Total(usize),
 }
 
-/// A patch of clutter.
+/// Homogeneous clutter of random points in an area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clutter {
-    /// Where it lies.
+    /// Area covered.
     pub area: Area,
-    /// Its height, metres.
+    /// Height (z), metres.
     pub height_m: f64,
-    /// How many points stand for it.
+    /// Number of points.
     pub density: Density,
-    /// Mean cross section of a square metre, dB (1 m² per m²).
+    /// Mean cross section per square metre (sigma nought), dB relative to 1 m² per m².
     pub sigma0_db: f64,
 }
 
@@ -87,7 +87,7 @@ impl Area {
         }
     }
 
-    /// The point that a uniform point of the unit square goes to.
+    /// Map a point of the unit square to the area, uniformly.
     fn point_m(&self, u: f64, v: f64) -> DVec2 {
         match self {
             Self::Rectangle(extent) => DVec2::new(
@@ -103,15 +103,15 @@ impl Area {
 }
 
 impl Clutter {
-    /// Its points; the same seed gives the same ones. Patches of one seed and different `index` differ.
+    /// Points of the patch; the same seed gives the same points. Patches with one seed and different `index` differ.
     ///
     /// # Errors
     /// [`SceneError`] for an area that is empty or not finite, no points, or more than 67 million.
     pub fn points(&self, seed: u64, index: u32) -> Result<Vec<Scatterer>, SceneError> {
-        self.points_within(seed, index, MOST_POINTS)
+        self.points_within(seed, index, MAX_POINTS)
     }
 
-    /// [`Self::points`], at most so many of them.
+    /// [`Self::points`], with an error beyond `most` points.
     pub(crate) fn points_within(
         &self,
         seed: u64,
@@ -126,7 +126,7 @@ impl Clutter {
         let known = self.height_m.is_finite() && self.sigma0_db.is_finite();
         if !(ordered && area_m2.is_finite() && known) {
             return Err(SceneError(format!(
-                "clutter of {} dB at height {} m over {:?}; give finite values and an area that is not empty",
+                "clutter of {} dB at height {} m over {:?}: expected finite values and a non-empty area",
                 self.sigma0_db, self.height_m, self.area
             )));
         }
@@ -134,15 +134,15 @@ impl Clutter {
             Density::PerSquareMetre(density) => (density * area_m2).round(),
             Density::Total(count) => count as f64,
         };
-        if !(1.0..=MOST_POINTS).contains(&count) {
+        if !(1.0..=MAX_POINTS).contains(&count) {
             return Err(SceneError(format!(
-                "clutter of {count} points over {area_m2} m²; from 1 to {MOST_POINTS} are possible"
+                "clutter of {count} points over {area_m2} m²: expected 1 to {MAX_POINTS} points"
             )));
         }
         check_points("clutter", count, most)?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(CLUTTER + u64::from(index));
-        // Real and imaginary part have half the power each.
+        // Real and imaginary parts have half the power each.
         let scale = (power_of_db(self.sigma0_db) * area_m2 / count / 2.0).sqrt();
         let point = |_| {
             let place = self.area.point_m(unit(&mut random), unit(&mut random));
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn power_per_area_is_sigma0_everywhere_at_any_density() {
+    fn clutter_power_per_area_is_sigma0_at_any_density() {
         let sigma0 = 10f64.powf(-1.3);
         let disc = Area::Disc {
             centre_m: DVec2::new(5.0, -5.0),
@@ -193,8 +193,8 @@ mod tests {
             for density in [Density::PerSquareMetre(2.0), Density::Total(60_000)] {
                 let points = meadow(area, density).points(3, 0).unwrap();
                 for centre in [DVec3::new(5.0, -5.0, 2.0), DVec3::new(-8.0, 15.0, 2.0)] {
-                    // Within 15 m (the disc's edge is 40 m away, and 16.1): 707 m², at least 1414 points. Number and
-                    // power each add a relative variance of 1 / n: sqrt(2 / 1414) = 3.8 %; four of it.
+                    // Within 15 m (the disc's edge is 40 m away, and 16.1 m): 707 m², at least 1414 points. Number and
+                    // power each add a relative variance of 1 / n: sqrt(2 / 1414) = 3.8 %; four times this is allowed.
                     let got = power_within(&points, centre, 15.0) / (15.0 * 15.0 * TAU / 2.0);
                     assert!((got / sigma0 - 1.0).abs() < 0.15, "{got}");
                 }
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn amplitudes_are_complex_gaussian_and_seeds_matter() {
+    fn clutter_amplitudes_are_complex_gaussian_and_depend_on_seed() {
         let extent = Extent {
             x_m: (0.0, 10.0),
             y_m: (0.0, 10.0),
@@ -230,17 +230,17 @@ mod tests {
     }
 
     #[test]
-    fn impossible_clutter_is_refused() {
-        let turned = Extent {
+    fn invalid_clutter_is_refused() {
+        let reversed = Extent {
             x_m: (1.0, 0.0),
             y_m: (1.0, 0.0),
         };
-        let flat = meadow(Area::Rectangle(turned), Density::Total(5));
+        let flat = meadow(Area::Rectangle(reversed), Density::Total(5));
         assert!(
             flat.points(0, 0)
                 .unwrap_err()
                 .to_string()
-                .contains("not empty")
+                .contains("non-empty")
         );
         let disc = Area::Disc {
             centre_m: DVec2::ZERO,
@@ -252,7 +252,7 @@ mod tests {
             Density::Total(0),
         ] {
             let error = meadow(disc, density).points(0, 0).unwrap_err().to_string();
-            assert!(error.contains("are possible"), "{error}");
+            assert!(error.contains("expected 1 to"), "{error}");
         }
     }
 }

@@ -1,9 +1,9 @@
-//! The triangular trihedral corner reflector: how strong it is from where.
+//! Triangular trihedral corner reflector: radar cross section by aspect.
 //!
-//! After three reflections a wave goes back to where it came from if it hits what the aperture (the
-//! triangle of the three edges' ends) and its image in the apex have in common, seen from there. With
-//! `c1 <= c2 <= c3` the direction's cosines to the three edges of length `a` and `s = c1 + c2 + c3`, that
-//! area is (Siegel et al. 1955; derived again in the test by cutting the triangles)
+//! After three reflections, a wave returns to its source if it hits the common part, seen from there, of the aperture
+//! (the triangle of the three edges' ends) and its image in the apex. With `c1 <= c2 <= c3` the direction cosines to
+//! the three edges of length `a`, and `s = c1 + c2 + c3`, its area is (Siegel et al. 1955; derived again in the test by
+//! clipping the triangles)
 //!
 //! ```text
 //! A = a^2 4 c1 c2 / s        for c1 + c2 <= c3
@@ -11,9 +11,9 @@
 //! sigma = 4 pi A^2 / lambda^2
 //! ```
 //!
-//! `a^2 / sqrt 3` and `4 pi a^4 / (3 lambda^2)` on boresight. The phase is that of the apex. Neglected:
-//! single and double reflections, which matter near the planes and beyond 30 degrees from boresight,
-//! and diffraction, of relative size `lambda / a`.
+//! On boresight: `a^2 / sqrt 3` and `4 pi a^4 / (3 lambda^2)`. The phase is that of the apex. Neglected: single and
+//! double reflections, which matter near the plates' planes and beyond 30 degrees from boresight, and diffraction, of
+//! relative size `lambda / a`.
 
 use std::f64::consts::PI;
 
@@ -22,11 +22,11 @@ use glam::DVec3;
 use super::Corner;
 
 impl Corner {
-    /// Amplitude (square root of the cross section, metres) towards a unit vector from the corner; 0 from
-    /// behind any of its plates.
+    /// Amplitude (square root of the cross section, metres) towards a unit vector from the corner; 0 from behind any of
+    /// its plates.
     ///
-    /// One edge lies in the vertical plane of the boresight, on the upper side: a corner that looks up at
-    /// 35.26 degrees stands on a level plate. If it looks straight up or down, that edge leans to x.
+    /// One edge lies in the vertical plane of the boresight, on the upper side: a corner with a boresight elevation of
+    /// 35.26 degrees stands on a horizontal plate. If the boresight is vertical, that edge leans to x.
     pub fn amplitude(&self, towards: DVec3, wavelength_m: f64) -> f64 {
         let mut c = self.edges().map(|edge| towards.dot(edge));
         c.sort_by(f64::total_cmp);
@@ -43,12 +43,12 @@ impl Corner {
         (4.0 * PI).sqrt() * self.edge_m * self.edge_m * area / wavelength_m
     }
 
-    /// Unit vectors along its edges, each `1 / sqrt 3` along the boresight.
+    /// Unit vectors along the edges, each with a component of `1 / sqrt 3` along the boresight.
     fn edges(&self) -> [DVec3; 3] {
         let b = self.boresight;
         let across = |v: DVec3| v - b * v.dot(b);
         let up = across(DVec3::Z).try_normalize();
-        // Within 1e-6 of the vertical the upper side is not told from roundings.
+        // Within 1e-6 of the vertical, the upper side is determined by rounding errors.
         let up = up.filter(|_| across(DVec3::Z).length() > 1e-6);
         let up = up.unwrap_or_else(|| across(DVec3::X).normalize_or_zero());
         let left = up.cross(b);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn boresight_has_the_textbook_cross_section_and_edges_are_orthogonal() {
+    fn corner_has_textbook_rcs_on_boresight_and_orthogonal_edges() {
         for boresight in [
             DVec3::new(1.0, 1.0, 1.0),
             DVec3::new(-0.3, 0.8, 0.1),
@@ -88,13 +88,13 @@ mod tests {
             assert!(a.dot(b).abs() < 1e-15 && b.dot(c).abs() < 1e-15 && c.dot(a).abs() < 1e-15);
             assert!((a.length() - 1.0).abs() < 1e-15);
         }
-        // Looking along (1, 1, 1) it stands on the x-y plane: its edges are the axes.
+        // With boresight (1, 1, 1) the corner stands on the x-y plane: its edges are the axes.
         let [up, ..] = corner(DVec3::ONE).edges();
         assert!(up.distance(DVec3::Z) < 1e-15);
         assert_eq!(corner(DVec3::ONE).amplitude(DVec3::NEG_X, 0.03), 0.0);
     }
 
-    /// Twice the signed area of a polygon, and the part of it that lies left of the line `a -> b`.
+    /// Signed area of a polygon.
     fn area(polygon: &[DVec2]) -> f64 {
         let next = polygon.iter().cycle().skip(1);
         polygon
@@ -121,8 +121,8 @@ mod tests {
     }
 
     #[test]
-    fn the_area_is_what_the_aperture_and_its_image_share() {
-        // Edges along the axes; directions over the whole octant, both branches among them.
+    fn effective_area_is_intersection_of_aperture_and_its_image() {
+        // Edges along the axes; directions over the whole octant, covering both branches.
         let corner = corner(DVec3::ONE);
         let mut branches = [0, 0];
         for i in 1..12 {
@@ -136,7 +136,7 @@ mod tests {
                 let u = d.any_orthonormal_vector();
                 let v = d.cross(u);
                 let seen = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
-                // Seen from outside, the axes go round to the left.
+                // Seen from outside, the axes are ordered anticlockwise.
                 let triangle = [DVec3::X, DVec3::Y, DVec3::Z].map(|e| seen(e * 0.7));
                 assert!(area(&triangle) > 0.0);
                 let mut shared: Vec<DVec2> = triangle.map(|p| -p).to_vec();

@@ -1,11 +1,11 @@
-//! What reflects.
+//! Reflecting and occluding objects of a scene.
 //!
-//! A scatterer's amplitude is the square root of its radar cross section in square metres, with the phase
-//! of its reflection: 1 is 1 m². A point reads that in a focused image, times the mean over pulses, weighted by the
-//! slow-time window, of what antennas, spreading and shadows leave of it ([`super::engine`]): 1 for a radar without a
-//! beam and without spreading.
+//! The amplitude of a scatterer is the square root of its radar cross section in square metres, with the phase of its
+//! reflection: an amplitude of 1 is 1 m². The pixel of a point in a focused image has this amplitude, times the mean
+//! over pulses (weighted by the slow-time window) of antenna gain, spreading and visibility ([`super::engine`]); the
+//! mean is 1 for isotropic antennas without spreading loss.
 //!
-//! [`Clutter`], [`Picture`] and [`Building`] make points of what is more than a point.
+//! [`Clutter`], [`Picture`] and [`Building`] represent extended objects by points.
 
 mod building;
 mod clutter;
@@ -19,61 +19,61 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 
 pub use building::Building;
-pub(crate) use clutter::MOST_POINTS;
+pub(crate) use clutter::MAX_POINTS;
 pub use clutter::{Area, Clutter, Density};
 pub use picture::{Picture, Placement};
 
 use super::Scatterer;
 use subaperture_model::track::Trajectory;
 
-/// What is wrong with a part of a scene, and what to give instead.
+/// Invalid part of a scene. The message contains the fault and the expected values.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("scene: {0}")]
 pub struct SceneError(pub String);
 
-/// Everything that reflects or hides.
+/// Reflecting and occluding objects.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Still points, alike in all directions: point targets, clutter, pixels of a picture, walls.
+    /// Static isotropic points: point targets, clutter, pixels of a picture, walls.
     pub points: Vec<Scatterer>,
-    /// Corner reflectors.
+    /// Triangular trihedral corner reflectors.
     pub corners: Vec<Corner>,
-    /// Points that move.
+    /// Moving isotropic point targets.
     pub movers: Vec<Mover>,
-    /// Opaque boxes: what lies behind them is not seen.
+    /// Opaque boxes, which occlude objects behind them.
     pub blocks: Vec<Block>,
 }
 
-/// A triangular trihedral corner reflector.
+/// Triangular trihedral corner reflector.
 ///
-/// Its cross section on boresight is `4 pi a^4 / (3 lambda^2)` for an edge of `a`, falling off with
-/// the angle from boresight; [`Corner::amplitude`] says how.
+/// Its cross section on boresight is `4 pi a^4 / (3 lambda^2)` for edges of length `a`; [`Corner::amplitude`] gives its
+/// decrease with the angle from boresight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
-    /// Its apex, metres in the scene frame.
+    /// Position of the apex, metres in the scene frame.
     pub position_m: DVec3,
-    /// Unit vector to where it looks.
+    /// Boresight, a unit vector in scene axes.
     pub boresight: DVec3,
     /// Length of an inner edge, metres.
     pub edge_m: f64,
 }
 
-/// A point in motion.
+/// Isotropic point target that moves along a track.
 #[derive(Clone, Debug)]
 pub struct Mover {
-    /// Where it is; only the position counts.
+    /// Track; only its position is used.
     pub motion: Arc<dyn Trajectory>,
-    /// Its amplitude.
+    /// Complex amplitude, as of a [`Scatterer`].
     pub amplitude: Complex64,
 }
 
-/// An opaque box.
+/// Opaque box that occludes scatterers behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Its centre, metres in the scene frame.
+    /// Centre, metres in the scene frame.
     pub centre_m: DVec3,
-    /// Half its lengths along its own axes, metres.
+    /// Half lengths along the box's own axes, metres.
     pub half_m: DVec3,
-    /// Turns its axes into the scene's.
+    /// Rotation from the box's axes to the scene's.
     pub attitude: DQuat,
 }

@@ -1,22 +1,21 @@
-//! A picture as a scene: brightness becomes reflectivity.
+//! Picture as a scene, with reflectivity given by brightness.
 //!
-//! A pixel of brightness `b` (white is 1) has `sigma0 = white sigma0 b^2`: amplitude is proportional to
-//! brightness, as in a radar image shown in amplitude. The picture is stretched over an extent of the
-//! plane and cut into cells of the spacing; a point in the middle of each cell has the cell's mean
-//! cross section,
+//! A pixel of brightness `b` (1 for white) has `sigma0 = white sigma0 b^2`: amplitude is proportional to brightness, as
+//! in a radar image displayed in amplitude. The picture is stretched over an extent of the plane and divided into cells
+//! of the spacing. The point at the centre of each cell has the cell's mean cross section,
 //!
 //! ```text
 //! E |a|^2 = integral over the cell of sigma0 dA,
 //! ```
 //!
-//! so the whole has the cross section of the picture at any spacing. Cells of nothing but black have no
-//! point. With speckle amplitudes are complex Gaussian, as of rough ground. Without, they
-//! are real and positive: give a spacing not finer than the resolution, as neighbours in one cell add up
-//! with the phases of their paths, and a smooth plane reflects elsewhere.
+//! so that the total cross section is that of the picture at any spacing. Black cells have no point. With speckle,
+//! amplitudes are complex Gaussian, as for rough ground. Without speckle they are real and positive, which is a smooth
+//! plane: choose a spacing not finer than the resolution, since points in one cell then add up with the phases of their
+//! paths.
 //!
-//! Read are grey PNG files of 8 or 16 bits (the top row has the largest y; 16 bits keep 96 dB) and real
-//! NumPy arrays of two dimensions (row 0 has the smallest y, as in the project's images; values are
-//! brightness, not negative). Gamma is not undone: values count as they stand.
+//! File formats: greyscale PNG with 8 or 16 bits (the top row has the largest y; 16 bits have 96 dB of dynamic range),
+//! and real two-dimensional NumPy arrays (row 0 has the smallest y, as in images of this project; values are
+//! brightness, not negative). Gamma is not corrected: values are used as they are.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -28,26 +27,26 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use super::SceneError;
-use super::clutter::{MOST_POINTS, check_points};
+use super::clutter::{MAX_POINTS, check_points};
 use crate::Scatterer;
 use crate::random::complex_normal;
 use subaperture_io::npy;
 use subaperture_model::geometry::Extent;
 use subaperture_model::units::power_of_db;
 
-/// Stream of random numbers.
+/// Random stream.
 const PICTURE: u64 = u64::from_be_bytes(*b"picture\0");
 
-/// Most pixels of a PNG file.
-const MOST_PIXELS: u64 = 1 << 28;
+/// Maximum number of pixels of a PNG file.
+const MAX_PIXELS: u64 = 1 << 28;
 
-/// Deflate, which PNG packs by, makes 258 bytes of 2 bits at the most.
-const MOST_UNPACKING: u64 = 1032;
+/// Largest compression ratio of Deflate, which PNG uses: 258 bytes from 2 bits.
+const MAX_UNPACKING: u64 = 1032;
 
-/// Largest array of brightnesses that is read, bytes: as many values as points are possible.
-const MOST_BYTES: u64 = 8 << 26;
+/// Largest array that is read, bytes: as many values as the maximum number of points.
+const MAX_BYTES: u64 = 8 << 26;
 
-/// Brightness on a rectangle, rows with y ascending.
+/// Brightness on a rectangle, rows by ascending y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     rows: usize,
@@ -55,30 +54,30 @@ pub struct Picture {
     brightness: Vec<f32>,
 }
 
-/// How a picture lies in the scene.
+/// Placement of a picture in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// The rectangle it fills.
+    /// Rectangle covered by the picture.
     pub extent: Extent,
-    /// Its height, metres.
+    /// Height (z), metres.
     pub height_m: f64,
-    /// Distance from point to point, metres; rounded so that it divides the extent.
+    /// Spacing of the points, metres; rounded to a divisor of the extent.
     pub spacing_m: f64,
-    /// Cross section of a square metre of white, dB.
+    /// Cross section per square metre of white pixels, dB.
     pub white_sigma0_db: f64,
-    /// Whether amplitudes are complex Gaussian.
+    /// Whether amplitudes are complex Gaussian (speckle).
     pub speckle: bool,
 }
 
 impl Picture {
-    /// From brightness, `rows * columns` finite values of at least 0, row 0 with the smallest y.
+    /// Make a picture from `rows * columns` finite, non-negative brightness values; row 0 has the smallest y.
     ///
     /// # Errors
-    /// [`SceneError`] if it is none.
+    /// [`SceneError`] for a wrong number of values, or a value that is negative or not finite.
     pub fn new(rows: usize, columns: usize, brightness: Vec<f32>) -> Result<Self, SceneError> {
         if rows == 0 || columns == 0 || rows.checked_mul(columns) != Some(brightness.len()) {
             return Err(SceneError(format!(
-                "a picture of {rows} x {columns} with {} values",
+                "picture of {rows} x {columns} pixels with {} values: expected one value per pixel and at least one pixel",
                 brightness.len()
             )));
         }
@@ -87,7 +86,7 @@ impl Picture {
             .position(|b| !(*b >= 0.0 && b.is_finite()))
         {
             return Err(SceneError(format!(
-                "a picture with {} in row {}, column {}; brightness has to be finite and not negative",
+                "picture with a brightness of {} in row {}, column {}: expected finite values that are not negative",
                 brightness[n],
                 n / columns,
                 n % columns
@@ -100,43 +99,45 @@ impl Picture {
         })
     }
 
-    /// Reads a `.png` or `.npy` file.
+    /// Read a `.png` or `.npy` file.
     ///
     /// # Errors
-    /// [`SceneError`] if it cannot be read or is of another kind.
+    /// [`SceneError`] if the file cannot be read or has another format.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let about =
             |what: &dyn std::fmt::Display| SceneError(format!("{}: {what}", path.display()));
         match path.extension().and_then(|e| e.to_str()) {
             Some("npy") => {
-                let array = npy::Array::read(path, None, MOST_BYTES)
+                let array = npy::Array::read(path, None, MAX_BYTES)
                     .map_err(|e| SceneError(e.to_string()))?;
                 let (Some(values), &[rows, columns]) = (array.real(), array.shape.as_slice())
                 else {
-                    return Err(about(&"not a picture; real numbers of two dimensions are"));
+                    return Err(about(
+                        &"not a picture: expected a two-dimensional array of real numbers",
+                    ));
                 };
                 let brightness = values.iter().map(|&v| v as f32).collect();
                 Self::new(rows, columns, brightness).map_err(|e| about(&e.0))
             }
             Some("png") => read_png(path).map_err(|what| about(&what)),
-            _ => Err(about(&"not a picture; .png and .npy are read")),
+            _ => Err(about(&"unknown picture format: expected .png or .npy")),
         }
     }
 
-    /// Its points; the same seed gives the same ones. Pictures of one seed and different `index` differ.
+    /// Points of the picture; the same seed gives the same points. Pictures with one seed and different `index` differ.
     ///
     /// # Errors
-    /// [`SceneError`] for an extent that is empty, or more than 67 million points.
+    /// [`SceneError`] for an empty extent, values that are not finite, or more than 67 million points.
     pub fn points(
         &self,
         placement: &Placement,
         seed: u64,
         index: u32,
     ) -> Result<Vec<Scatterer>, SceneError> {
-        self.points_within(placement, seed, index, MOST_POINTS)
+        self.points_within(placement, seed, index, MAX_POINTS)
     }
 
-    /// [`Self::points`], at most so many of them.
+    /// [`Self::points`], with an error beyond `most` points.
     pub(crate) fn points_within(
         &self,
         placement: &Placement,
@@ -150,19 +151,19 @@ impl Picture {
         let known = placement.height_m.is_finite() && placement.white_sigma0_db.is_finite();
         if !known || lengths.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
             return Err(SceneError(format!(
-                "a picture of {width} x {depth} m with points {} m apart at height {} m, white {} dB; give \
-                 positive lengths and finite values",
+                "picture of {width} x {depth} m with a point spacing of {} m at height {} m, white {} dB: expected \
+                                positive lengths and finite values",
                 placement.spacing_m, placement.height_m, placement.white_sigma0_db
             )));
         }
         let cells = |length: f64| (length / placement.spacing_m).round().max(1.0);
         let (across, along) = (cells(width), cells(depth));
-        if across * along > MOST_POINTS {
+        if across * along > MAX_POINTS {
             return Err(SceneError(format!(
-                "a picture of {across} x {along} points; {MOST_POINTS} are possible: give a wider spacing"
+                "picture of {across} x {along} points: expected at most {MAX_POINTS}. Give a wider spacing"
             )));
         }
-        check_points("a picture", across * along, most)?;
+        check_points("picture", across * along, most)?;
         let (dx, dy) = (width / across, depth / along);
         let white_m2 = power_of_db(placement.white_sigma0_db) * dx * dy;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -197,7 +198,7 @@ impl Picture {
         Ok(points)
     }
 
-    /// Mean of `b^2` over a rectangle of the picture, in pixels; pixels count with the part of them inside.
+    /// Mean of `b^2` over a rectangle in pixel coordinates; pixels are weighted by the part of them inside.
     fn mean_square(&self, rows: (f64, f64), columns: (f64, f64)) -> f64 {
         let inside = |n: usize, (from, to): (f64, f64)| {
             (to.min(n as f64 + 1.0) - from.max(n as f64)).max(0.0)
@@ -224,9 +225,9 @@ fn read_png(path: &Path) -> Result<Picture, String> {
         .map_err(|e| e.to_string())?;
     let info = reader.info();
     let (rows, columns) = (info.height as usize, info.width as usize);
-    if u64::from(info.height) * u64::from(info.width) > MOST_PIXELS {
+    if u64::from(info.height) * u64::from(info.width) > MAX_PIXELS {
         return Err(format!(
-            "{rows} x {columns} pixels; {MOST_PIXELS} are possible"
+            "{rows} x {columns} pixels: expected at most {MAX_PIXELS}"
         ));
     }
     let bytes = match (info.color_type, info.bit_depth) {
@@ -234,22 +235,22 @@ fn read_png(path: &Path) -> Result<Picture, String> {
         (png::ColorType::Grayscale, png::BitDepth::Sixteen) => 2,
         (colour, depth) => {
             return Err(format!(
-                "a PNG of {colour:?}, {depth:?} bits; save it in grey of 8 or 16 bits without transparency"
+                "PNG of {colour:?}, {depth:?} bits: expected greyscale with 8 or 16 bits and no transparency"
             ));
         }
     };
-    // Checked before memory is taken: a file may say anything.
+    // Checked before memory is allocated, since a damaged file may state any size.
     let packed = path.metadata().map_err(|e| e.to_string())?.len();
     let size = rows as u64 * columns as u64 * bytes as u64;
-    if size > packed.saturating_mul(MOST_UNPACKING) {
+    if size > packed.saturating_mul(MAX_UNPACKING) {
         return Err(format!(
-            "a PNG of {packed} bytes cannot hold the {rows} x {columns} pixels that it says: it is damaged"
+            "damaged PNG: {packed} bytes cannot hold the stated {rows} x {columns} pixels"
         ));
     }
     let mut data = vec![0; rows * columns * bytes];
     let frame = reader.next_frame(&mut data).map_err(|e| e.to_string())?;
     if frame.line_size != columns * bytes {
-        return Err("a PNG whose rows are not as long as it says".to_owned());
+        return Err("damaged PNG: the rows have another length than stated".to_owned());
     }
     let mut brightness = Vec::with_capacity(rows * columns);
     for row in data.chunks_exact(columns * bytes).rev() {
@@ -269,7 +270,7 @@ fn read_png(path: &Path) -> Result<Picture, String> {
 mod tests {
     use super::*;
 
-    /// 60 m x 40 m.
+    /// Placement over 60 m x 40 m.
     fn placement(spacing_m: f64, speckle: bool) -> Placement {
         Placement {
             extent: Extent {
@@ -283,14 +284,14 @@ mod tests {
         }
     }
 
-    /// Rows of y ascending: 0 0.5 0 / 1 0 0.
+    /// Rows by ascending y: 0 0.5 0 / 1 0 0.
     fn six() -> Picture {
         Picture::new(2, 3, vec![0.0, 0.5, 0.0, 1.0, 0.0, 0.0]).unwrap()
     }
 
     #[test]
-    fn brightness_is_amplitude_and_lies_where_the_picture_has_it() {
-        // Pixels are 20 m x 20 m: a point each.
+    fn brightness_becomes_amplitude_at_pixel_position() {
+        // Pixels are 20 m x 20 m: one point each.
         let points = six().points(&placement(20.0, false), 0, 0).unwrap();
         let white = (10f64.powf(0.3) * 400.0).sqrt();
         let [grey, bright] = points[..] else {
@@ -303,8 +304,8 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_cross_section_is_kept_at_any_spacing() {
-        // 400 m² of white and 400 m² of a quarter.
+    fn total_cross_section_is_kept_at_any_spacing() {
+        // 400 m² of white, and 400 m² at a quarter of its power.
         let expected = 10f64.powf(0.3) * 500.0;
         for spacing_m in [0.5, 1.7, 20.0, 27.0, 60.0] {
             let points = six().points(&placement(spacing_m, false), 0, 0).unwrap();
@@ -314,14 +315,15 @@ mod tests {
     }
 
     #[test]
-    fn speckle_keeps_the_mean_and_has_seeds() {
+    fn speckle_keeps_mean_power_and_depends_on_seed() {
         let points = six().points(&placement(0.2, true), 4, 0).unwrap();
-        // 20 000 points of exponential power, half of them a quarter as strong: 1 % standard error; five.
+        // 20 000 points of exponential power, half of them a quarter as strong: standard error 1 %; five times this is
+        // allowed.
         assert_eq!(points.len(), 20_000);
         let sum: f64 = points.iter().map(|p| p.amplitude.norm_sqr()).sum();
         assert!((sum / (10f64.powf(0.3) * 500.0) - 1.0).abs() < 0.05);
         let mean: Complex64 = points.iter().map(|p| p.amplitude).sum();
-        // A random walk: sqrt(sum) long, four of them.
+        // A random walk has length sqrt(sum); four times this is allowed.
         assert!(mean.norm() < 4.0 * sum.sqrt());
         assert_ne!(points, six().points(&placement(0.2, true), 5, 0).unwrap());
     }
@@ -350,9 +352,9 @@ mod tests {
     }
 
     #[test]
-    fn png_of_8_and_16_bits_and_real_arrays_give_the_same_picture() {
+    fn png_with_8_and_16_bits_and_npy_give_same_picture() {
         use png::{BitDepth, ColorType};
-        // The top row comes first in a PNG: 255 0 0 / 0 51 0.
+        // A PNG starts with the top row: 255 0 0 / 0 51 0.
         let eight = png_file(
             3,
             BitDepth::Eight,
@@ -373,26 +375,26 @@ mod tests {
         assert_eq!(read("a.npy", &array).unwrap(), expected);
         let colour = png_file(1, BitDepth::Eight, ColorType::Rgb, &[1, 2, 3, 4, 5, 6]);
         let error = read("a.png", &colour).unwrap_err().to_string();
-        assert!(error.contains("a.png: a PNG of Rgb"), "{error}");
+        assert!(error.contains("a.png: PNG of Rgb"), "{error}");
     }
 
     #[test]
-    fn what_is_no_picture_is_refused() {
+    fn invalid_pictures_are_refused() {
         assert!(
             read("a.jpg", &[])
                 .unwrap_err()
                 .to_string()
-                .contains(".png and .npy")
+                .contains(".png or .npy")
         );
         assert!(read("a.png", b"not").is_err());
-        // A header that asks for a gigabyte.
+        // A header that states a gigabyte.
         let mut claims = png_file(1, png::BitDepth::Eight, png::ColorType::Grayscale, &[1, 2]);
         claims[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
         let crc = crc32fast::hash(&claims[12..29]).to_be_bytes();
         claims[29..33].copy_from_slice(&crc);
         let error = read("a.png", &claims).unwrap_err().to_string();
         assert!(
-            error.contains("cannot hold the 16384 x 16384 pixels"),
+            error.contains("cannot hold the stated 16384 x 16384 pixels"),
             "{error}"
         );
         assert!(Picture::read(Path::new("nowhere.png")).is_err());

@@ -1,24 +1,23 @@
-//! What a box hides: whether the straight line between two points passes through it.
+//! Occlusion: whether the straight line between two points passes through a box.
 //!
-//! The line `from + t (to - from)`, `0 <= t <= 1`, is turned into the box's axes and cut with its three
-//! slabs `|x| <= half`; what is left of `t` after all three lies inside. Diffraction and what
-//! the box lets through are neglected: a shadow has a hard edge, where in truth it has one of
-//! `sqrt(wavelength distance)`, 1.7 m for X band at 100 m.
+//! The line `from + t (to - from)`, `0 <= t <= 1`, is transformed into the box's axes and clipped by its three slabs
+//! `|x| <= half`; the remaining interval of `t` lies inside. Neglected: diffraction and transmission through the box. A
+//! shadow has a hard edge, where a real one has a transition of `sqrt(wavelength distance)`, 1.7 m for X band at 100 m.
 //!
-//! Cost: two rotations and three divisions a box.
+//! Cost: two rotations and three divisions per box.
 
 use glam::DVec3;
 
 use super::Block;
 
-/// How deep the line has to enter, metres. Points on a wall (set there with roundings of 1e-9 m at most)
-/// are not hidden by it from in front.
+/// Minimum penetration depth, metres. Points on a wall (with rounding errors of at most 1e-9 m) are not occluded by it
+/// from in front.
 const SKIN_M: f64 = 1e-6;
 
 /// Whether any of `blocks` lies between two points, metres in the scene frame.
 ///
-/// A line that only touches a face, as one that ends on a wall, is free. A block thinner than 2
-/// micrometres hides nothing.
+/// A line that only touches a face, such as one that ends on a wall, is not blocked. A block thinner than 2 micrometres
+/// occludes nothing.
 pub fn hidden(blocks: &[Block], from: DVec3, to: DVec3) -> bool {
     blocks.iter().any(|block| crosses(block, from, to))
 }
@@ -39,7 +38,7 @@ fn crosses(block: &Block, from: DVec3, to: DVec3) -> bool {
         let (a, b) = ((-half - start) / step, (half - start) / step);
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
-        // A negative half, of a block thinner than the skin, must not be taken for its mirror image.
+        // A negative half length, of a block thinner than the skin, must not be treated as its mirror image.
         if half < 0.0 || enter > leave {
             return false;
         }
@@ -62,15 +61,15 @@ mod tests {
     }
 
     #[test]
-    fn a_shadow_on_the_ground_is_as_long_as_geometry_says() {
-        // From (10, -80, 30), over the far roof edge (10, 22, 6): the line has fallen 24 m in 102 m, so
-        // it meets the ground 6 * 102 / 24 = 25.5 m behind the edge.
+    fn ground_shadow_has_geometric_length() {
+        // From (10, -80, 30), over the far roof edge (10, 22, 6): the line drops 24 m in 102 m, so that it meets the
+        // ground 6 * 102 / 24 = 25.5 m behind the edge.
         let radar = DVec3::new(10.0, -80.0, 30.0);
         let ground = |y| DVec3::new(10.0, y, 0.0);
         let hides = |y| hidden(&[house()], radar, ground(y));
         assert!(!hides(17.9) && hides(22.1));
         assert!(hides(22.0 + 25.499) && !hides(22.0 + 25.501));
-        // Both ways alike, and the other house in the list does not matter.
+        // Occlusion is symmetric, and another block in the list has no effect.
         assert!(hidden(&[house()], ground(40.0), radar));
         let far = Block {
             centre_m: DVec3::new(500.0, 0.0, 0.0),
@@ -82,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn its_own_walls_are_seen_from_in_front_only() {
+    fn own_walls_are_visible_only_from_in_front() {
         let radar = DVec3::new(10.0, -80.0, 30.0);
         let seen = |x, y, z| !hidden(&[house()], radar, DVec3::new(x, y, z));
         assert!(
@@ -94,7 +93,7 @@ mod tests {
             "roof and its far edge"
         );
         assert!(!seen(10.0, 22.0, 3.0), "back wall");
-        // A side wall is seen from its own side: x = 14 is seen from x > 14 only.
+        // A side wall is visible only from its own side: x = 14 is seen from x > 14.
         assert!(!seen(14.0, 20.0, 3.0));
         assert!(!hidden(
             &[house()],
@@ -104,8 +103,8 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_box_is_where_it_is_turned_to() {
-        // A wall 8 m long, 0.2 m thick, turned by 45 deg: it runs along x = y.
+    fn rotated_box_occludes_at_its_rotated_position() {
+        // A wall 8 m long and 0.2 m thick, rotated by 45 deg: it runs along x = y.
         let wall = Block {
             centre_m: DVec3::ZERO,
             half_m: DVec3::new(4.0, 0.1, 3.0),
@@ -118,7 +117,7 @@ mod tests {
         };
         // The wall's end lies at 4 / sqrt 2 = 2.8284 on both axes.
         assert!(across(0.0) && across(2.828) && !across(2.829));
-        // Along it, beside it.
+        // Lines parallel to the wall.
         let along = |off: f64| {
             hidden(
                 &[wall],
@@ -126,12 +125,12 @@ mod tests {
                 DVec3::new(9.0, 9.0 + off, 0.0),
             )
         };
-        // 0.1 m of thickness is 0.1 sqrt 2 along y.
+        // A thickness of 0.1 m is 0.1 sqrt 2 along y.
         assert!(along(0.141) && !along(0.142));
     }
 
     #[test]
-    fn a_line_that_ends_before_a_box_or_a_box_without_depth_is_free() {
+    fn line_ending_before_box_and_box_without_depth_are_unobstructed() {
         assert!(!hidden(
             &[house()],
             DVec3::ZERO,

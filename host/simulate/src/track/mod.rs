@@ -1,6 +1,7 @@
-//! Tracks with something random about them: disturbed ones, and what navigation makes of them.
+//! Tracks with random components: perturbed tracks, and tracks measured by navigation.
 //!
-//! Both are as smooth as the track within. Everything random depends on the seed alone, not on the order of evaluation.
+//! Both are as smooth as the underlying track. All random components depend only on the seed, not on the order of
+//! evaluation.
 
 mod navigated;
 mod perturbed;

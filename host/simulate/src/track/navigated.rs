@@ -1,17 +1,17 @@
-//! A measured track: the true one with the errors of satellite and inertial navigation.
+//! Measured track: the true track with the errors of satellite and inertial navigation.
 //!
 //! ```text
 //! measured(t) = true(t) + bias + drift(t) + noise(t)
-//! attitude(t) = true attitude(t) turned by (bias + drift(t)) about the body's axes
+//! attitude(t) = true attitude(t) rotated by (bias + drift(t)) about the body's axes
 //! ```
 //!
-//! Drift is a [`SmoothRandom`] process. Noise is drawn for each fix `n` at `t = n / rate`, independent from fix
-//! to fix, and goes from one fix's to the next's along `3 u^2 - 2 u^3`: the measured track stays
-//! continuous, with its velocity. Its RMS is the given one at the fixes, and 0.86 of it over all times (the
-//! mean of `(1 - s)^2 + s^2` over `u` is 26 / 35). The errors of a filter's model, lost satellites and errors of
-//! time are not modelled; an error of time `dt` is a bias of `velocity dt`.
+//! Drift is a [`SmoothRandom`] process. Noise is drawn for each fix `n` at `t = n / rate`, independently, and
+//! interpolated between fixes by `3 u^2 - 2 u^3`, so that the measured track and its velocity are continuous. The RMS
+//! of the noise is the given one at the fixes, and 0.86 of it over all times (the mean of `(1 - s)^2 + s^2` over `u` is
+//! 26 / 35). Errors of a navigation filter's model, loss of satellites, and timing errors are not modelled; a timing
+//! error `dt` is a bias of `velocity dt`.
 //!
-//! Any fix's noise is found without those before it: values do not depend on the order of asking. Cost: the
+//! The noise of any fix is computed without those before it: values do not depend on the order of evaluation. Cost: the
 //! drifts' 96 cosines and two draws of three normals, some microseconds.
 
 use std::sync::Arc;
@@ -24,35 +24,34 @@ use super::{SmoothRandom, TrackError, turned};
 use crate::random::{complex_normal, normal};
 use subaperture_model::track::{Pose, Trajectory};
 
-/// Streams of random numbers.
+/// Random streams.
 const DRIFT: u64 = u64::from_be_bytes(*b"navdrift");
 const TURN: u64 = u64::from_be_bytes(*b"navturn\0");
 const NOISE: u64 = u64::from_be_bytes(*b"navnoise");
 
-/// Words of the noise's stream for each fix: a whole buffer of the generator, far more than three
-/// normals take.
+/// Words of the noise's random stream per fix: one buffer of the generator, far more than three normals use.
 const WORDS_A_FIX: u128 = 64;
 
-/// What is wrong with a measured track. All zero by default.
+/// Navigation errors of a measured track; all zero by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NavigationError {
-    /// Constant error of position, metres.
+    /// Constant position error, metres.
     pub bias_m: DVec3,
-    /// RMS of its slow drift an axis, metres.
+    /// RMS of the slow position drift per axis, metres.
     pub drift_rms_m: DVec3,
-    /// RMS of the noise of a fix an axis, metres.
+    /// RMS of the position noise of a fix per axis, metres.
     pub noise_rms_m: DVec3,
-    /// Fixes a second; not used without noise.
+    /// Fixes per second; unused without noise.
     pub fix_rate_hz: f64,
-    /// Constant error of roll, pitch and yaw, radians.
+    /// Constant errors of roll, pitch and yaw, radians.
     pub attitude_bias_rad: DVec3,
-    /// RMS of its slow drift, radians; small against 1.
+    /// RMS of the slow attitude drift, radians; small compared with 1.
     pub attitude_drift_rms_rad: DVec3,
-    /// Correlation time of both drifts, seconds; not used without drift.
+    /// Correlation time of both drifts, seconds; unused without drift.
     pub drift_time_s: f64,
 }
 
-/// A true track as navigation measures it.
+/// Measured track of a true track.
 #[derive(Clone, Debug)]
 pub struct Navigated {
     track: Arc<dyn Trajectory>,
@@ -62,10 +61,10 @@ pub struct Navigated {
 }
 
 impl Navigated {
-    /// `track` as measured with `error`; the same seed gives the same errors.
+    /// Make the measured track of `track`; the same seed gives the same errors.
     ///
     /// # Errors
-    /// [`TrackError`] for values that are not finite, noise without a fix rate, drift without a time.
+    /// [`TrackError`] for values that are not finite, noise without a fix rate, or drift without a correlation time.
     pub fn new(
         track: Arc<dyn Trajectory>,
         error: NavigationError,
@@ -80,13 +79,13 @@ impl Navigated {
         ];
         if !vectors.iter().all(|v| v.is_finite()) {
             return Err(TrackError(format!(
-                "errors of navigation have to be finite: {error:?}"
+                "expected finite navigation errors: {error:?}"
             )));
         }
         let positive = |x: f64| x > 0.0 && x.is_finite();
         if error.noise_rms_m != DVec3::ZERO && !positive(error.fix_rate_hz) {
             return Err(TrackError(format!(
-                "noise of navigation at {} fixes a second; give a positive rate",
+                "navigation noise with {} fixes per second: expected a positive fix rate",
                 error.fix_rate_hz
             )));
         }
@@ -94,7 +93,7 @@ impl Navigated {
             error.drift_rms_m != DVec3::ZERO || error.attitude_drift_rms_rad != DVec3::ZERO;
         if drifts && !positive(error.drift_time_s) {
             return Err(TrackError(format!(
-                "drift of navigation with a correlation time of {} s; give a positive time",
+                "navigation drift with a correlation time of {} s: expected a positive time",
                 error.drift_time_s
             )));
         }
@@ -122,11 +121,11 @@ impl Navigated {
         self.error.noise_rms_m * (from + (to - from) * (u * u * (3.0 - 2.0 * u)))
     }
 
-    /// Three standard normals for a fix, by its (whole) number.
+    /// Three standard normal numbers of a fix, given its (whole) number.
     fn fix(&self, number: f64) -> DVec3 {
         let mut random = ChaCha8Rng::seed_from_u64(self.seed);
         random.set_stream(NOISE);
-        // The stream has 2^68 words: 2^62 fixes, those before time 0 at its end.
+        // The stream has 2^68 words, enough for 2^62 fixes; those before time 0 are at its end.
         let index = u128::from(number as i64 as u64 & (u64::MAX >> 2));
         random.set_word_pos(index * WORDS_A_FIX);
         let across = complex_normal(&mut random);
@@ -138,7 +137,7 @@ impl Trajectory for Navigated {
     fn pose(&self, time_s: f64) -> Pose {
         let pose = self.track.pose(time_s);
         let (drift_m, drift_rad) = match &self.drift {
-            Some((way, turn)) => (way.at(time_s), turn.at(time_s)),
+            Some((offset, turn)) => (offset.at(time_s), turn.at(time_s)),
             None => (DVec3::ZERO, DVec3::ZERO),
         };
         let angles = self.error.attitude_bias_rad + drift_rad;
@@ -171,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bias_is_constant_and_no_error_is_none() {
+    fn bias_is_constant_and_zero_errors_keep_true_track() {
         let track = measured(NavigationError {
             bias_m: DVec3::new(1.0, -2.0, 0.5),
             attitude_bias_rad: DVec3::new(0.0, 0.0, 0.01),
@@ -187,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_has_its_rms_at_fixes_none_in_common_and_a_smooth_way_between() {
+    fn noise_has_stated_rms_is_independent_and_smooth_between_fixes() {
         let track = measured(NavigationError {
             noise_rms_m: DVec3::new(0.02, 0.0, 0.05),
             fix_rate_hz: 20.0,
@@ -202,23 +201,24 @@ mod tests {
             neighbours += now * off(&track, t + 0.05);
             let half = off(&track, t + 0.025);
             between += half * half;
-            // Continuous, with its velocity: flat at each fix. The way's second derivative is
-            // 6 * 400 / s^2 times a difference of at most 10 RMS: over 1e-6 s, 1e-9 m.
+            // Continuous velocity: flat at each fix. The second derivative of the interpolation is 6 * 400 / s^2 times
+            // a difference of at most 10 RMS: over 1e-6 s, 1e-9 m.
             assert!(off(&track, t + 1e-6).distance(off(&track, t - 1e-6)) < 1e-9);
         }
         let n = f64::from(count);
         for (got, expected) in [(power.x / n, 4e-4), (power.z / n, 25e-4)] {
-            // Standard error sqrt(2 / 4000) = 2.2 %; a quadruple.
+            // Standard error sqrt(2 / 4000) = 2.2 %; four times this is allowed.
             assert!((got / expected - 1.0).abs() < 0.09, "{got}");
         }
         assert_eq!(power.y, 0.0);
-        // Standard error 1.6 %; a quadruple. Halfway the mean of two has half the power.
+        // Standard error 1.6 %; four times this is allowed. Halfway between fixes, the mean of two values has half the
+        // power.
         assert!((neighbours.z / power.z).abs() < 0.064);
         assert!((between.z / power.z - 0.5).abs() < 0.05);
     }
 
     #[test]
-    fn errors_do_not_depend_on_the_order_of_asking_but_on_the_seed() {
+    fn errors_depend_on_seed_and_not_on_order_of_evaluation() {
         let error = NavigationError {
             drift_rms_m: DVec3::splat(0.1),
             noise_rms_m: DVec3::splat(0.02),
@@ -241,14 +241,14 @@ mod tests {
     }
 
     #[test]
-    fn errors_that_lack_a_time_are_refused() {
+    fn noise_without_rate_and_drift_without_time_are_refused() {
         let refused = |error| Navigated::new(truth(), error, 0).unwrap_err().to_string();
         let none = NavigationError::default();
         let noise = NavigationError {
             noise_rms_m: DVec3::X,
             ..none
         };
-        assert!(refused(noise).contains("0 fixes a second"));
+        assert!(refused(noise).contains("0 fixes per second"));
         let drift = NavigationError {
             drift_rms_m: DVec3::X,
             ..none

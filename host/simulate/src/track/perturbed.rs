@@ -1,4 +1,4 @@
-//! A track with what disturbs it: sway, vibration, acceleration, wobble.
+//! Perturbed tracks: sway, vibration, acceleration, wobble.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -8,15 +8,15 @@ use glam::DVec3;
 use super::{SmoothRandom, TrackError, turned};
 use subaperture_model::track::{Pose, Trajectory};
 
-/// Stream of random numbers for sways; each takes one from here on.
+/// Random stream of the first sway; each sway uses one stream from here on.
 const SWAY: u64 = u64::from_be_bytes(*b"sway\0\0\0\0");
 
-/// A disturbance of a track. Displacements are along the scene's axes and do not turn the body.
+/// Perturbation of a track. Displacements are along the scene's axes and do not rotate the body.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Perturbation {
     /// Smooth random displacement.
     Sway(SmoothRandom),
-    /// A displacement `amplitude_m sin(2 pi frequency_hz t + phase_rad)`.
+    /// Displacement `amplitude_m sin(2 pi frequency_hz t + phase_rad)`.
     Vibration {
         /// Amplitude, metres.
         amplitude_m: DVec3,
@@ -25,14 +25,14 @@ pub enum Perturbation {
         /// Phase at time 0, radians.
         phase_rad: f64,
     },
-    /// A constant acceleration that sets in: `acceleration_m_s2 (t - from_s)^2 / 2` from then on.
+    /// Constant acceleration from a given time: displacement `acceleration_m_s2 (t - from_s)^2 / 2` for `t > from_s`.
     Acceleration {
-        /// The acceleration, metres a second squared.
+        /// Acceleration, metres per second squared.
         acceleration_m_s2: DVec3,
-        /// When it sets in, seconds.
+        /// Start time, seconds.
         from_s: f64,
     },
-    /// A turn of the body by `amplitude_rad sin(2 pi t / period_s + phase_rad)` about its own axes.
+    /// Rotation of the body by `amplitude_rad sin(2 pi t / period_s + phase_rad)` about its own axes.
     Wobble {
         /// Amplitudes of roll, pitch and yaw, radians.
         amplitude_rad: DVec3,
@@ -44,11 +44,11 @@ pub enum Perturbation {
 }
 
 impl Perturbation {
-    /// A sway of given RMS an axis (metres) and correlation time. Sways of one seed and different `index` are
-    /// independent.
+    /// Make a sway with a given RMS per axis (metres) and correlation time (seconds). Sways with one seed and different
+    /// `index` are independent.
     ///
     /// # Errors
-    /// [`TrackError`] if the RMS is not finite or the time not positive.
+    /// [`TrackError`] if the RMS is not finite or the time is not positive.
     pub fn sway(
         rms_m: DVec3,
         correlation_s: f64,
@@ -57,8 +57,8 @@ impl Perturbation {
     ) -> Result<Self, TrackError> {
         if !(rms_m.is_finite() && correlation_s > 0.0 && correlation_s.is_finite()) {
             return Err(TrackError(format!(
-                "sway of {rms_m} m with a correlation time of {correlation_s} s; give finite lengths and a \
-                 positive time"
+                "sway of {rms_m} m with a correlation time of {correlation_s} s: expected finite lengths and a \
+                                positive time"
             )));
         }
         let kind = SWAY + u64::from(index);
@@ -71,15 +71,15 @@ impl Perturbation {
     }
 }
 
-/// A track and what disturbs it, one after another.
+/// Track with perturbations applied one after another.
 ///
-/// All disturbances have continuous velocities, so the sum is as smooth as the track within. They can be
-/// asked for at any time at the same cost: 0.1 to 1 microseconds each.
+/// All perturbations have continuous velocities, so that the result is as smooth as the underlying track. Evaluation at
+/// any time costs 0.1 to 1 microseconds per perturbation.
 #[derive(Clone, Debug)]
 pub struct Perturbed {
-    /// The track within.
+    /// Track to which the perturbations are added.
     pub track: Arc<dyn Trajectory>,
-    /// What disturbs it.
+    /// Perturbations in order of application.
     pub perturbations: Vec<Perturbation>,
 }
 
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn vibration_and_acceleration_add_up_along_the_scenes_axes() {
+    fn vibration_and_acceleration_add_along_scene_axes() {
         let track = with(vec![
             Perturbation::Vibration {
                 amplitude_m: DVec3::new(1e-3, 0.0, 2e-3),
@@ -157,20 +157,20 @@ mod tests {
     }
 
     #[test]
-    fn wobble_turns_the_body_about_its_own_axes() {
+    fn wobble_rotates_body_about_its_own_axes() {
         let track = with(vec![Perturbation::Wobble {
             amplitude_rad: DVec3::new(0.0, 0.1, 0.0),
             period_s: 8.0,
             phase_rad: 0.0,
         }]);
-        // After a quarter period the nose, along scene y, is 0.1 rad down.
+        // After a quarter period the nose, along scene y, points 0.1 rad down.
         let nose = track.pose(2.0).attitude * DVec3::X;
         assert!(nose.distance(DVec3::new(0.0, 0.1f64.cos(), -(0.1f64.sin()))) < 1e-14);
         assert_eq!(track.pose(2.0).position_m, DVec3::new(0.0, 100.0, 0.0));
     }
 
     #[test]
-    fn position_and_velocity_are_continuous_for_the_phase_from_pulse_to_pulse() {
+    fn perturbed_position_and_velocity_are_continuous() {
         let rms = DVec3::splat(0.05);
         let track = with(vec![
             Perturbation::sway(rms, 2.0, 7, 0).unwrap(),
@@ -189,16 +189,16 @@ mod tests {
             let h = 1e-5;
             (track.pose(t + h).position_m - track.pose(t - h).position_m) / (2.0 * h)
         };
-        // Accelerations an axis: sway 0.05 * 5.7 w^2 with w below 3 sigma, 3 sqrt 2 / 0.5 = 8.5 / s: 20.6, and
-        // 1.3 of the slow one; vibration 1e-4 (2 pi 20)^2 = 1.6; 0.3. Together below 25, in three axes 44,
-        // m/s^2. Over 0.1 ms: 4.4e-3 m/s; differences round to 1e-14 m / 2e-5 s.
+        // Accelerations per axis: the fast sway has 0.05 * 5.7 w^2 with w below 3 sigma, 3 sqrt 2 / 0.5 = 8.5 / s: 20.6
+        // m/s^2; the slow one 1.3; vibration 1e-4 (2 pi 20)^2 = 1.6; constant 0.3. The total is below 25 per axis, 44
+        // m/s^2 in three axes. Over 0.1 ms: 4.4e-3 m/s; differences are rounded to 1e-14 m / 2e-5 s.
         let mut largest: f64 = 0.0;
         for i in 0..20_000 {
             let t = f64::from(i) * 1e-4;
             largest = largest.max(velocity(t).distance(velocity(t + 1e-4)));
         }
         assert!(largest < 4.4e-3, "{largest}");
-        // And the two sways are not the same one.
+        // The two sways differ.
         let [Perturbation::Sway(a), Perturbation::Sway(b)] = &track.perturbations[..2] else {
             panic!("two sways first");
         };

@@ -92,7 +92,7 @@ pub(crate) struct Producing {
 #[derive(Debug, Group)]
 pub(crate) struct Export {
     /// Folder of a product (image.json and image.npy), or its image.json; several of one grid for --format
-    /// zarr; for maps also anyone's SICD (.nitf)
+    /// zarr, which takes an image of any format; for maps also anyone's SICD (.nitf)
     #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) images: Vec<PathBuf>,
 

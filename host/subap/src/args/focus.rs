@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
-use subaperture::focus::{Means, Misses, TimeModel};
+use subaperture::focus::{BoundPolicy, Numerics, TimeModel};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
@@ -12,7 +12,7 @@ use subaperture::units::Dimension;
 use super::formers::{self, FormerOptions};
 use super::logs::Logs;
 use super::track::{TrackSource, track_source};
-use super::values::{any, axis, error_bound, output, positive, scratch_size, vector};
+use super::values::{above_zero, any, axis, error_bound, output, positive, scratch_size, vector};
 use super::{Input, Look, Producing, Rehearsal, Surfacing, Tiled, Writing};
 
 /// `subap focus`.
@@ -28,7 +28,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
+        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
         "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -80,6 +80,39 @@ pub(crate) struct Focus {
     pub(crate) rehearsal: Rehearsal,
 }
 
+/// What `--beam` says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum BeamWidth {
+    /// Full width, radians.
+    Given(f64),
+    /// From the Doppler spectrum.
+    Estimated,
+    /// All pulses form all pixels.
+    None,
+}
+
+impl std::fmt::Display for BeamWidth {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Given(width_rad) => write!(f, "{} deg", width_rad.to_degrees()),
+            Self::Estimated => f.write_str("auto"),
+            Self::None => f.write_str("none"),
+        }
+    }
+}
+
+fn beam(text: &str) -> Result<BeamWidth, String> {
+    match text {
+        "auto" => Ok(BeamWidth::Estimated),
+        "none" => Ok(BeamWidth::None),
+        angle => {
+            let degrees = above_zero(Dimension::Angle)(angle)
+                .map_err(|error| format!("{error}; or auto, or none"))?;
+            Ok(BeamWidth::Given(degrees.to_radians()))
+        }
+    }
+}
+
 /// What an image's pixels depend on, beside the recording: what a plan of it is made of.
 #[derive(Debug, Group)]
 pub(crate) struct Imaging {
@@ -87,7 +120,7 @@ pub(crate) struct Imaging {
     pub(crate) former: FormerOptions,
 
     /// Write the image even if its predicted error is above the bound; the record says so, and the exit
-    /// status is 3
+    /// status is 3. Implied where an algorithm is named or no --error-db is given
     #[arg(long)]
     pub(crate) allow_error: bool,
 
@@ -98,6 +131,17 @@ pub(crate) struct Imaging {
     /// Window over slow time, across all pulses: as --window
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
+
+    /// Width of the antenna's beam along the track: each place is formed of the pulses that see it under this angle, so that a strip has no
+    /// ghosts from pulses whose beam is elsewhere (azimuth ambiguities). auto estimates it from the azimuth Doppler spectrum, none takes all
+    /// pulses for all pixels [default: what a raw recording's description says; else auto where places are seen under more angles than the spacing of pulses
+    /// samples and the spectrum clearly shows a beam]
+    #[arg(long, value_name = "DEG|auto|none", value_parser = beam)]
+    pub(crate) beam: Option<BeamWidth>,
+
+    /// How far forward of broadside the middle of the beam looks; backward is negative. Of an estimated beam, about how far [default: 0]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle), requires = "beam")]
+    pub(crate) squint: Option<f64>,
 
     /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 (one step is
     /// enough for both) or polar r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the
@@ -124,27 +168,29 @@ pub(crate) struct Imaging {
 }
 
 impl Imaging {
-    /// Whether the image may be worse than asked.
-    pub(crate) fn misses(&self) -> Misses {
-        match self.allow_error {
-            true => Misses::Allowed,
-            false => Misses::Refused,
+    /// Whether the image may be worse than asked: a former that the user names forms it anyway, and so does any where the bound is the
+    /// default.
+    pub(crate) fn bound_policy(&self) -> BoundPolicy {
+        let former = &self.former;
+        match self.allow_error || former.is_named() || !former.has_bound() {
+            true => BoundPolicy::Allowed,
+            false => BoundPolicy::Refused,
         }
     }
 
     /// By what means it is formed, with the time model that was read, if there is one.
-    pub(crate) fn means<'m>(&self, model: Option<&'m TimeModel>) -> Means<'m> {
-        let means = means(self.portable);
-        let model = model.unwrap_or(means.model);
-        Means { model, ..means }
+    pub(crate) fn numerics<'m>(&self, model: Option<&'m TimeModel>) -> Numerics<'m> {
+        let numerics = numerics(self.portable);
+        let model = model.unwrap_or(numerics.model);
+        Numerics { model, ..numerics }
     }
 }
 
 /// What `--portable` asks for.
-fn means<'m>(portable: bool) -> Means<'m> {
+fn numerics<'m>(portable: bool) -> Numerics<'m> {
     match portable {
-        true => Means::default().portable(),
-        false => Means::default(),
+        true => Numerics::default().portable(),
+        false => Numerics::default(),
     }
 }
 
@@ -158,16 +204,17 @@ pub(crate) struct Velocity {
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: DVec3,
 
-    /// Velocities along x, m/s, stop excluded
+    /// Velocities along x, m/s, stop excluded [default: both ways from 0 in steps of half the resolution, as far as they are unambiguous,
+    /// 128 steps at the most]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
-    pub(crate) vx: Axis,
+    pub(crate) vx: Option<Axis>,
 
-    /// Velocities along y, m/s, stop excluded
+    /// Velocities along y, m/s, stop excluded [default: likewise]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
-    pub(crate) vy: Axis,
+    pub(crate) vy: Option<Axis>,
 
     /// Velocity along z, m/s
-    #[arg(long, value_name = "M/S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = any(Dimension::Speed))]
+    #[arg(long, value_name = "M/S", default_value_t = 0.0, allow_hyphen_values = true, value_parser = any(Dimension::Speed))]
     pub(crate) vz: f64,
 
     /// Folder for image.npy, image.json and image.png
@@ -175,7 +222,7 @@ pub(crate) struct Velocity {
     pub(crate) out: PathBuf,
 
     /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120 [default: -60]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
     /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
@@ -199,7 +246,7 @@ pub(crate) struct Velocity {
 
 impl Velocity {
     /// By what means it is formed.
-    pub(crate) fn means(&self) -> Means<'static> {
-        means(self.portable)
+    pub(crate) fn numerics(&self) -> Numerics<'static> {
+        numerics(self.portable)
     }
 }

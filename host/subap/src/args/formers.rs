@@ -5,7 +5,9 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
 use serde_json::{Map, Value};
 use subaperture::focus::ImageFormer;
-use subaperture::focus::formers::{self, Entry, FORMERS, Given, Opt, OptionError, Takes};
+use subaperture::focus::formers::{
+    self, Entry, FORMERS, FormerOption, OptionError, OptionType, OptionValues,
+};
 use subaperture::units::Dimension;
 
 use super::values::{above_zero, error_bound, positive};
@@ -19,12 +21,17 @@ const ERROR_DB: &str = "error_db";
 #[derive(Clone, Debug)]
 pub(crate) struct FormerOptions {
     entry: &'static Entry,
-    given: Given,
+    given: OptionValues,
+    /// Whether the former is the user's choice, by its name or by its options.
+    named: bool,
 }
 
 /// The options of all formers, each name once, and the formers that take it.
-fn options() -> Vec<(&'static Opt, Vec<(&'static str, &'static Opt)>)> {
-    let mut options: Vec<(&Opt, Vec<(&str, &Opt)>)> = Vec::new();
+fn options() -> Vec<(
+    &'static FormerOption,
+    Vec<(&'static str, &'static FormerOption)>,
+)> {
+    let mut options: Vec<(&FormerOption, Vec<(&str, &FormerOption)>)> = Vec::new();
     for entry in &FORMERS {
         for option in entry.options {
             match options
@@ -51,7 +58,7 @@ pub(super) fn ids_but_the_bound() -> impl Iterator<Item = &'static str> {
 }
 
 /// What an option is, which formers take it, and what holds without it.
-fn help(option: &Opt, takers: &[(&str, &Opt)]) -> String {
+fn help(option: &FormerOption, takers: &[(&str, &FormerOption)]) -> String {
     let names: Vec<&str> = takers.iter().map(|(name, _)| *name).collect();
     let mut others = FORMERS.iter().map(|entry| entry.name);
     let others: Vec<&str> = others
@@ -76,23 +83,24 @@ fn help(option: &Opt, takers: &[(&str, &Opt)]) -> String {
 }
 
 /// As it is typed.
-fn argument(option: &'static Opt, takers: &[(&str, &Opt)]) -> Arg {
+fn argument(option: &'static FormerOption, takers: &[(&str, &FormerOption)]) -> Arg {
     let arg = Arg::new(option.name)
         .long(option.name.replace('_', "-"))
         .help(help(option, takers));
     match option.takes {
-        Takes::Count => arg.value_name("N").value_parser(positive),
-        Takes::Length => arg
+        OptionType::Count => arg.value_name("N").value_parser(positive),
+        OptionType::Length => arg
             .value_name("METRES")
             .allow_negative_numbers(true)
             .value_parser(ValueParser::new(above_zero(Dimension::Length))),
-        Takes::Bound => arg
+        OptionType::Bound => arg
             .value_name("DB")
             .allow_negative_numbers(true)
             .value_parser(error_bound),
-        Takes::Switch(_) => arg.action(ArgAction::SetTrue),
-        Takes::Word(words) => {
-            let word = |word: &formers::Word| PossibleValue::new(word.name).help(word.summary);
+        OptionType::Switch(_) => arg.action(ArgAction::SetTrue),
+        OptionType::Word(words) => {
+            let word =
+                |word: &formers::OptionWord| PossibleValue::new(word.name).help(word.summary);
             arg.value_name(option.name.to_uppercase())
                 .value_parser(PossibleValuesParser::new(words.iter().map(word)))
         }
@@ -101,13 +109,13 @@ fn argument(option: &'static Opt, takers: &[(&str, &Opt)]) -> Arg {
 }
 
 /// What was typed for it.
-fn value(option: &Opt, matches: &ArgMatches) -> Option<Value> {
+fn value(option: &FormerOption, matches: &ArgMatches) -> Option<Value> {
     let name = option.name;
     match option.takes {
-        Takes::Count => Some((*matches.get_one::<usize>(name)?).into()),
-        Takes::Length | Takes::Bound => Some((*matches.get_one::<f64>(name)?).into()),
-        Takes::Switch(_) => matches.get_flag(name).then_some(true.into()),
-        Takes::Word(_) => Some(matches.get_one::<String>(name)?.as_str().into()),
+        OptionType::Count => Some((*matches.get_one::<usize>(name)?).into()),
+        OptionType::Length | OptionType::Bound => Some((*matches.get_one::<f64>(name)?).into()),
+        OptionType::Switch(_) => matches.get_flag(name).then_some(true.into()),
+        OptionType::Word(_) => Some(matches.get_one::<String>(name)?.as_str().into()),
         _ => None,
     }
 }
@@ -139,7 +147,7 @@ impl FromArgMatches for FormerOptions {
         let given = options()
             .into_iter()
             .filter_map(|(option, _)| Some((option.name.to_owned(), value(option, matches)?)));
-        let given: Given = given.collect();
+        let given: OptionValues = given.collect();
         let name = matches.get_one::<String>(ALGORITHM);
         let named = FORMERS
             .iter()
@@ -150,7 +158,9 @@ impl FromArgMatches for FormerOptions {
             Some(ValueSource::DefaultValue) if !takes(&named) => FORMERS.iter().find(takes),
             _ => None,
         };
+        let typed = matches.value_source(ALGORITHM) != Some(ValueSource::DefaultValue);
         Ok(Self {
+            named: typed || entry.is_some(),
             entry: entry.unwrap_or(named),
             given,
         })
@@ -163,6 +173,16 @@ impl FromArgMatches for FormerOptions {
 }
 
 impl FormerOptions {
+    /// Whether the former is the user's choice, by its name or by its options.
+    pub(crate) fn is_named(&self) -> bool {
+        self.named
+    }
+
+    /// Whether the bound on the error is the user's word, not the default.
+    pub(crate) fn has_bound(&self) -> bool {
+        self.given.contains_key(ERROR_DB)
+    }
+
     /// The former as it was told.
     ///
     /// # Errors
@@ -206,7 +226,7 @@ impl FormerOptions {
     pub(crate) fn record(&self) -> Map<String, Value> {
         let options = options().into_iter().map(|(option, _)| {
             let absent = match option.takes {
-                Takes::Switch(_) => Value::Bool(false),
+                OptionType::Switch(_) => Value::Bool(false),
                 _ => Value::Null,
             };
             let value = self.given.get(option.name).cloned();

@@ -19,7 +19,7 @@ pub(crate) struct Logs {
 
     /// When the recording's time 0 was by the log's clock: GPS week and seconds of it, or seconds of a clock that has no weeks
     /// [default: what the recording says; 0 of a log with seconds of its own]
-    #[arg(long, value_name = "[WEEK:]SECONDS", allow_negative_numbers = true, requires = "navigation", value_parser = start,
+    #[arg(long, value_name = "[WEEK:]SECONDS", allow_hyphen_values = true, requires = "navigation", value_parser = start,
         help_heading = "Navigation")]
     pub(crate) navigation_start: Option<GpsTime>,
 

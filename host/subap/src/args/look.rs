@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
-use subaperture::plot::{Colours, MOST_HUES, Scale};
+use serde_json::Value;
+use subaperture::plot::{Colours, MAX_HUES, Scale, Upper};
 use subaperture::units::Dimension;
 
 use super::RemapName;
@@ -14,12 +15,12 @@ use super::values::{above_zero, any, output};
 #[derive(Clone, Copy, Debug, Group)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Look {
-    /// Level of the brightest colour, dB; what lies above it has a colour of its own [default: the peak]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
-    pub(crate) top: Option<f64>,
+    /// Upper level, dB (pixels above it have a separate colour), or `peak` [default: the level that 0.1 % of the pixels exceed, at most
+    /// 12 dB below the peak]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = upper)]
+    pub(crate) top: Option<Upper>,
 
-    /// Levels from the brightest to the darkest colour, dB [default: down to 6 dB below the median, 40 to
-    /// 60 in all]
+    /// Dynamic range, dB [default: down to 6 dB below the median, 40 to 60 dB]
     #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
 
@@ -30,6 +31,14 @@ pub(crate) struct Look {
     /// Colours
     #[arg(long, value_enum, default_value_t)]
     pub(crate) colours: ColourMap,
+}
+
+/// Upper level: `peak`, or a level.
+fn upper(text: &str) -> Result<Upper, String> {
+    if text == "peak" {
+        return Ok(Upper::Peak);
+    }
+    any(Dimension::Level)(text).map(Upper::Db)
 }
 
 /// Colour maps by name.
@@ -43,12 +52,21 @@ pub(crate) enum ColourMap {
 }
 
 impl Look {
+    /// The upper level as recorded: dB, `peak`, or null for the automatic level.
+    pub(crate) fn recorded_top(&self) -> Value {
+        match self.top {
+            None | Some(Upper::Automatic) => Value::Null,
+            Some(Upper::Peak) => "peak".into(),
+            Some(Upper::Db(top_db)) => top_db.into(),
+        }
+    }
+
     /// The scale asked for.
     pub(crate) fn scale(&self) -> Scale {
         match self.remap {
             RemapName::Density => Scale::Density,
             RemapName::Db => Scale::FromData {
-                top_db: self.top,
+                top: self.top.unwrap_or_default(),
                 span_db: self.span,
             },
         }
@@ -80,7 +98,7 @@ pub(crate) struct Picture {
     pub(crate) looks: Option<Looks>,
 
     /// Colour by sub-aperture: so many parts of the aperture, 2 to 12, of a hue each, red first; white where all see alike. Of the image's spectrum, no recording is read
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=MOST_HUES as i64), conflicts_with = "colours")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=MAX_HUES as i64), conflicts_with = "colours")]
     pub(crate) sub_apertures: Option<u8>,
 
     #[command(flatten)]

@@ -31,7 +31,7 @@ pub(crate) struct Mapping {
     pub(crate) remap: Option<RemapName>,
 
     /// Level of white, dB [default: the remap's]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) top: Option<f64>,
 
     /// Levels from white to black, dB [default: the remap's]
@@ -85,7 +85,7 @@ pub(crate) enum MapLayout {
 /// Remaps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RemapName {
-    /// From the peak to 6 dB below the median, 40 to 60 dB in all
+    /// Decibels, down to 6 dB below the median, 40 to 60 dB
     #[default]
     Db,
     /// About the mean magnitude, as sarpy's Density: bright points do not make the rest dark

@@ -27,7 +27,7 @@ pub(crate) struct Navigation {
 
     /// Origin of the track's axes, which are east, north and up there: latitude and longitude, degrees, height above the
     /// ellipsoid, metres [default: the first place]
-    #[arg(long, value_name = "LAT,LON,HEIGHT", allow_negative_numbers = true, requires = "out", value_parser = vector(Dimension::Ratio))]
+    #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true, requires = "out", value_parser = vector(Dimension::Ratio))]
     pub(crate) origin: Option<DVec3>,
 
     /// GPS week of an SBET, which names none

@@ -81,7 +81,7 @@ pub(crate) struct PlanModule {
     pub(crate) grid: Option<ImageGrid>,
 
     /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
     /// The module computes on 16-bit samples
@@ -89,7 +89,7 @@ pub(crate) struct PlanModule {
     pub(crate) fixed: bool,
 
     /// Pulses a second [default: the recording's, if it tells times]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency))]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) pulse_rate: Option<f64>,
 }
 
@@ -109,31 +109,31 @@ pub(crate) struct PlanRadar {
 
     /// Full width of the antenna's beam across the track, degrees; without a recording, --pulses or --aperture
     /// the track is as long as the beam lights the scene's centre
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = below_half_a_turn)]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, value_parser = below_half_a_turn)]
     pub(crate) beamwidth: Option<f64>,
 
     /// Transmitted power, watts; needs --pulse-length
-    #[arg(long, value_name = "WATTS", allow_negative_numbers = true, value_parser = above_zero(Dimension::Power), requires = "pulse_length")]
+    #[arg(long, value_name = "WATTS", allow_hyphen_values = true, value_parser = above_zero(Dimension::Power), requires = "pulse_length")]
     pub(crate) power: Option<f64>,
 
     /// Length of a pulse, seconds
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = above_zero(Dimension::Time), requires = "power")]
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true, value_parser = above_zero(Dimension::Time), requires = "power")]
     pub(crate) pulse_length: Option<f64>,
 
     /// Gain of the antenna, dBi
-    #[arg(long, value_name = "DBI", allow_negative_numbers = true, value_parser = any(Dimension::Gain), default_value_t = 0.0)]
+    #[arg(long, value_name = "DBI", allow_hyphen_values = true, value_parser = any(Dimension::Gain), default_value_t = 0.0)]
     pub(crate) gain: f64,
 
     /// Losses, dB
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = from_zero(Dimension::Level), default_value_t = 0.0)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = from_zero(Dimension::Level), default_value_t = 0.0)]
     pub(crate) losses: f64,
 
     /// Noise figure of the receiver, dB
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = from_zero(Dimension::Level), default_value_t = 1.604)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = from_zero(Dimension::Level), default_value_t = 1.604)]
     pub(crate) noise_figure: f64,
 
     /// Noise temperature of the antenna, kelvin
-    #[arg(long, value_name = "KELVIN", allow_negative_numbers = true, value_parser = from_zero(Dimension::Temperature), default_value_t = 290.0)]
+    #[arg(long, value_name = "KELVIN", allow_hyphen_values = true, value_parser = from_zero(Dimension::Temperature), default_value_t = 290.0)]
     pub(crate) temperature: f64,
 
     /// Pixels, as for focus [default: the scene's extent at half the resolution]
@@ -141,7 +141,7 @@ pub(crate) struct PlanRadar {
     pub(crate) grid: Option<ImageGrid>,
 
     /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -60]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
     /// Pulses a sub-CPI of the thesis's mode, whose grating lobes are predicted
@@ -180,11 +180,11 @@ const PASS: [&str; 10] = [
 #[derive(Debug, Group)]
 pub(crate) struct Pass {
     /// Middle of the band, hertz [default: 10e9]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) carrier: Option<f64>,
 
     /// Bandwidth, hertz [default: 200e6]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) bandwidth: Option<f64>,
 
     /// Frequency samples a pulse [default: 256]
@@ -192,19 +192,19 @@ pub(crate) struct Pass {
     pub(crate) frequencies: Option<usize>,
 
     /// Slant range at closest approach, metres [default: 5000]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) range: Option<f64>,
 
     /// Grazing angle, degrees [default: 0]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_zero(Dimension::Angle), help_heading = "A pass")]
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, value_parser = from_zero(Dimension::Angle), help_heading = "A pass")]
     pub(crate) grazing: Option<f64>,
 
     /// Speed, metres a second [default: 125]
-    #[arg(long, value_name = "M/S", allow_negative_numbers = true, value_parser = above_zero(Dimension::Speed), help_heading = "A pass")]
+    #[arg(long, value_name = "M/S", allow_hyphen_values = true, value_parser = above_zero(Dimension::Speed), help_heading = "A pass")]
     pub(crate) velocity: Option<f64>,
 
     /// Pulses a second [default: 1000]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) prf: Option<f64>,
 
     /// Pulses in all [default: 1040]
@@ -212,11 +212,11 @@ pub(crate) struct Pass {
     pub(crate) pulses: Option<usize>,
 
     /// Length of the track, metres
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) aperture: Option<f64>,
 
     /// Side of the scene, metres [default: 80]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) scene: Option<f64>,
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct Tiled {
 
     /// Carry out a plan of `subap plan focus`; what it has done already is not done again
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "allow_error", "window", "slow_window", "grid", "surface", "geoid", "scratch", "portable", "model"
+        "from_maps", "allow_error", "beam", "squint", "window", "slow_window", "grid", "surface", "geoid", "scratch", "portable", "model"
     ])]
     pub(crate) plan: Option<PathBuf>,
 

@@ -17,14 +17,16 @@ use subaperture::units::Dimension;
     subap track walk.cphd -o track.csv\n  \
     subap focus walk.cphd --track track.csv --out image\n\n\
     The same with what a receiver says of where it was:\n  \
-    subap track walk.cphd --navigation receiver.log -o track.csv")]
+    subap track walk.cphd --navigation receiver.log -o track.csv\n\n\
+    Targets that move are left out of the track and reported with their velocities. A track that its own residuals\n\
+    contradict is refused; one in doubt is written, and the exit status is 3.")]
 pub(crate) struct Track {
     /// CPHD 1.x of several channels, or a description of a raw recording (.toml): two receivers at the least, half a
     /// wavelength apart or less
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
-    /// The receivers that are used: all, or some as T1R1,T1R2
+    /// Channels that are used: all, or some as T1R1,T1R2
     #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
     pub(crate) channels: SeveralChannels,
 
@@ -40,19 +42,19 @@ pub(crate) struct Track {
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 
-    /// Ranges in which targets are looked for, nearest and farthest, as 2m:30m [default: all that are told apart]
+    /// Nearest and farthest range searched for targets, as 2m:30m [default: the whole unambiguous interval]
     #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
     pub(crate) range: Option<(f64, f64)>,
 
-    /// Targets of a pulse that are used at the most, the strongest
+    /// Largest number of targets a pulse, the strongest first
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
     pub(crate) targets: usize,
 
-    /// Echoes nearer to noise are not used, dB
-    #[arg(long, value_name = "DB", default_value_t = 10.0, allow_negative_numbers = true, value_parser = any(Dimension::Level))]
+    /// Least SNR of an echo in every channel, dB
+    #[arg(long, value_name = "DB", default_value_t = 10.0, allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) least_snr: f64,
 
-    /// Pulses in a row in which a target may be unseen
+    /// Largest number of pulses in a row in which a target may be missed
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub(crate) bridge: usize,
 

@@ -1,5 +1,6 @@
 //! Values as they are typed: each function turns a word into one, or says what to give.
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -73,11 +74,23 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give a number".to_owned())
 }
 
-/// The path of an output; `-` is none, for nothing is written to standard output but text.
+/// Path of an output. `-` is refused, since standard output is for text only, and so are names of JPEG files.
 pub(super) fn output() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| match path.as_os_str() == "-" {
-        true => Err("nothing is written to standard output: give a name (./- for a file called -)"),
-        false => Ok(path),
+    PathBufValueParser::new().try_map(|path| {
+        if path.as_os_str() == "-" {
+            return Err(
+                "nothing is written to standard output: give a name (./- for a file called -)",
+            );
+        }
+        let is_jpeg = |ending: &OsStr| {
+            ["jpg", "jpeg"].iter().any(|jpeg| ending.eq_ignore_ascii_case(jpeg))
+        };
+        match path.extension().is_some_and(is_jpeg) {
+            true => Err(
+                "JPEG files are not written: pictures are PNG (.png); subap export also writes SICD (.nitf), GeoTIFF (.tif), KMZ (.kmz) and Zarr (.zarr)",
+            ),
+            false => Ok(path),
+        }
     })
 }
 

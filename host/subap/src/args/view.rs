@@ -8,8 +8,9 @@ use clap::{Args as Group, ValueHint};
 /// `subap view`.
 #[derive(Debug, Group)]
 #[command(
-    after_help = "The page's address is printed; Ctrl-C ends it. On the page, ? shows all keys. Its address after # is that of the view: keep it, and\n\
-    give the same --port again.\n\n\
+    after_help = "The page's address is printed; Ctrl-C ends it. The address ends with a random secret, new in each run: without it nothing is\n\
+    answered, to other users of this machine neither. On the page, ? shows all keys. What follows # in its address is the view: keep that, and put\n\
+    it behind the address of a later run.\n\n\
     Example:\n  \
     subap view before after --layer detections.geojson --port 8080"
 )]
@@ -36,7 +37,8 @@ pub(crate) struct View {
     #[arg(long, value_name = "PORT", conflicts_with = "listen")]
     pub(crate) port: Option<u16>,
 
-    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it can look
+    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it and has the whole address that is printed, with its
+    /// secret, can look; nothing is encrypted
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) listen: Option<SocketAddr>,
 }

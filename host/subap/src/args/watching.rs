@@ -18,7 +18,8 @@ pub(crate) struct Watching {
     #[arg(long)]
     pub(crate) page: bool,
 
-    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it can look
+    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it and has the whole address that is printed,
+    /// with its secret, can look; nothing is encrypted
     #[cfg(feature = "page")]
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) listen: Option<SocketAddr>,
@@ -52,7 +53,7 @@ pub(crate) struct Live {
     #[arg(long, short, value_name = "NAME", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 
-    /// Folder for the image at the end: live.npy and live.png
+    /// Folder for the image at the end: image.npy, image.json and image.png, as subap focus leaves them
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) image: Option<PathBuf>,
 

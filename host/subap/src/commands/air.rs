@@ -1,4 +1,4 @@
-//! `--troposphere`: a recording less the delay of the air.
+//! Tropospheric delay correction of a recording (`--troposphere`).
 
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::{PhaseHistory, ReadError, ThroughAir};

@@ -1,4 +1,4 @@
-//! `subap autofocus`: phases or a track by which an image is sharper.
+//! `subap autofocus`: estimate phase errors or the track from the image.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -7,14 +7,15 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use subaperture::autofocus::{
-    Correction, Figures, MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Points,
-    SharpenError, Sharpened, Sharpness, Stopping, Subject, sharpen,
+    Correction, Figures, HELD_IMAGES, MAX_STEP_RAD, MapDrift, Method, ModifiedPhaseGradient,
+    Outcome, PhaseGradient, Points, SIGNIFICANCE, SharpenError, Sharpened, Sharpness, Stopping,
+    Subject, most_images, sharpen,
 };
 use subaperture::focus::ImageFormer;
 use subaperture::focus::forecast::Forecast;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::write_atomically;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
 use subaperture::phase_history::{Collection, Joined, PhaseHistory};
@@ -25,12 +26,12 @@ use crate::ahead::Ahead;
 use crate::args::{Autofocus, Way};
 use crate::commands::forming::{self, Forming};
 use crate::config::{Session, command_line, record_of_run};
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 
 /// Of the picture's levels.
 const SPAN_DB: f64 = 60.0;
 
-/// Sharpens, says what was gained, and writes what it was gained by.
+/// Estimates a correction, prints the figures and writes the files.
 pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     let start = Instant::now();
     let Some((found, history)) = sharpened(session, typed)? else {
@@ -45,14 +46,14 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     report(session, typed, &found, start)
 }
 
-/// Sharpens, writes what was gained by what, and prints nothing: what would be printed as JSON.
+/// Estimates a correction, writes the files and returns the record.
 pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
     let start = Instant::now();
     let (found, history) = sharpened(session, typed)?.expect("it is no rehearsal");
     record(session, typed, &history, &found, start)
 }
 
-/// What was found of which recording; `None` if it was only to be said what that takes.
+/// The result and the recording; `None` for a dry run.
 fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sharpened, Joined)>> {
     let former = typed.former.former()?;
     if let Some(grid) = &typed.grid {
@@ -80,6 +81,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
     };
     let stopping = Stopping {
         rounds: typed.rounds,
+        keep_unjudged: typed.keep_unjudged,
         ..Stopping::default()
     };
     let found = sharpen(&subject, &*method(typed), stopping);
@@ -91,6 +93,9 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
         error => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
+    if let Some(warning) = doubt(&found) {
+        messages::bound_missed(warning);
+    }
     let correction = correction(typed, &history, &found);
     if let Some(path) = &typed.out {
         put(path, file(history.collection(), &correction).as_bytes())?;
@@ -115,7 +120,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
 }
 
 /// Claims what is to be written. Held until the command's end.
-fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<Claims> {
+fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     if let Some(path) = &typed.out {
         claims.file(path, Kind::Text)?;
@@ -126,7 +131,7 @@ fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<Claims> {
     Ok(claims)
 }
 
-/// Says what it will take, by an image a round: whether that is all that was asked for.
+/// Prints the expected cost of a dry run, by an image a round; whether this was a dry run.
 fn ahead(
     session: &Session,
     typed: &Autofocus,
@@ -146,7 +151,7 @@ fn ahead(
         None => None,
     };
     progress.finish();
-    let images = typed.rounds + 1;
+    let images = most_images(typed.rounds, typed.finds_track());
     let time = one.map(|one| Forecast {
         seconds: one.seconds * images as f64,
         ..one
@@ -157,11 +162,11 @@ fn ahead(
         grid.rows.count,
         former.name()
     );
-    let held_bytes = history.held_bytes() + 3 * 8 * grid.num_pixels();
+    let held_bytes = history.held_bytes() + HELD_IMAGES * 8 * grid.num_pixels();
     Ahead::new(session, what, held_bytes, time, Vec::new()).announce(session, &typed.rehearsal)
 }
 
-/// The method that is asked for.
+/// The method with its options.
 fn method(typed: &Autofocus) -> Box<dyn Method> {
     let points = |default: Points| Points {
         most: typed.points.unwrap_or(default.most),
@@ -200,7 +205,7 @@ fn name(typed: &Autofocus) -> &'static str {
     method(typed).name()
 }
 
-/// What was found; if nothing was gained, a correction by nothing of the kind that the method finds.
+/// The correction; zeros of the method's kind if there is none.
 fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) -> Correction {
     let pulses = history.collection().pulses.len();
     found
@@ -239,7 +244,7 @@ fn put(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     })?)
 }
 
-/// What was found, as JSON.
+/// The result as JSON.
 fn record(
     session: &Session,
     typed: &Autofocus,
@@ -255,11 +260,14 @@ fn record(
         "method": name(typed),
         "algorithm": typed.former.record(),
         "measure": typed.measure.to_string(),
-        "gained": found.correction.is_some(),
+        "gained": found.outcome == Outcome::Sharper,
+        "kept": found.correction.is_some(),
+        "outcome": found.outcome,
         "rms_phase_rad": found.correction.as_ref().and_then(Correction::rms_phase_rad),
         "rms_displacement_m": found.correction.as_ref().and_then(Correction::rms_displacement_m),
         "before": found.before,
         "after": found.after,
+        "held_out": found.held_out,
         "rounds": found.rounds,
         "inputs": history.inputs()?,
     }))
@@ -279,11 +287,15 @@ fn report(
             text::decibels(figures.peak_db),
         ]
     };
-    let rows = [row("before", &found.before), row("after", &found.after)];
+    let mut rows = vec![row("before", &found.before), row("after", &found.after)];
+    if let Some(held_out) = &found.held_out {
+        rows.push(row("held out, before", &held_out.before));
+        rows.push(row("held out, after", &held_out.after));
+    }
     text::say(text::table(&["", "entropy", "contrast", "peak"], &rows))?;
     let kept = found.rounds.iter().filter(|round| round.kept).count();
     let by = match &found.correction {
-        None => "nothing was gained: the recording is best as it is".to_owned(),
+        None => "no correction".to_owned(),
         Some(correction) => match (correction.rms_phase_rad(), correction.rms_displacement_m()) {
             (Some(phase), _) => format!("phases of {phase:.3} rad rms taken away"),
             (None, moved) => format!("track moved by {} rms", text::metres(moved)),
@@ -295,6 +307,7 @@ fn report(
         name(typed),
         text::duration(start.elapsed())
     ))?;
+    text::say(judgement(found))?;
     let Some(path) = &typed.out else {
         return Ok(());
     };
@@ -308,9 +321,104 @@ fn report(
     Ok(())
 }
 
+/// The judgement on held-out data, as a line.
+fn judgement(found: &Sharpened) -> String {
+    let Some(held_out) = &found.held_out else {
+        return match found.outcome {
+            Outcome::NothingFound => "no correction that was tried sharpens the image".to_owned(),
+            _ => "not judged on held-out data: the figures are those of the data used to estimate"
+                .to_owned(),
+        };
+    };
+    let mut text = format!(
+        "{}: range cells that were not used to estimate: entropy {:.4} before, {:.4} after; probability of such a gain by chance {} over {} segments",
+        match held_out.sharper {
+            true => "sharper on held-out data",
+            false => "not accepted on held-out data",
+        },
+        held_out.before.entropy,
+        held_out.after.entropy,
+        probability(held_out.p_value),
+        held_out.segments
+    );
+    if let (Some(error_m), Some(p_value)) = (held_out.track_error_m, held_out.track_p_value) {
+        let error = text::metres(Some(error_m));
+        let p_value = probability(p_value);
+        write!(
+            text,
+            "; track error {error} rms by the jackknife, probability {p_value} if the track were no better than the recorded one"
+        )
+        .expect("text grows");
+    }
+    text
+}
+
+fn probability(p: f64) -> String {
+    match p < 1e-4 {
+        true => "below 0.0001".to_owned(),
+        false => format!("{p:.4}"),
+    }
+}
+
+const LESS_THAN_A_QUARTER: &str =
+    "held-out range cells gain less than a quarter of the gain on the cells used";
+
+/// Why a correction is refused, or kept without a judgement.
+fn doubt(found: &Sharpened) -> Option<String> {
+    let what = |correction: &Option<Correction>| match correction {
+        Some(Correction::Track { .. }) => "track",
+        _ => "phases",
+    };
+    let limit = SIGNIFICANCE;
+    match (found.outcome, &found.held_out) {
+        (Outcome::NotSharper, held_out) => {
+            let what = what(&found.refused);
+            let reason = match held_out {
+                Some(held_out) if what == "track" && held_out.p_value >= limit => format!(
+                    "expected a gain on held-out range cells with a probability by chance below {limit}, found {}",
+                    probability(held_out.p_value)
+                ),
+                Some(held_out) if what == "track" => match held_out.track_p_value {
+                    Some(p_value) if p_value >= limit => format!(
+                        "expected a track better than the recorded one with a probability of error below {limit}, found {}",
+                        probability(p_value)
+                    ),
+                    Some(_) => match held_out.largest_step_rad {
+                        Some(step_rad) if step_rad >= MAX_STEP_RAD => format!(
+                            "expected displacements that change the two-way phase by less than {MAX_STEP_RAD:.2} rad between pulses, found {step_rad:.2}: \
+                             half-wavelength slips are possible, which no image shows"
+                        ),
+                        _ => LESS_THAN_A_QUARTER.to_owned(),
+                    },
+                    None => "some of the held-out folds give no track".to_owned(),
+                },
+                _ => LESS_THAN_A_QUARTER.to_owned(),
+            };
+            Some(format!(
+                "{what}: correction refused, {what} unchanged: {reason}"
+            ))
+        }
+        (Outcome::Unjudged, _) => Some(match (&found.correction, &found.refused) {
+            (kept @ Some(_), _) => format!(
+                "{}: correction kept without a judgement: bright points lie in too few range cells to hold some of them out; \
+                 its sharpness is that of the data it was estimated from",
+                what(kept)
+            ),
+            (None, refused) => {
+                let what = what(refused);
+                format!(
+                    "{what}: correction refused, {what} unchanged: bright points lie in too few range cells to hold some of them out; \
+                     --keep-unjudged keeps it"
+                )
+            }
+        }),
+        _ => None,
+    }
+}
+
 fn correction_is_phase(typed: &Autofocus, found: &Sharpened) -> bool {
     match &found.correction {
         Some(correction) => matches!(correction, Correction::Phase { .. }),
-        None => matches!(typed.method, Way::Pga | Way::MapDrift),
+        None => !typed.finds_track(),
     }
 }

@@ -1,4 +1,4 @@
-//! `subap capture`: an experiment in, a recording out.
+//! `subap capture`: record an experiment with a radio.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -8,9 +8,10 @@ use anyhow::{Context, anyhow};
 use serde_json::{Value, json};
 use subaperture::io::atomic::free_bytes;
 use subaperture::monitor::Monitor;
-use subaperture::radio::capture::{CaptureError, Ended, LiveStep, Summary, capture};
+use subaperture::radio::capture::{CaptureError, EndReason, LiveStep, Summary, capture};
 use subaperture::radio::experiment::{self, Device, Experiment};
 use subaperture::radio::plan::Plan;
+use subaperture::radio::sigmf::SigmfError;
 use subaperture::radio::{Ranges, Transceiver};
 
 use crate::args::Capture;
@@ -76,7 +77,8 @@ fn captured(
     let (live, shown) = sync_channel(WAITING);
     thread::scope(|scope| {
         let progress = &progress;
-        scope.spawn(move || show(plan, progress, shown));
+        // Without a thread there is no bar: its end of the queue is gone, and the capture goes on.
+        let _ = thread::Builder::new().spawn_scoped(scope, move || show(plan, progress, shown));
         let queues = watch::queues(session, plan);
         let summary = capture(radio, plan, out, queues, Some(&live), interrupt::flag());
         // The bar's thread ends with it.
@@ -203,10 +205,10 @@ fn counted(counts: [u64; 5], names: [&str; 5]) -> Option<String> {
 
 fn ended(summary: &Summary) -> &'static str {
     match summary.ended {
-        Ended::Done => "done",
-        Ended::Stopped => "stopped",
-        Ended::Radio(_) => "radio",
-        Ended::Disk(_) => "disk",
+        EndReason::Done => "done",
+        EndReason::Stopped => "stopped",
+        EndReason::Radio(_) => "radio",
+        EndReason::Disk(_) => "disk",
     }
 }
 
@@ -301,16 +303,53 @@ pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
     })
 }
 
+/// Whether the disk has no room, or its user's share of it is used up: whatever else fails, room does not help.
+fn is_full(error: &SigmfError) -> bool {
+    use std::io::ErrorKind::{QuotaExceeded, StorageFull};
+    let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
+    while let Some(error) = cause {
+        if let Some(error) = error.downcast_ref::<std::io::Error>()
+            && matches!(error.kind(), StorageFull | QuotaExceeded)
+        {
+            return true;
+        }
+        cause = error.source();
+    }
+    false
+}
+
 /// Why a capture that ended before its time did, with what is left of it.
 pub(super) fn end(plan: &Plan, summary: Summary, out: &Path) -> anyhow::Result<()> {
     let (steps, path) = (summary.steps, meta(out).display().to_string());
     let left = format!("the {steps} steps that came are in {path}");
     match summary.ended {
-        Ended::Done => Ok(()),
+        EndReason::Done => Ok(()),
         // That is how an endless one ends.
-        Ended::Stopped if plan.sweeps == 0 => Ok(()),
-        Ended::Stopped => Err(InterruptedWithSteps { steps, path }.into()),
-        Ended::Radio(error) => Err(anyhow!("{error}; {left}")),
-        Ended::Disk(error) => Err(anyhow!("{error}; {left}: make room, and capture again")),
+        EndReason::Stopped if plan.sweeps == 0 => Ok(()),
+        EndReason::Stopped => Err(InterruptedWithSteps { steps, path }.into()),
+        EndReason::Radio(error) => Err(anyhow!("{error}; {left}")),
+        EndReason::Disk(error) if is_full(&error) => {
+            Err(anyhow!("{error}; {left}: make room, and capture again"))
+        }
+        EndReason::Disk(error) => Err(anyhow!(
+            "{error}; {left}: see to the disk, or capture to another one"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_full_disk_needs_room() {
+        // As Linux numbers them: EIO, EACCES, ENOSPC, EDQUOT.
+        for (number, full) in [(5, false), (13, false), (28, true), (122, true)] {
+            let error = SigmfError::Io {
+                path: PathBuf::from("a.sigmf-data"),
+                source: std::io::Error::from_raw_os_error(number),
+            };
+            assert_eq!(is_full(&error), full, "{error}");
+        }
     }
 }

@@ -1,20 +1,33 @@
-//! `subap compare`: how far apart two complex images are.
+//! `subap compare`: measure the difference of two images.
 
-use subaperture::image::Comparison;
+use serde_json::json;
+use subaperture::images::{self, CompareError, Compared};
 
 use super::stored;
 use crate::args::Compare;
 use crate::config::Session;
 use crate::{messages, text};
 
-/// Prints the differences of the two images.
+/// Prints the differences of the two images, on the pixels that both have.
 pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
     let progress = session.progress("comparing");
-    let image = stored::open(&typed.image)?;
-    let reference = stored::open(&typed.reference)?;
-    image.check_same_grid(&reference)?;
-    let comparison = Comparison::by_parts(&*image.pixels, &*reference.pixels)?;
+    let open = |path| {
+        let image = stored::open(session, path)?;
+        anyhow::Ok(match &typed.place {
+            Some(place) if image.is_unplaced() => image.placed(place),
+            _ => image,
+        })
+    };
+    let image = open(&typed.image)?;
+    let reference = open(&typed.reference)?;
+    let compared = images::compare(&image, &reference).map_err(|error| match &error {
+        CompareError::Pair(pair) if pair.unplaced && typed.place.is_none() => {
+            anyhow::anyhow!("{error}: give --place LAT,LON[,HEIGHT]")
+        }
+        _ => error.into(),
+    })?;
     progress.finish();
+    let comparison = &compared.comparison;
     if let (Some(bound_db), Some(error_db)) = (typed.error_db, comparison.error_db)
         && error_db > bound_db
     {
@@ -23,8 +36,33 @@ pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
         ));
     }
     if session.json() {
-        return text::say_json("comparison", comparison);
+        let mut value = serde_json::to_value(comparison)?;
+        value["values"] = json!(if compared.complex {
+            "complex"
+        } else {
+            "amplitudes"
+        });
+        value["pixels"] = json!(compared.pixels);
+        value["of_pixels"] = json!(compared.of);
+        value["notes"] = json!(compared.notes);
+        return text::say_json("comparison", value);
     }
-    text::say(comparison.to_string())?;
+    text::say(describe(&compared))?;
     Ok(())
+}
+
+/// As lines: the figures, then the pixels and values that they are of, where these are not simply those of both images.
+fn describe(compared: &Compared) -> String {
+    let figures = compared.comparison.to_string();
+    let phases = |line: &&str| compared.complex || !line.starts_with("peak phase error");
+    let mut lines: Vec<String> = figures.lines().filter(phases).map(str::to_owned).collect();
+    if compared.pixels != compared.of {
+        lines.push(format!(
+            "compared             {} of {} pixels, which both images have",
+            compared.pixels, compared.of
+        ));
+    }
+    let notes = compared.notes.iter();
+    lines.extend(notes.map(|note| format!("note                 {note}")));
+    lines.join("\n")
 }

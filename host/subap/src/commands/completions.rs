@@ -1,14 +1,12 @@
-//! `subap completions`: what a shell needs to complete our options.
+//! `subap completions`: print a shell completion script.
 
-use clap::CommandFactory;
-
-use crate::args::{Args, Completions};
+use crate::args::{self, Completions};
 use crate::text;
 
-/// Prints the script.
+/// Print the completion script of a shell.
 pub(crate) fn run(typed: &Completions) -> anyhow::Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(typed.shell, &mut Args::command(), "subap", &mut script);
+    clap_complete::generate(typed.shell, &mut args::command(), "subap", &mut script);
     text::print(&script)?;
     Ok(())
 }

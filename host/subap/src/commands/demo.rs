@@ -1,4 +1,4 @@
-//! `subap demo`: the thesis's Table 4.1 simulated, focused by every former, errors shown.
+//! `subap demo`: simulate Table 4.1 of the thesis, focus it with every former, and report the errors.
 
 mod report;
 mod writing;
@@ -13,10 +13,10 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{FormError, Formed, ImageFormer, Task};
 use subaperture::image::{Comparison, Image};
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -78,7 +78,7 @@ fn ways() -> Vec<Way> {
     let range_doppler = |folder, title, mode, pulses, bound_db| Way {
         folder,
         title,
-        former: Box::new(RangeDoppler {
+        former: Box::new(RangeDopplerBackprojection {
             mode,
             error_db: ERROR_DB,
             sub_cpi: Some(pulses),
@@ -172,7 +172,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         weights: &weights,
         memory_bytes: session.memory_bytes - other_bytes,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     if typed.rehearsal.dry_run {
         ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;
@@ -216,7 +216,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
 }
 
 /// Claims everything that is to be written. Held until the command's end.
-fn claim(session: &Session, typed: &Demo) -> anyhow::Result<Claims> {
+fn claim(session: &Session, typed: &Demo) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims::<&Path>(&typed.writing, &[]);
     let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
     let pictures = folders

@@ -1,5 +1,4 @@
-//! `subap export`: an image in a format that other programs read. And products: the same formats, written beside an image by whoever
-//! has formed it.
+//! `subap export`: write an image in formats of other programs. Commands that form images use [`Products`] for the same formats.
 
 mod maps;
 mod sicd;
@@ -10,8 +9,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
-use subaperture::geometry::{Geodetic, SceneFrame};
-use subaperture::io::claim::Claims;
+use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
+use subaperture::images::{ImageKind, OpenImage, PixelGeometry, Pixels};
+use subaperture::io::claim::OutputClaims;
 
 use super::stored;
 use crate::args::{Export, ImageFormat, Mapping, Writing};
@@ -40,17 +40,9 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
         );
         return Err(Usage(what).into());
     }
-    let folder = match stored::product_folder(image) {
-        Some(folder) => folder,
-        None if stored::is_nitf(image) => {
-            check_sicd(typed, image, format)?;
-            image
-        }
-        None => bail!(
-            "{}: no image: give the folder of a product (with image.json and image.npy), or a SICD",
-            image.display()
-        ),
-    };
+    let folder = stored::product_folder(image).unwrap_or(image);
+    // What it is decides what it can be written as, before anything is claimed.
+    check_format(typed, &stored::open_unread(session, image)?, format)?;
     let export = One {
         image,
         others,
@@ -75,23 +67,65 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses what a SICD, which is anyone's, is not written as.
-fn check_sicd(typed: &Export, image: &Path, format: ImageFormat) -> Result<(), Usage> {
-    let image = image.display();
-    if !matches!(
+/// Opens an image whose pixels are all there.
+fn whole(session: &Session, path: &Path) -> anyhow::Result<OpenImage> {
+    let image = stored::open(session, path)?;
+    if let Pixels::Unfinished(tiles) = &image.pixels {
+        let [formed, count] = tiles.tiles();
+        bail!(
+            "{}: {formed} of its {count} tiles are formed: export it once subap focus has formed them all",
+            path.display()
+        );
+    }
+    Ok(image)
+}
+
+/// The grid and the record of an image.
+fn recorded(one: &One, image: &OpenImage) -> anyhow::Result<(ImageGrid, Value)> {
+    match (image.grid(), &image.record) {
+        (Some((grid, _)), Some(record)) => Ok((grid.clone(), record.clone())),
+        _ => bail!(
+            "{}: it is an image of the kind {}, whose record does not say what --format {} needs: where pixels are and from where they were seen",
+            one.image.display(),
+            image.kind(),
+            one.format.name()
+        ),
+    }
+}
+
+/// Refuses a format that the image cannot be written as.
+fn check_format(typed: &Export, image: &OpenImage, format: ImageFormat) -> anyhow::Result<()> {
+    let path = image.path.display();
+    let is_map = matches!(
         format,
         ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png
-    ) {
+    );
+    let says_its_place = matches!(
+        image.lies,
+        PixelGeometry::Sicd { .. } | PixelGeometry::Map(_)
+    ) || image.kind() == ImageKind::Sidd;
+    if typed.place.is_some() && says_its_place {
         return Err(Usage(format!(
-            "{image} is a SICD, of which maps are made (--format cog, kmz or png): --format {} is of images that subap formed",
-            format.name()
-        )));
+            "{path} says itself where on the Earth it is: leave --place out"
+        ))
+        .into());
     }
-    match typed.place.is_some() {
-        true => Err(Usage(format!(
-            "{image} says itself where on the Earth it is: leave --place out"
-        ))),
-        false => Ok(()),
+    match image.kind() {
+        ImageKind::Product => Ok(()),
+        _ if format == ImageFormat::Zarr => Ok(()),
+        ImageKind::Sicd if is_map => Ok(()),
+        ImageKind::Sicd => Err(Usage(format!(
+            "{path} is a SICD, of which maps are made (--format cog, kmz or png) and stacks (zarr): --format {} is of images that subap formed",
+            format.name()
+        ))
+        .into()),
+        ImageKind::Zarr if image.looks().is_some() => Ok(()),
+        kind => bail!(
+            "{path} is an image of the kind {kind}, which does not say from where its pixels were seen: --format zarr takes it, and --format {} is of \
+             products of subap focus{}",
+            format.name(),
+            if is_map { " and of SICDs" } else { "" }
+        ),
     }
 }
 
@@ -111,12 +145,12 @@ struct One<'a> {
     writing: Writing,
 }
 
-/// What was written.
+/// Result of writing one format.
 struct Written {
-    /// Of its record.
+    /// Key in the JSON record.
     name: &'static str,
     about: Value,
-    /// For people.
+    /// Line printed for the user.
     line: String,
 }
 
@@ -146,7 +180,7 @@ impl One<'_> {
     }
 
     /// Claims all that is going to be written.
-    fn claim(&self, claims: &mut Claims) -> anyhow::Result<()> {
+    fn claim(&self, claims: &mut OutputClaims) -> anyhow::Result<()> {
         match self.format {
             ImageFormat::Sicd | ImageFormat::Sidd => sicd::claim(self, claims),
             ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
@@ -171,7 +205,7 @@ impl One<'_> {
 
 /// Formats of an image that is formed by the same run, written into its folder each under a name of its own.
 pub(crate) struct Products<'a> {
-    /// The image's.
+    /// Folder of the image.
     pub(crate) folder: &'a Path,
     pub(crate) formats: &'a [ImageFormat],
     /// Where on the Earth the scene's origin is, where the recording does not say.
@@ -185,7 +219,7 @@ impl Products<'_> {
         &self,
         session: &Session,
         inputs: &[P],
-    ) -> anyhow::Result<Claims> {
+    ) -> anyhow::Result<OutputClaims> {
         let mut claims = session.claims(&self.writing, inputs);
         for (n, &format) in self.formats.iter().enumerate() {
             if self.formats[..n].contains(&format) {
@@ -231,7 +265,7 @@ impl Products<'_> {
         self.formats.iter().map(one).collect()
     }
 
-    /// One of them.
+    /// Call a function with the export of one format.
     fn with<T>(
         &self,
         format: ImageFormat,

@@ -1,9 +1,11 @@
-//! `subap focus`: recordings in, an image and its record out.
+//! `subap focus`: form an image of recordings, and write it with its record.
 
+pub(crate) mod beam;
 mod check;
 mod corrected;
 mod deliver;
 mod from_maps;
+mod missed;
 mod on_track;
 mod record;
 pub(crate) mod tiled;
@@ -15,8 +17,10 @@ use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::{Map, Value};
+use subaperture::focus::auto::selected;
+use subaperture::focus::beam::{Beam, seeing};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{DecidedOnce, FormError, Formed, ImageFormer, Means, Task};
+use subaperture::focus::{DecidedOnce, FormError, Formed, ImageFormer, Numerics, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::input::checksum;
@@ -54,7 +58,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
-    let former = typed.image.former.former()?;
+    typed.image.former.former()?;
     let model = forming::time_model(&typed.image)?;
     if let Some(grid) = &typed.image.grid {
         room(typed, grid)?;
@@ -63,8 +67,8 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let products = products(typed);
     let _products = products.claim(session, &typed.input.paths)?;
 
-    let recorded = match &typed.track {
-        None => session.open(&typed.input)?,
+    let (recorded, movers) = match &typed.track {
+        None => (session.open(&typed.input)?, Value::Null),
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
@@ -78,7 +82,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let survey = Surveying::of(recorded)?;
     let moving = moving(typed, recorded)?;
     let job = Job {
-        means: typed.image.means(model.as_ref()),
+        numerics: typed.image.numerics(model.as_ref()),
         session,
         typed,
         history: match &moving {
@@ -86,6 +90,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             None => recorded,
         },
         survey: &survey,
+        movers,
         start,
     };
     thread::scope(|scope| {
@@ -94,6 +99,8 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         let grid = job.grid()?;
         air.tell(session, &grid);
         room(typed, &grid)?;
+        let of = (job.history, typed.velocity);
+        let former = beam::former(session, &typed.image, of, &grid)?;
         make(&job, &*former, &grid)
     })
 }
@@ -110,17 +117,18 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
         )
     });
     let windows = [typed.image.window, typed.image.slow_window];
-    let forming = Forming::new(session, job.history, grid, windows, job.means);
+    let forming = Forming::by(former, session, job.history, grid, windows, job.numerics)?;
+    let beam = former.beam();
     // Planned to be told of, and formed by that plan.
-    let former = DecidedOnce::new(former, forming.task(&Silent).aim());
+    let former = DecidedOnce::new(former, forming.task(&Silent).spec());
     if announce(job, &former, &forming)? {
         return Ok(());
     }
     if 8 * grid.num_pixels() > session.memory_bytes / 2 {
-        return tiled::into_array(job, grid);
+        return tiled::into_array(job, &former, grid);
     }
     let (formed, check) = form(job, &former, &forming)?;
-    let settings = record::settings(typed, former.name(), &formed.settings);
+    let settings = record::settings(job, former.name(), &formed.settings);
     let about = record::About {
         settings,
         check,
@@ -128,20 +136,20 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
     };
     job.deliver(
         grid,
-        former.name(),
+        (former.name(), beam),
         about,
         deliver::Whole::Memory(&formed.image),
     )
 }
 
-/// The recordings that are typed, as the image is formed of them: on a track, without the air's delay, corrected, seen from what moves.
+/// The recordings that are typed, as the image is formed of them: on a track, without the air's delay, corrected, seen from what moves. With them the movers of a track found of echoes, for the record.
 fn with_history<T>(
     session: &Session,
     typed: &Focus,
-    act: impl FnOnce(&dyn PhaseHistory) -> anyhow::Result<T>,
+    act: impl FnOnce(&dyn PhaseHistory, Value) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
-    let recorded = match &typed.track {
-        None => session.open(&typed.input)?,
+    let (recorded, movers) = match &typed.track {
+        None => (session.open(&typed.input)?, Value::Null),
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
@@ -151,21 +159,23 @@ fn with_history<T>(
         None => air.history(),
     };
     match moving(typed, recorded)? {
-        Some(moving) => act(&moving),
-        None => act(recorded),
+        Some(moving) => act(&moving, movers),
+        None => act(recorded, movers),
     }
 }
 
 /// The error of the image that is in its folder, on `count` of its pixels: as `--check` has it, with the bound.
 pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow::Result<Value> {
-    with_history(session, typed, |history| {
+    with_history(session, typed, |history, _| {
         let stored = product::open(&typed.out)?;
         let progress = session.progress("checking");
         let windows = [typed.image.window, typed.image.slow_window];
-        let means = typed.image.means(None);
-        let forming = Forming::new(session, history, &stored.grid, windows, means);
+        let numerics = typed.image.numerics(None);
+        let of = (history, typed.velocity);
+        let former = beam::former(session, &typed.image, of, &stored.grid)?;
+        let forming = Forming::by(&*former, session, history, &stored.grid, windows, numerics)?;
         let task = forming.task(&progress);
-        let bound_db = typed.image.former.former()?.bound_db();
+        let bound_db = former.bound_db();
         let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
         let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
         progress.finish();
@@ -205,9 +215,11 @@ pub(crate) struct Job<'a> {
     /// As it is seen from what moves, if that is asked for.
     pub(crate) history: &'a dyn PhaseHistory,
     pub(crate) survey: &'a Surveying<'a>,
-    /// By what means.
-    pub(crate) means: Means<'a>,
-    /// When it began.
+    /// Targets that move, of a track that is found of echoes; else null.
+    pub(crate) movers: Value,
+    /// Transforms and timing model.
+    pub(crate) numerics: Numerics<'a>,
+    /// Time at which the run began.
     pub(crate) start: Instant,
 }
 
@@ -226,11 +238,11 @@ impl Job<'_> {
         })
     }
 
-    /// Writes a whole image by the former of this name, with its record and picture.
+    /// Writes a whole image by the former of this name, in its beam, with its record and picture.
     fn deliver(
         &self,
         grid: &ImageGrid,
-        former: &str,
+        (former, beam): (&str, Option<Beam>),
         about: record::About,
         image: deliver::Whole,
     ) -> anyhow::Result<()> {
@@ -251,7 +263,16 @@ impl Job<'_> {
         }
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);
-        let record = record::Record::of(self, grid, about, &inputs)?;
+        // What is measured of the image is what the pulses show that see its middle.
+        let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        let seeing = beam.map(|beam| seeing(&beam, self.history, middle_m));
+        let seeing = seeing.transpose().ok().flatten();
+        let mut record = record::Record::of(self, grid, about, &inputs)?;
+        if let Some(seeing) = &seeing {
+            record.seen = Some((seeing.collection(), middle_m));
+        }
+        let resolved = record.settings["resolved"].as_object();
+        let former = resolved.map_or(former, |resolved| selected(resolved, former));
         let title = format!("{}, {former}", self.survey.get().name);
         deliver::deliver(session, typed, image, &record, &title)?;
         match told {
@@ -292,14 +313,14 @@ fn form(
     let checking = checking.transpose()?;
     let formed = stages::measured(session, &progress, |monitor| {
         let task = Task { monitor, ..task };
-        former.form_asked(&task, typed.image.misses())
+        former.form_asked(&task, typed.image.bound_policy())
     });
-    let formed = formed.map_err(with_advice)?;
-    progress.finish();
+    let formed = formed.map_err(|error| missed::refusal(error, former, &task.spec(), &progress))?;
     tell_settings(&formed.settings);
     if formed.bound_missed {
-        tell_missed(formed.predicted_error_db, former.bound_db());
+        missed::tell(former, &task.spec(), formed.predicted_error_db, &progress);
     }
+    progress.finish();
     let against_exact = |plan: check::Plan| {
         let progress = session.progress("checking");
         plan.against_exact(&forming.task(&progress), &formed.image, former.bound_db())
@@ -318,14 +339,6 @@ fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
         bytes,
         crc32,
     })
-}
-
-/// Warns of an image that is worse than asked, and may be.
-fn tell_missed(predicted_db: f64, bound_db: Option<f64>) {
-    messages::bound_missed(format!(
-        "the predicted error is {predicted_db:.1} dB, above the {} dB asked",
-        bound_db.unwrap_or_default()
-    ));
 }
 
 /// Tells what the former chose, and what it has to say of the image.

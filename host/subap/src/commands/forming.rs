@@ -1,15 +1,17 @@
-//! What `focus` and `velocity` have in common: a folder is claimed, a recording surveyed, what its image will take is
-//! told before it is formed, and the image is written beside its record.
+//! Steps shared by `focus` and `velocity`: claiming the output folder, surveying the recording, forecasting time and memory,
+//! and writing the image with its record.
 
 use std::path::Path;
 use std::sync::OnceLock;
 
 use anyhow::Context;
 use serde_json::Value;
-use subaperture::focus::{ImageFormer, Means, Task, TimeModel};
+use subaperture::focus::{FormError, ImageFormer, Numerics, Task, TimeModel};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
+use subaperture::io::input::open_file;
+use subaperture::io::json::{self, JsonError, Limits};
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Monitor;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
@@ -28,12 +30,19 @@ pub(crate) fn claim<P: AsRef<Path>>(
     inputs: &[P],
     out: &Path,
     num_pixels: u64,
-) -> anyhow::Result<Claims> {
+) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims(writing, inputs);
     claims.folder(out, product::NAMES)?;
     Product::prepare(out, num_pixels)?;
     Ok(claims)
 }
+
+/// Bounds on a time model, which has some hundred numbers.
+const MODEL_LIMITS: Limits = Limits {
+    bytes: 64 << 10,
+    string_bytes: 4 << 10,
+    value_bytes: 1 << 20,
+};
 
 const NO_PULSES: &str = "the input holds no pulses";
 
@@ -74,6 +83,10 @@ pub(crate) fn about(survey: &Survey, history: &dyn PhaseHistory) -> anyhow::Resu
     if !channels.is_empty() {
         about["channels"] = serde_json::to_value(channels)?;
     }
+    let conventions = history.phase_conventions();
+    if !conventions.is_empty() {
+        about["phase"] = serde_json::to_value(conventions)?;
+    }
     Ok(about)
 }
 
@@ -98,9 +111,15 @@ pub(crate) fn time_model(typed: &Imaging) -> anyhow::Result<Option<TimeModel>> {
     let Some(path) = &typed.model else {
         return Ok(None);
     };
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the time model {}", path.display()))?;
-    let model = TimeModel::from_text(&text).with_context(|| path.display().to_string())?;
+    let value = open_file(path)
+        .map_err(JsonError::Io)
+        .and_then(|file| json::value(file, MODEL_LIMITS))
+        .map_err(|error| match error {
+            JsonError::Io(error) => anyhow::Error::from(error)
+                .context(format!("cannot read the time model {}", path.display())),
+            error => anyhow::anyhow!("{}: no time model: {error}", path.display()),
+        })?;
+    let model = TimeModel::from_value(value).with_context(|| path.display().to_string())?;
     Ok(Some(model))
 }
 
@@ -110,7 +129,7 @@ pub(crate) struct Forming<'f> {
     grid: &'f ImageGrid,
     weights: Weights,
     memory_bytes: u64,
-    means: Means<'f>,
+    numerics: Numerics<'f>,
 }
 
 impl<'f> Forming<'f> {
@@ -120,14 +139,41 @@ impl<'f> Forming<'f> {
         history: &'f dyn PhaseHistory,
         grid: &'f ImageGrid,
         [fast, slow]: [Window; 2],
-        means: Means<'f>,
+        numerics: Numerics<'f>,
+    ) -> Self {
+        let weights = Weights::new(history.collection(), fast, slow);
+        Self::weighted(session, history, grid, weights, numerics)
+    }
+
+    /// The same by a former, under the weights that it takes.
+    ///
+    /// # Errors
+    /// [`FormError`] if its beam does not suit the recording or the grid.
+    pub(crate) fn by(
+        former: &dyn ImageFormer,
+        session: &Session,
+        history: &'f dyn PhaseHistory,
+        grid: &'f ImageGrid,
+        [fast, slow]: [Window; 2],
+        numerics: Numerics<'f>,
+    ) -> Result<Self, FormError> {
+        let weights = former.weights(history.collection(), grid, fast, slow)?;
+        Ok(Self::weighted(session, history, grid, weights, numerics))
+    }
+
+    fn weighted(
+        session: &Session,
+        history: &'f dyn PhaseHistory,
+        grid: &'f ImageGrid,
+        weights: Weights,
+        numerics: Numerics<'f>,
     ) -> Self {
         Self {
             history,
             grid,
-            weights: Weights::new(history.collection(), fast, slow),
+            weights,
             memory_bytes: session.memory_bytes,
-            means,
+            numerics,
         }
     }
 
@@ -139,7 +185,7 @@ impl<'f> Forming<'f> {
             weights: &self.weights,
             memory_bytes: self.memory_bytes,
             monitor,
-            means: self.means,
+            numerics: self.numerics,
         }
     }
 }

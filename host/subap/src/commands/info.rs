@@ -1,7 +1,12 @@
-//! `subap info`: what recordings hold.
+//! `subap info`: describe a recording or any other file that Subaperture reads or writes.
 
+mod captures;
+mod description;
 mod facts;
+mod images;
 mod stored;
+mod texts;
+mod tracks;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -9,6 +14,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use glam::DVec3;
 use serde_json::{Value, json};
+use subaperture::FileKind;
 use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::cphd::CphdInfo;
 use subaperture::io::open::{Options, cphd_info, open_channels};
@@ -18,14 +24,15 @@ use subaperture::resolution::survey::{DefaultGrid, Survey};
 use crate::args::Info;
 use crate::config::Session;
 use crate::failure::Usage;
+use crate::messages;
 use crate::text::{self};
-use stored::Kind;
 
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
-    let kinds = typed.input.paths.iter().map(|path| (path, Kind::of(path)));
-    let kinds: Vec<(&PathBuf, Kind)> = kinds.collect();
-    if kinds.iter().any(|(_, kind)| *kind != Kind::Recording) {
+    let kinds = typed.input.paths.iter();
+    let kinds: Vec<(&PathBuf, FileKind)> =
+        kinds.map(|path| (path, stored::kind_of(path))).collect();
+    if kinds.iter().any(|(_, kind)| *kind != FileKind::Recording) {
         return of_stored(session, &kinds);
     }
     let history = session.open(&typed.input)?;
@@ -34,6 +41,12 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         Some(place_m) => Survey::at(history.collection(), place_m),
     };
     let survey = survey.context("the input holds no pulses")?;
+    if survey.centre_at_antennas {
+        let [x, y, z] = survey.scene_centre_m;
+        messages::warning(format!(
+            "resolution and geometry are those at x {x} m, y {y} m, z {z} m, which lies at the antennas: --at X,Y,Z shows them in the scene"
+        ));
+    }
     let advice = Advice::of(session, &history, &survey);
     let track_error = TrackError::of(&history);
     let left_bytes = session.memory_bytes.saturating_sub(history.held_bytes());
@@ -43,7 +56,9 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
         value["ambiguity"] = json!(survey.ambiguity());
+        value["warnings"] = json!(history.warnings());
         value["channels"] = serde_json::to_value(history.channels())?;
+        value["phase"] = serde_json::to_value(history.phase_conventions())?;
         value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
             Ok(DefaultGrid { grid, cropped, .. }) => json!({
@@ -66,6 +81,9 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
             }
         }
         report += &facts::describe(session, &survey, &advice);
+        for convention in history.phase_conventions() {
+            let _ = writeln!(report, "{:<16} {convention}", "phase");
+        }
         if let Some(error) = track_error {
             let _ = writeln!(
                 report,
@@ -80,18 +98,18 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Images and maps, one after the other.
-fn of_stored(session: &Session, paths: &[(&PathBuf, Kind)]) -> anyhow::Result<()> {
-    if let Some((path, _)) = paths.iter().find(|(_, kind)| *kind == Kind::Recording) {
+/// What is no recording, one after the other.
+fn of_stored(session: &Session, paths: &[(&PathBuf, FileKind)]) -> anyhow::Result<()> {
+    if let Some((path, _)) = paths.iter().find(|(_, kind)| *kind == FileKind::Recording) {
         return Err(Usage(format!(
-            "{} is a recording, and others are images or maps: ask for them apart",
+            "{} is a recording, and others are not: ask for them apart",
             path.display()
         ))
         .into());
     }
-    let found: Vec<stored::Description> = paths
+    let found: Vec<description::Description> = paths
         .iter()
-        .map(|(path, kind)| stored::describe(path, *kind))
+        .map(|(path, kind)| stored::describe(session, path, kind))
         .collect::<anyhow::Result<_>>()?;
     if session.json() {
         let stored: Vec<&Value> = found.iter().map(|found| &found.json).collect();

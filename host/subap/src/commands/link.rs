@@ -1,4 +1,4 @@
-//! `subap link`: recordings to a module, its maps into a file.
+//! `subap link`: send recordings to the embedded module and store its maps.
 
 mod picture;
 mod work;
@@ -8,13 +8,13 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, bail};
 use serde_json::json;
 use subaperture::io::ours::Kind;
-use subaperture::monitor::Monitor;
-use subaperture::onboard::link::{
-    self, Buffers, Counts, Ending, Job, LinkError, MapSink, Outcome, Place, Settings, SinkError,
-    Watch,
+use subaperture::module::link::{
+    self, Buffers, Counts, Job, LinkError, MapSink, ModuleAddress, Outcome, SessionObserver,
+    Settings, SinkError, TransferEnd,
 };
-use subaperture::onboard::maps::{Closing, OwnedMap};
-use subaperture::onboard::maps_file::MapWriter;
+use subaperture::module::maps::{OwnedMap, RunTotals};
+use subaperture::module::maps_file::MapWriter;
+use subaperture::monitor::Monitor;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link as wire;
@@ -74,7 +74,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
 
 /// A program is given only where there is one to emulate.
 fn check_firmware(typed: &Link) -> Result<(), Usage> {
-    if typed.firmware.is_some() && !matches!(typed.place, Place::Emulate(_)) {
+    if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
         let what = format!(
             "--firmware is what to emulate, and {} runs its own",
             typed.place
@@ -143,9 +143,9 @@ fn report(
         );
     }
     match &outcome.ending {
-        Ending::Complete => Ok(()),
+        TransferEnd::Complete => Ok(()),
         // A failure, so that no script takes an image of half the aperture for the whole.
-        Ending::Incomplete => bail!(
+        TransferEnd::Incomplete => bail!(
             "{} of {} maps are missing: {}; {}",
             outcome.missing.len(),
             outcome.counts.maps_wanted,
@@ -158,17 +158,17 @@ fn report(
                 _ => format!("the {maps} that came are in {path}"),
             }
         ),
-        Ending::Failed(LinkError::Cancelled) if maps > 0 => {
+        TransferEnd::Failed(LinkError::Cancelled) if maps > 0 => {
             Err(InterruptedWithMaps { maps, path }.into())
         }
-        Ending::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
-        Ending::Failed(error) if maps > 0 => {
+        TransferEnd::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
+        TransferEnd::Failed(error) if maps > 0 => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
                 advice::told(error)
             )
         }
-        Ending::Failed(error) => bail!("{}", advice::told(error)),
+        TransferEnd::Failed(error) => bail!("{}", advice::told(error)),
     }
 }
 
@@ -184,7 +184,7 @@ fn closing(
     job: &Job<'_>,
     compared: Option<(u64, u64)>,
     written: u64,
-) -> Closing {
+) -> RunTotals {
     /// Missing maps that are named one by one.
     const NAMED: usize = 1000;
     // Those that came and were not the core's own are missing too.
@@ -211,7 +211,7 @@ fn closing(
             json!({ "same": same, "different": different }),
         );
     }
-    Closing {
+    RunTotals {
         num_pulses: job.pulses.len().into(),
         weight_sum: job.pulses.weight_sum(),
         counters,
@@ -219,11 +219,11 @@ fn closing(
 }
 
 /// How a transfer ended, in a word, or why it failed.
-fn ending_name(ending: &Ending, some_are_missing: bool) -> String {
+fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
     match ending {
-        Ending::Complete if !some_are_missing => "complete".to_owned(),
-        Ending::Complete | Ending::Incomplete => "incomplete".to_owned(),
-        Ending::Failed(error) => error.to_string(),
+        TransferEnd::Complete if !some_are_missing => "complete".to_owned(),
+        TransferEnd::Complete | TransferEnd::Incomplete => "incomplete".to_owned(),
+        TransferEnd::Failed(error) => error.to_string(),
     }
 }
 
@@ -252,7 +252,7 @@ struct Watching {
     told: Option<(Instant, u64, u64)>,
 }
 
-impl Watch for Watching {
+impl SessionObserver for Watching {
     fn update(&mut self, counts: &Counts) {
         let now = Instant::now();
         let (bytes_out, bytes_in) = (counts.bytes_to_module, counts.bytes_from_module);

@@ -1,30 +1,29 @@
-//! `subap live`: a capture, and its image as sweeps come.
+//! `subap live`: image a running capture sweep by sweep.
 
 use std::path::Path;
+use std::time::Instant;
 
-use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::focus::live::Settings;
-use subaperture::io::atomic::write_atomically;
-use subaperture::io::npy;
-use subaperture::live_capture::{Echoes, Found, Imaging, Place, Way};
+use subaperture::geometry::SceneFrame;
+use subaperture::io::product;
+use subaperture::io::product::record::{Brightest, Picture, Record};
+use subaperture::live_capture::{BodyMotion, CaptureGeometry, EchoTrack, Echoes, Imaging};
 use subaperture::plot::{Panel, quicklook_within};
 use subaperture::radio::experiment::{self, Experiment};
-use subaperture::radio::live::Follower;
+use subaperture::radio::live::SweepAssembler;
 use subaperture::radio::sigmf::Setup;
 
 use super::capture::{end, record, tell, warn};
 use crate::args::Live;
-use crate::config::Session;
+use crate::config::{Session, command_line, record_of_run};
 use crate::failure::Usage;
 use crate::watch::{Watched, imaged};
 use crate::{messages, text};
 
-/// The files of the image.
-const NAMES: [&str; 2] = ["live.npy", "live.png"];
-
 /// Captures and images.
 pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
+    let started = Instant::now();
     let experiment = Experiment::read(&typed.experiment, &typed.set)?;
     let Some(live) = &experiment.live else {
         let what = "the experiment has no section [live], which says what is imaged and how the antennas move: subap capture --keys has its keys";
@@ -37,9 +36,10 @@ pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
     session.check_grid(&live.grid, 1)?;
     let mut claims = session.claims(&typed.writing, std::slice::from_ref(&typed.experiment));
     if let Some(folder) = &typed.image {
-        claims.folder(folder, NAMES)?;
+        claims.folder(folder, product::NAMES)?;
     }
-    let make = |setup: &Setup, follower: &Follower| imaging(session, typed, live, setup, follower);
+    let make =
+        |setup: &Setup, follower: &SweepAssembler| imaging(session, typed, live, setup, follower);
     let opening = session.progress("opening the radio");
     let watched = experiment.with_radio(session.memory_bytes, |radio| {
         opening.finish();
@@ -54,7 +54,7 @@ pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
             Some(&make),
         )
     })??;
-    report(session, typed, &experiment, &out, &watched)?;
+    report(session, typed, &experiment, &out, &watched, started)?;
     end(&experiment.plan, watched.summary, &out)
 }
 
@@ -63,7 +63,7 @@ fn imaging(
     typed: &Live,
     live: &experiment::Live,
     setup: &Setup,
-    follower: &Follower,
+    follower: &SweepAssembler,
 ) -> anyhow::Result<Imaging> {
     let receivers = follower.receivers();
     if setup.antennas.is_none() && receivers.len() > 1 {
@@ -72,12 +72,12 @@ fn imaging(
         return Err(Usage(what.to_owned()).into());
     }
     let way = match &live.way {
-        experiment::Way::Echoes { start_m } => {
-            Way::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
+        experiment::BodyMotion::Echoes { start_m } => {
+            BodyMotion::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
         }
-        told => Way::Track(told.track()?),
+        told => BodyMotion::Track(told.track()?),
     };
-    let place = Place {
+    let place = CaptureGeometry {
         way,
         antennas: setup.antennas.unwrap_or_default(),
         reference_m: live.reference_m,
@@ -99,6 +99,7 @@ fn report(
     experiment: &Experiment,
     out: &Path,
     watched: &Watched,
+    started: Instant,
 ) -> anyhow::Result<()> {
     let (plan, summary) = (&experiment.plan, &watched.summary);
     let Some(imaging) = &watched.imaging else {
@@ -120,7 +121,7 @@ fn report(
         doubt(&way);
     }
     if let Some(folder) = &typed.image {
-        save(session, imaging, &plan.name, folder)?;
+        save(session, typed, imaging, experiment, out, (folder, started))?;
     }
     let image = told(imaging, watched.skipped);
     if session.json() {
@@ -158,7 +159,7 @@ fn report(
 }
 
 /// What makes a way doubtful that was found of echoes.
-fn doubt(way: &Found) {
+fn doubt(way: &EchoTrack) {
     let going = &way.going;
     if going.blind > 0 {
         messages::warning(format!(
@@ -195,19 +196,62 @@ fn told(imaging: &Imaging, skipped: u64) -> Value {
     })
 }
 
-fn save(session: &Session, imaging: &Imaging, name: &str, folder: &Path) -> anyhow::Result<()> {
-    let image = imaging.image();
-    npy::write(&folder.join(NAMES[0]), &image)?;
-    if imaging.taken() == 0 {
+/// Writes the image as a product: what `subap quality`, `view` and the others open.
+fn save(
+    session: &Session,
+    typed: &Live,
+    imaging: &Imaging,
+    experiment: &Experiment,
+    out: &Path,
+    (folder, started): (&Path, Instant),
+) -> anyhow::Result<()> {
+    let (image, grid) = (imaging.image(), imaging.live().grid());
+    let name = &experiment.plan.name;
+    let sweeps = imaging.taken();
+    if sweeps == 0 {
         messages::warning("no sweep is in the image: there is no picture of it");
-        return Ok(());
     }
-    let title = format!("{name}, {} sweeps", imaging.taken());
-    let panel = Panel::new(&image, imaging.live().grid(), title);
-    let drawn = quicklook_within(&panel, session.memory_bytes)?;
-    let path = folder.join(NAMES[1]);
-    write_atomically(&path, drawn.len() as u64, |file| {
-        std::io::Write::write_all(file, &drawn)
-    })
-    .with_context(|| format!("cannot write {}", path.display()))
+    let title = format!("{name}, {sweeps} sweeps");
+    let metadata = Record {
+        run: record_of_run(session, started.elapsed()),
+        command_line: json!(command_line()),
+        grid,
+        frame: &SceneFrame::Local,
+        settings: json!({
+            "algorithm": "live",
+            "window": typed.window.to_string(),
+            // All sweeps alike.
+            "slow_window": "none",
+            "resolved": {
+                "error_db": typed.error_db,
+                "predicted_error_db": imaging.live().accuracy().predicted_db(),
+            },
+        }),
+        collection: json!({
+            "name": name,
+            "recording": out.display().to_string(),
+            "num_pulses": sweeps,
+        }),
+        support: Value::Null,
+        antennas: Value::Null,
+        inputs: &[],
+        brightest: Brightest::of(&image, grid),
+        picture: (sweeps > 0).then_some(Picture {
+            title: &title,
+            look: None,
+            north: None,
+        }),
+        check: Value::Null,
+        warnings: json!(messages::warnings()),
+    }
+    .to_json();
+    let draw = || match sweeps {
+        0 => Ok(Vec::new()),
+        _ => {
+            let panel = Panel::new(&image, grid, title.clone());
+            Ok(quicklook_within(&panel, session.memory_bytes)?)
+        }
+    };
+    product::write_drawing::<anyhow::Error>(folder, &image, || metadata.clone(), draw)?;
+    Ok(())
 }

@@ -1,4 +1,4 @@
-//! One file a command.
+//! Implementations of the commands, one module each.
 
 mod air;
 mod autofocus;
@@ -13,8 +13,8 @@ mod forming;
 mod info;
 mod link;
 mod live;
+mod man;
 mod navigation;
-mod one_track;
 mod picture;
 mod plan;
 mod profile;
@@ -27,6 +27,7 @@ mod simulate;
 mod stored;
 mod surface;
 mod track;
+mod track_fusion;
 mod tune;
 mod velocity;
 #[cfg(feature = "page")]
@@ -36,12 +37,12 @@ use crate::args::Command;
 use crate::config::Session;
 use crate::failure::Usage;
 
-/// Runs `command`.
+/// Run the command of a command line.
 pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
     if session.json()
-        && let Command::Completions(_) | Command::Recording(_) = command
+        && let Command::Completions(_) | Command::Man(_) | Command::Recording(_) = command
     {
-        let what = "--json says nothing to text that is printed as it is: leave it out";
+        let what = "--json has no effect on this command, which prints plain text: leave it out";
         return Err(Usage(what.to_owned()).into());
     }
     match command {
@@ -71,5 +72,6 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Reproduce(typed) => reproduce::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),
+        Command::Man(typed) => man::run(&typed),
     }
 }

@@ -1,4 +1,4 @@
-//! `subap navigation`: what a navigation log holds and what of it is lost; its track.
+//! `subap navigation`: describe a navigation log and its gaps; export its track.
 
 use std::io::Write;
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::config::Session;
 use crate::{messages, text};
 
 /// Gaps that are told one by one.
-const MOST_GAPS: usize = 10;
+const MAX_GAPS: usize = 10;
 
 /// Reads a log, says what is in it, and writes its track if that is asked for.
 pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
@@ -41,8 +41,7 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
     if session.json() {
         return text::say_json("navigation", record(&log, &coverage, track.as_ref()));
     }
-    let lines = coverage.iter().flat_map(described);
-    for line in lines.chain(clock(&log)) {
+    for line in lines(&log) {
         text::say(line)?;
     }
     if let (Some(track), true) = (track, session.tells()) {
@@ -56,18 +55,39 @@ pub(super) fn read(session: &Session, path: &Path, options: &Options) -> anyhow:
     let progress = session.progress("reading");
     let log = Log::read(path, options)?;
     progress.finish();
-    let faulty = log.account.faulty();
-    if faulty > 0 {
+    let (damaged, disordered) = (log.account.damaged(), log.account.disordered());
+    if damaged > 0 {
         messages::warning(format!(
-            "{}: {faulty} messages are cut or damaged; what is left is sound (-v lists them)",
+            "{}: {damaged} messages are cut or damaged and left out (-v lists them)",
             path.display()
         ));
+    }
+    if disordered > 0 {
+        messages::warning(format!(
+            "{}: {disordered} records have times that do not ascend and are left out (-v lists them)",
+            path.display()
+        ));
+    }
+    for doubt in &log.account.doubts {
+        messages::warning(format!("{}: {doubt}", path.display()));
     }
     session.note(1, || log.account.to_string());
     Ok(log)
 }
 
-/// What was written.
+/// What a log holds, as lines.
+pub(super) fn lines(log: &Log) -> Vec<String> {
+    let coverage = log.coverage();
+    let lines = coverage.iter().flat_map(described);
+    lines.chain(clock(log)).collect()
+}
+
+/// What a log holds, as JSON.
+pub(super) fn about(log: &Log) -> Value {
+    record(log, &log.coverage(), None)
+}
+
+/// Track that was exported.
 struct Track {
     out: String,
     fixes: usize,
@@ -224,7 +244,7 @@ fn described(one: &Coverage) -> Vec<String> {
             false => String::new(),
         }
     )];
-    lines.extend(one.gaps.iter().take(MOST_GAPS).map(|gap| {
+    lines.extend(one.gaps.iter().take(MAX_GAPS).map(|gap| {
         format!(
             "          lost: {} from {:.3} s to {:.3} s after the first",
             match gap.missing {
@@ -235,10 +255,10 @@ fn described(one: &Coverage) -> Vec<String> {
             gap.to.since(one.from)
         )
     }));
-    if one.gaps.len() > MOST_GAPS {
+    if one.gaps.len() > MAX_GAPS {
         lines.push(format!(
             "          and {} more gaps",
-            one.gaps.len() - MOST_GAPS
+            one.gaps.len() - MAX_GAPS
         ));
     }
     lines
@@ -306,6 +326,7 @@ fn record(log: &Log, coverage: &[Coverage], track: Option<&Track>) -> Value {
         "lost_bytes": account.lost_bytes,
         "bytes": account.bytes,
         "notes": account.notes,
+        "doubts": account.doubts,
         "track": track.map(|track| json!({ "path": track.out, "fixes": track.fixes, "attitudes": track.attitudes })),
     })
 }

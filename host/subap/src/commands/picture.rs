@@ -1,18 +1,19 @@
-//! `subap picture`: an image's picture again, with other levels or colours, and nothing formed again.
+//! `subap picture`: redraw an image's picture with other levels or colours.
 
 use std::io::Write;
 
 use anyhow::{Context, bail};
 use glam::DVec3;
 use serde_json::{Value, json};
-use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::geometry::ImageGrid;
+use subaperture::images::{OpenImage, PixelGeometry};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
-use subaperture::plot::{self, Channel, Orientation, Paint, Panel, ShownAxis, Source};
+use subaperture::plot::{self, Channel, ColourSource, Orientation, Panel, ShownAxis, Source};
 use subaperture::quality::aperture::{Aperture, AperturePart};
 use subaperture::quality::polarisation::{Sum, pauli};
 
-use super::stored::{self, Stored};
+use super::stored;
 use crate::args::{ColourMap, Picture};
 use crate::config::Session;
 use crate::text;
@@ -29,23 +30,11 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     let drawing = session.progress("drawing");
     let mut images = Vec::with_capacity(typed.images.len());
     for path in &typed.images {
-        images.push(Pictured::open(path)?);
+        images.push(Pictured::of(stored::open(session, path)?));
     }
     let first = &images[0];
     for other in &images[1..] {
-        other.stored.check_same_grid(&first.stored)?;
-        let [size, others] = [first, other].map(|image| image.stored.pixels.size());
-        if size != others {
-            bail!(
-                "{} has {} rows x {} columns, {} {} x {}: the colours of one picture are of images of one size",
-                first.stored.path.display(),
-                size.0,
-                size.1,
-                other.stored.path.display(),
-                others.0,
-                others.1
-            );
-        }
+        stored::check_same_pixels(&first.stored, &other.stored)?;
     }
     if images.len() > 1 && (typed.sub_apertures.is_some() || typed.look.colours != ColourMap::Grey)
     {
@@ -58,13 +47,17 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
         None => Vec::new(),
     };
     let basis = match &images[..] {
-        [hh, hv, vh, vv] => Some(pauli([hh, hv, vh, vv].map(|image| &*image.stored.pixels))),
+        [hh, hv, vh, vv] => {
+            Some(pauli([hh, hv, vh, vv].map(|image| {
+                &image.stored.pixels as &dyn subaperture::image::ImageSource
+            })))
+        }
         _ => None,
     };
     let paint = match images.len() {
-        1 if parts.is_empty() => Paint::Levels,
-        1 => Paint::Hues(parts.iter().map(|part| Source::Parts(part)).collect()),
-        _ => Paint::Channels(channels(&images, basis.as_ref())),
+        1 if parts.is_empty() => ColourSource::Levels,
+        1 => ColourSource::Hues(parts.iter().map(|part| Source::ImageSource(part)).collect()),
+        _ => ColourSource::Channels(channels(&images, basis.as_ref())),
     };
     let mut panel = Panel {
         scale: typed.look.scale(),
@@ -73,7 +66,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
         rows_down: first.rows_down,
         paint,
         ..Panel::new(
-            Source::Parts(&*first.stored.pixels),
+            Source::ImageSource(&first.stored.pixels),
             &first.grid,
             first.title(),
         )
@@ -124,7 +117,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
 
 /// An image as it is drawn.
 struct Pictured {
-    stored: Stored,
+    stored: OpenImage,
     grid: ImageGrid,
     aperture: Option<Aperture>,
     rows_down: bool,
@@ -136,47 +129,33 @@ struct Pictured {
 }
 
 impl Pictured {
-    fn open(path: &std::path::Path) -> anyhow::Result<Self> {
-        let stored = stored::open(path)?;
-        if let Some((grid, record)) = &stored.product {
-            return Ok(Self {
-                grid: grid.clone(),
-                aperture: stored::aperture(record, grid),
-                rows_down: false,
-                in_metres: true,
-                axes: None,
-                about: record["picture"].clone(),
-                stored,
-            });
-        }
+    fn of(stored: OpenImage) -> Self {
         let plain =
             |[across, up]: [&str; 2]| Some([ShownAxis::plain(across), ShownAxis::plain(up)]);
-        if let Some(plane) = &stored.plane {
-            return Ok(Self {
-                grid: plane.grid.clone(),
-                aperture: plane.column_band.and_then(Aperture::columns),
-                rows_down: true,
-                in_metres: true,
-                axes: plain(["along rows (m)", "along columns (m)"]),
-                about: Value::Null,
-                stored,
-            });
-        }
-        let (rows, columns) = stored.pixels.size();
-        let axis = |count| Axis {
-            start: 0.0,
-            step: 1.0,
-            count,
+        let rows_down = stored.rows_down();
+        let (grid, in_metres, axes) = match (stored.grid(), &stored.lies) {
+            (Some((grid, _)), PixelGeometry::Grid { .. }) if !rows_down => {
+                (grid.clone(), true, None)
+            }
+            (Some((grid, _)), _) => {
+                let axes = plain(["along rows (m)", "along columns (m)"]);
+                (grid.clone(), true, axes)
+            }
+            (None, _) => (stored.pixel_grid(), false, plain(["column", "row"])),
         };
-        Ok(Self {
-            grid: ImageGrid::horizontal(axis(columns), axis(rows), 0.0),
-            aperture: None,
-            rows_down: stored::is_nitf(path),
-            in_metres: false,
-            axes: plain(["column", "row"]),
-            about: Value::Null,
+        let about = stored
+            .record
+            .as_ref()
+            .map(|record| record["picture"].clone());
+        Self {
+            aperture: stored::aperture(&stored),
+            grid,
+            rows_down,
+            in_metres,
+            axes,
+            about: about.unwrap_or_default(),
             stored,
-        })
+        }
     }
 
     fn title(&self) -> String {
@@ -196,7 +175,7 @@ impl Pictured {
         let end = |k: usize| k as f64 / count as f64;
         let part = |k| {
             AperturePart::new(
-                &*self.stored.pixels,
+                &self.stored.pixels,
                 &self.grid,
                 aperture,
                 [end(k), end(k + 1)],
@@ -211,7 +190,7 @@ fn channels<'a>(images: &'a [Pictured], basis: Option<&'a [(&str, Sum); 3]>) -> 
     if let Some(basis) = basis {
         let sums = basis.iter().map(|(name, sum)| Channel {
             name: (*name).to_owned(),
-            image: Source::Parts(sum),
+            image: Source::ImageSource(sum),
         });
         return sums.collect();
     }
@@ -220,7 +199,7 @@ fn channels<'a>(images: &'a [Pictured], basis: Option<&'a [(&str, Sum); 3]>) -> 
         let name = path.file_name().unwrap_or(path.as_os_str());
         Channel {
             name: name.to_string_lossy().into_owned(),
-            image: Source::Parts(&*image.stored.pixels),
+            image: Source::ImageSource(&image.stored.pixels),
         }
     });
     each.collect()

@@ -1,15 +1,16 @@
-//! `subap profile`: a capture in, range profiles out.
+//! `subap profile`: compute range profiles of a capture.
 
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
 
+use anyhow::Context;
 use serde_json::json;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::Axis;
 use subaperture::io::atomic::write_atomically;
 use subaperture::monitor::Monitor;
-use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
+use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines};
 use subaperture::radio::Reference;
 use subaperture::radio::profile::{
     Calibration, Options, Peak, Profile, ProfileError, Ranging, Sweep,
@@ -23,11 +24,11 @@ use crate::{args, interrupt, messages, text};
 /// What pictures show below the strongest, dB.
 const SPAN_DB: f64 = 60.0;
 /// Rows of a waterfall, at the most: sweeps between are passed over.
-const MOST_ROWS: usize = 512;
+const MAX_ROWS: usize = 512;
 /// Places of all profiles of a waterfall, at the most: 256 MiB.
-const MOST_PLACES: usize = 1 << 26;
+const MAX_PLACES: usize = 1 << 26;
 /// Places a resolution cell, at the most: of 65536 carriers 64 MiB.
-const MOST_FINENESS: usize = 64;
+const MAX_FINENESS: usize = 64;
 
 /// How sweeps are made profiles.
 struct Means<'a> {
@@ -90,11 +91,11 @@ impl<'a> Means<'a> {
 
 /// Tells the peaks of a sweep, and draws it and all sweeps.
 pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()> {
-    if typed.fineness > MOST_FINENESS {
-        let what = format!("--fineness is {MOST_FINENESS} at the most");
+    if typed.fineness > MAX_FINENESS {
+        let what = format!("--fineness is {MAX_FINENESS} at the most");
         return Err(Usage(what).into());
     }
-    let mut recording = Recording::open(&typed.recording)?;
+    let mut recording = Recording::open_within(&typed.recording, session.memory_bytes / 2)?;
     if recording.interrupted() {
         messages::warning("the capture was killed, or still runs: what is whole of it is shown");
     }
@@ -118,7 +119,8 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         save(folder, "profile.png", &lines(&chart)?)?;
         if sweeps.len() > 1 {
             let drawn = waterfall(session, &mut means, &mut recording, &sweeps)?;
-            save(folder, "waterfall.png", &drawn)?;
+            save(folder, "waterfall.png", &drawn)
+                .with_context(|| format!("{} is written", folder.join("profile.png").display()))?;
         }
     }
     let levels = |z: f64| 20.0 * z.log10();
@@ -211,7 +213,7 @@ fn waterfall(
 ) -> anyhow::Result<Vec<u8>> {
     let setup = recording.setup().clone();
     let places = setup.steps * means.typed.fineness;
-    let rows = MOST_ROWS.min(MOST_PLACES / places).max(1);
+    let rows = MAX_ROWS.min(MAX_PLACES / places).max(1);
     let stride = sweeps.len().div_ceil(rows);
     let shown: Vec<u64> = sweeps.iter().copied().step_by(stride).collect();
     let progress = session.progress("waterfall");
@@ -239,7 +241,7 @@ fn waterfall(
     let finite = values.iter().copied().filter(|db| db.is_finite());
     let top = f64::from(finite.fold(-3000f32, f32::max));
     let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
-    Ok(heat(&Heat {
+    Ok(heat(&HeatMap {
         values: &values,
         rows: axis(shown[0] as f64, stride as f64, shown.len()),
         columns: axis(0.0, spacing_m, places),

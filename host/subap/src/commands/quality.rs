@@ -1,4 +1,4 @@
-//! `subap quality`: measures an image, and how it differs from another.
+//! `subap quality`: measure an image, or its difference from another.
 
 mod from;
 mod pictures;
@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 use subaperture::geometry::Extent;
 use subaperture::image::Comparison;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
 use subaperture::quality::registration::{Offset, offset};
@@ -27,7 +27,7 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 use from::From;
-use source::Source;
+use source::{Both, Source};
 use theory::{Basis, Theory};
 
 /// All that was measured.
@@ -58,6 +58,12 @@ struct Point {
 #[derive(Serialize)]
 struct Against {
     image: String,
+    /// `complex` or `amplitudes`.
+    values: &'static str,
+    /// Rows and columns that were compared.
+    pixels: [usize; 2],
+    /// What was done to have both on the same pixels, and what was assumed.
+    notes: Vec<String>,
     comparison: Comparison,
     percent_difference: PercentSummary,
     mean_coherence: Option<f64>,
@@ -69,16 +75,21 @@ struct Against {
     coherence: PixelMap,
 }
 
-/// Measures and prints.
+/// Measure an image and print the results.
 pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     let measuring = session.progress("measuring");
-    let source = Source::open(&typed.image)?;
+    let source = Source::open(session, &typed.image)?;
+    if let Some(why) = source.without_phase()
+        && (!typed.at.is_empty() || !typed.from.is_empty())
+    {
+        anyhow::bail!("{why}");
+    }
     if typed.line_of_sight.is_some() && source.grid.polar {
         let what = "--line-of-sight says nothing to a polar grid: leave it out";
         return Err(Usage(what.to_owned()).into());
     }
     let basis = Basis::new(&source, typed.window);
-    let (settings, targets) = targets(typed, &source, &basis)?;
+    let (settings, targets) = targets(session, typed, &source, &basis)?;
     let from = match typed.from.is_empty() {
         true => None,
         false => Some(From::open(session, typed, &source)?),
@@ -94,7 +105,12 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     interrupt::check()?;
     let against = match &typed.against {
         None => None,
-        Some(path) => Some(against(session, typed, &source, &Source::open(path)?)?),
+        Some(path) => Some(against(
+            session,
+            typed,
+            &source,
+            &Source::open(session, path)?,
+        )?),
     };
     interrupt::check()?;
     let report = Report {
@@ -120,7 +136,13 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
                     .chain(&typed.from)
                     .collect::<Vec<_>>(),
             );
-            pictures::write(&mut claims, folder, &report, &source)?;
+            pictures::write(
+                &mut claims,
+                folder,
+                &report,
+                &source,
+                session.memory.picture_bytes,
+            )?;
             Ok(())
         }
         None => Ok(()),
@@ -134,12 +156,12 @@ pub(crate) fn of_job(
     typed: &Quality,
     strongest: usize,
     plots: &Path,
-    claims: &mut Claims,
+    claims: &mut OutputClaims,
 ) -> anyhow::Result<(Value, Vec<String>)> {
     let measuring = session.progress("measuring");
-    let source = Source::open(&typed.image)?;
+    let source = Source::open(session, &typed.image)?;
     let basis = Basis::new(&source, typed.window);
-    let (settings, targets) = targets(typed, &source, &basis)?;
+    let (settings, targets) = targets(session, typed, &source, &basis)?;
     let points = match typed.at.is_empty() {
         true => strongest_points(&source, &basis, strongest, &settings)?,
         false => points(None, &source, &basis, targets, &settings)?,
@@ -154,7 +176,13 @@ pub(crate) fn of_job(
     };
     let drawn = match report.points.is_empty() {
         true => Vec::new(),
-        false => pictures::write(claims, plots, &report, &source)?,
+        false => pictures::write(
+            claims,
+            plots,
+            &report,
+            &source,
+            session.memory.picture_bytes,
+        )?,
     };
     measuring.finish();
     Ok((serde_json::to_value(&report)?, drawn))
@@ -167,7 +195,10 @@ fn strongest_points(
     count: usize,
     settings: &Settings,
 ) -> anyhow::Result<Vec<Point>> {
-    let found = match strongest(&*source.pixels, &source.grid, count, settings) {
+    if source.without_phase().is_some() {
+        return Ok(Vec::new());
+    }
+    let found = match strongest(source.pixels(), &source.grid, count, settings) {
         Ok(found) => found.points,
         // An image is worth its report even if its pixels tell no points.
         Err(error @ (ResponseError::TooCoarse { .. } | ResponseError::Unsuited(_))) => {
@@ -199,12 +230,13 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
             Region::within(&Extent { x_m, y_m }, &source.grid).context("--extent")?
         }
     };
-    let statistics = Statistics::by_parts(&*source.pixels, &region);
+    let statistics = Statistics::by_parts(source.pixels(), &region);
     statistics.map_err(|error| anyhow::anyhow!(error))
 }
 
 /// What the points are measured with, and which they are.
 fn targets<'a>(
+    session: &Session,
     typed: &Quality,
     source: &Source,
     basis: &'a Basis,
@@ -214,6 +246,7 @@ fn targets<'a>(
         line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
         carrier: source.carrier,
         looks: basis.looks().filter(|_| typed.from.is_empty()),
+        memory_bytes: session.memory_bytes,
         ..Settings::default()
     };
     let near = typed.at.iter().map(|at| {
@@ -224,8 +257,10 @@ fn targets<'a>(
         })
     });
     let mut targets: Vec<Target> = near.collect::<Result<_, _>>()?;
-    if targets.is_empty() {
-        targets.push(Target::Brightest);
+    match source.without_phase() {
+        Some(why) => messages::warning(format!("no point is measured: {why}")),
+        None if targets.is_empty() => targets.push(Target::Brightest),
+        None => {}
     }
     Ok((settings, targets))
 }
@@ -237,20 +272,32 @@ fn points(
     targets: Vec<Target>,
     settings: &Settings,
 ) -> anyhow::Result<Vec<Point>> {
-    let measured = targets.into_iter().map(|target| {
-        let Some(from) = from else {
-            let response = measure_in(&*source.pixels, &source.grid, target, settings)
-                .map_err(|error| source.explain(error))?;
-            return Ok(Point {
+    let mut measured = Vec::with_capacity(targets.len());
+    for target in targets {
+        if let Some(from) = from {
+            measured.push(from.point(target, settings)?);
+            continue;
+        }
+        match measure_in(source.pixels(), &source.grid, target, settings) {
+            Ok(response) => measured.push(Point {
                 theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
                 theory_as_lit: Vec::new(),
                 formed: None,
                 response,
-            });
-        };
-        from.point(target, settings)
-    });
-    measured.collect()
+            }),
+            // The rest of the report is worth having where nobody asked for this point.
+            Err(error @ ResponseError::NotFinite { .. })
+                if source.is_partial() && matches!(target, Target::Brightest) =>
+            {
+                messages::warning(format!(
+                    "no point is measured: {error}, where {} has no pixels",
+                    source.name
+                ));
+            }
+            Err(error) => return Err(source.explain(error)),
+        }
+    }
+    Ok(measured)
 }
 
 fn against(
@@ -259,8 +306,17 @@ fn against(
     source: &Source,
     other: &Source,
 ) -> anyhow::Result<Against> {
-    let [image, reference] = source.both(session, other)?;
-    let comparison = Comparison::between(&image, &reference)?;
+    let Both {
+        image,
+        reference,
+        complex,
+        notes,
+    } = source.both(session, other)?;
+    let mut comparison = Comparison::between(&image, &reference)?;
+    if !complex {
+        comparison.scale_deg = None;
+        comparison.peak_phase_error_deg = None;
+    }
     let difference = percent_difference(&image, &reference, typed.floor)?;
     let coherence = coherence(&image, &reference, typed.coherence)?;
     let offset_pixels = match offset(&image, &reference) {
@@ -270,6 +326,9 @@ fn against(
     };
     Ok(Against {
         image: other.name.clone(),
+        values: if complex { "complex" } else { "amplitudes" },
+        pixels: [image.rows, image.columns],
+        notes,
         comparison,
         percent_difference: difference.summary,
         mean_coherence: coherence.mean(),
@@ -308,7 +367,13 @@ fn print(report: &Report, source: &Source) -> anyhow::Result<()> {
     ))?;
     if let Some(a) = &report.against {
         let p = &a.percent_difference;
-        text::say(format!("\nagainst {}\n{}", a.image, a.comparison))?;
+        text::say(format!("\nagainst {}", a.image))?;
+        let figures = a.comparison.to_string();
+        for line in figures.lines() {
+            if a.values == "complex" || !line.starts_with("peak phase error") {
+                text::say(line)?;
+            }
+        }
         text::say(format!(
             "percent difference   median {}, mean {}, 95 of 100 below {}, largest {} ({} pixels, {} \
              too dark)\n\
@@ -326,6 +391,9 @@ fn print(report: &Report, source: &Source) -> anyhow::Result<()> {
                 "shift                {:.3} columns, {:.3} rows (correlation of magnitudes {:.6})",
                 o.columns, o.rows, o.correlation
             ))?;
+        }
+        for note in &a.notes {
+            text::say(format!("note                 {note}"))?;
         }
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! `subap radio`: radios, and what is between them and their antennas.
+//! `subap radio`: list radios, calibrate their cables and channels, convert captures.
 
 mod calibrate;
 mod convert;
@@ -22,23 +22,31 @@ pub(crate) fn run(session: &Session, typed: &Radio) -> anyhow::Result<()> {
     }
 }
 
-#[cfg(feature = "uhd")]
+/// Entry of `subap radio list`.
+struct Listed {
+    product: String,
+    serial: String,
+    address: String,
+}
+
+/// Prints the radios that there are: those of UHD, and the simulated one, which is always there. With a serial number only the one that has it.
 fn list(session: &Session, serial: Option<&str>) -> anyhow::Result<()> {
-    use subaperture::radio::uhd;
-    let searching = session.progress("searching");
-    let found = uhd::list(serial)?;
-    searching.finish();
-    if found.is_empty() {
-        return Err(uhd::none_found(serial).into());
+    let mut radios = connected(session, serial)?;
+    if serial.is_none() {
+        radios.push(Listed {
+            product: "simulated B210".to_owned(),
+            serial: "SIM00001".to_owned(),
+            address: "device.kind = \"simulated\" of an experiment".to_owned(),
+        });
     }
     if session.json() {
-        let radios: Vec<Value> = found
+        let radios: Vec<Value> = radios
             .iter()
             .map(|radio| json!({ "product": radio.product, "serial": radio.serial, "address": radio.address }))
             .collect();
         return text::say_json("radios", json!({ "radios": radios }));
     }
-    for radio in found {
+    for radio in radios {
         text::say(format!(
             "{:<16} {}  {}",
             radio.product, radio.serial, radio.address
@@ -47,9 +55,36 @@ fn list(session: &Session, serial: Option<&str>) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Radios that are connected; none is no failure, unless one is asked for by its serial number.
+#[cfg(feature = "uhd")]
+fn connected(session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<Listed>> {
+    use subaperture::radio::uhd;
+    let searching = session.progress("searching");
+    let found = uhd::list(serial)?;
+    searching.finish();
+    if found.is_empty() {
+        let error = uhd::none_found(serial);
+        if serial.is_some() {
+            return Err(error.into());
+        }
+        messages::note(&error.to_string());
+    }
+    let listed = found.into_iter().map(|radio| Listed {
+        product: radio.product,
+        serial: radio.serial,
+        address: radio.address,
+    });
+    Ok(listed.collect())
+}
+
+/// A build without UHD finds none, and says so.
 #[cfg(not(feature = "uhd"))]
-fn list(_session: &Session, _serial: Option<&str>) -> anyhow::Result<()> {
-    Err(RadioError::Driver(subaperture::radio::NO_UHD.to_owned()).into())
+fn connected(_session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<Listed>> {
+    if serial.is_some() {
+        return Err(RadioError::Driver(subaperture::radio::NO_UHD.to_owned()).into());
+    }
+    messages::note(subaperture::radio::NO_UHD);
+    Ok(Vec::new())
 }
 
 /// What a radio was set to, and what it says of itself.

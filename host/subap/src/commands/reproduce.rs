@@ -1,4 +1,4 @@
-//! `subap reproduce`: the figures of both theses, made again.
+//! `subap reproduce`: reproduce figures of both theses.
 
 use std::fs;
 use std::path::PathBuf;

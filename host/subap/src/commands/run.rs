@@ -1,7 +1,7 @@
-//! `subap run`: a whole job of one text, stage by stage; what is done already stands.
+//! `subap run`: run a processing pipeline from one TOML file; unchanged stages are reused.
 //!
-//! [`subaperture::job`] has the text, the chain's logic and the state; here stages are told what they are to do (`options`), what they depend on
-//! (`chain`), done (`work`), and their results put together (`report`, of `tables`, on a `page`).
+//! [`subaperture::job`] contains the schema, the stage logic and the state. Modules here: options of each stage (`options`), dependencies
+//! (`chain`), processing (`work`), and the report (`report`, `tables`, `page`).
 
 mod chain;
 mod options;
@@ -17,8 +17,8 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
-use subaperture::io::claim::Claims;
-use subaperture::job::{self, JobText, Made, State, Why, stamp};
+use subaperture::io::claim::OutputClaims;
+use subaperture::job::{self, FinishedStage, JobText, RunReason, State, stamp};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
 use crate::args::{Run, Writing};
@@ -68,7 +68,7 @@ pub(crate) fn run(session: &Session, typed: &Run) -> anyhow::Result<()> {
 struct Stood {
     name: &'static str,
     /// Why it was done; `None` if it stood.
-    why: Option<Why>,
+    why: Option<RunReason>,
     seconds: f64,
 }
 
@@ -129,7 +129,7 @@ fn claim(
     writing: &Writing,
     path: &Path,
     options: &Options,
-) -> anyhow::Result<Claims> {
+) -> anyhow::Result<OutputClaims> {
     let typed = &options.focus.typed;
     let inputs = std::iter::once(path).chain(typed.input.paths.iter().map(AsRef::as_ref));
     let mut claims = session.claims(writing, &inputs.collect::<Vec<_>>());
@@ -232,7 +232,7 @@ fn done(
     });
     let part = messages::part();
     let seconds = begun.elapsed().as_secs_f64();
-    state.finish(Made {
+    state.finish(FinishedStage {
         basis: link.basis.clone(),
         outputs: stamps.collect::<Result<_, _>>()?,
         seconds,

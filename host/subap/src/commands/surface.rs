@@ -67,6 +67,9 @@ pub(crate) fn grid<'s>(
             let geoid = typed.surfacing.geoid.as_ref();
             let geoid = geoid.map_or(Geoid::None, |geoid| geoid.geoid());
             let ground = Ground::open(path, &geoid, &region, session.memory_bytes / SHARE)?;
+            for warning in ground.warnings() {
+                messages::warning(warning.as_str());
+            }
             lay(session, collection, plane, Surface::Ground(&ground))
         }
     }

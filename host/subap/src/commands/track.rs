@@ -1,31 +1,32 @@
-//! `subap track`: a recording of several receivers in, the radar's track out.
+//! `subap track`: the radar's track from a recording of several receivers.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
+use subaperture::convention::INFERENCE;
 use subaperture::io::atomic::write_atomically;
-use subaperture::io::found_track::{self, FoundFix};
+use subaperture::io::found_track::{self, EstimatedFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
-use subaperture::one_track::OneTrack;
 use subaperture::phase_history::Channels;
 use subaperture::plot::{Chart, Curve, Stroke, stacked};
 use subaperture::targets::follow::Event;
-use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
+use subaperture::targets::{Moment, Mover, Recovered, Settings, TargetsError, recover};
 use subaperture::track::Fix;
+use subaperture::track_fusion::FusedTrack;
 
-use super::one_track;
+use super::track_fusion;
 use crate::args::Track;
-use crate::config::Session;
+use crate::config::{Session, note_inferred};
 use crate::{interrupt, messages, text};
 
-/// Error ellipses in the picture.
+/// Number of error ellipses in the picture.
 const ELLIPSES: usize = 12;
 
-/// Finds the track and writes it with its picture, each complete or not at all.
+/// Estimate the track and write it with its picture, each complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let picture = match &typed.picture {
         Some(path) => path.clone(),
@@ -42,6 +43,7 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         channel: None,
         memory_bytes: session.memory_bytes,
         settings: &typed.set,
+        inference: Some(INFERENCE),
     };
     let reading = session.progress("reading");
     let channels = open_channels(&typed.input, typed.channels.named(), &options)?;
@@ -49,6 +51,7 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     for warning in channels.channel(0).warnings() {
         messages::warning(warning);
     }
+    note_inferred(channels.channel(0));
     let name = channels.channel(0).collection().name.clone();
     let defaults = Settings::default();
     let mut settings = Settings {
@@ -59,28 +62,28 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         ..defaults
     };
     settings.follow.bridge = typed.bridge;
-    let about = one_track::about(&channels)?;
+    let about = track_fusion::about(&channels)?;
     let mut found = find(session, channels, &settings)?;
     let both = match typed.logs.navigation.is_empty() {
         true => None,
-        false => Some(one_track::of(session, &found, &about, &typed.logs)?),
+        false => Some(track_fusion::of(session, &found, &about, &typed.logs)?),
     };
     if let Some(both) = &both {
         both.lay(&mut found);
     }
     let drawn = stacked(&charts(&name, &found))?;
-    let fixes: Vec<FoundFix> = found.moments.iter().map(found_fix).collect();
+    let fixes: Vec<EstimatedFix> = found.moments.iter().map(found_fix).collect();
     found_track::write(&typed.out, &fixes)?;
     write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
     tell(session, typed, &picture, &found, both.as_ref())
 }
 
-/// The picture's file beside the track's.
+/// The track's file name with the extension of a picture.
 fn beside(track: &Path) -> PathBuf {
     track.with_extension("png")
 }
 
-/// Finds the track of a recording, and says what is wrong with it.
+/// Estimate the track of a recording, and report its faults.
 pub(super) fn find(
     session: &Session,
     channels: Channels,
@@ -89,17 +92,21 @@ pub(super) fn find(
     let progress = session.progress("following targets");
     let found = recover(channels, settings, &progress).map_err(with_advice)?;
     progress.finish();
+    found.trusted().map_err(with_advice)?;
     for event in &found.seen.events {
         session.note(1, || told(event));
     }
     for fault in &found.seen.faults {
-        messages::warning(fault.to_string());
+        match fault.is_doubt() {
+            true => messages::bound_missed(fault.to_string()),
+            false => messages::warning(fault.to_string()),
+        }
     }
     interrupt::check()?;
     Ok(found)
 }
 
-/// When and where the body was.
+/// A pose as a fix of a track file.
 pub(super) fn fix(moment: &Moment) -> Fix {
     Fix {
         time_s: moment.time_s,
@@ -108,8 +115,8 @@ pub(super) fn fix(moment: &Moment) -> Fix {
     }
 }
 
-fn found_fix(moment: &Moment) -> FoundFix {
-    FoundFix {
+fn found_fix(moment: &Moment) -> EstimatedFix {
+    EstimatedFix {
         fix: fix(moment),
         covariance: moment.covariance,
         residual: moment.residual,
@@ -118,17 +125,57 @@ fn found_fix(moment: &Moment) -> FoundFix {
     }
 }
 
-/// `error`, with what the command line can do about it.
+/// `error` with advice on options.
 fn with_advice(error: TargetsError) -> anyhow::Error {
     let advice = match &error {
-        TargetsError::Nothing { .. } => "place reflectors, or look at other ranges with --range",
-        TargetsError::TooFew { .. } => "place a second reflector, or lower --least-snr",
-        TargetsError::Motion { .. } => {
+        TargetsError::Nothing { .. } => "place reflectors, or search other ranges with --range",
+        TargetsError::TooFew { .. } | TargetsError::Sparse { .. } => {
+            "place a second reflector, or lower --least-snr"
+        }
+        TargetsError::Movers(_) => {
+            "place reflectors that stand still, three or more in different directions, or leave out ranges of movers with --range"
+        }
+        TargetsError::Motion { .. } | TargetsError::Diverged { .. } => {
             "leave out ranges of clutter with --range, or receivers with --channels"
         }
         _ => return error.into(),
     };
     anyhow::anyhow!("{error}: {advice}")
+}
+
+/// Line of text about a mover.
+pub(super) fn mover_line(mover: &Mover) -> String {
+    let [x, y, z] = mover.velocity_m_s.to_array();
+    let [from_s, to_s] = mover.seen_s;
+    let steady = match mover.steady {
+        true => "",
+        false => "; its velocity changes, this is the mean",
+    };
+    format!(
+        "mover {}: speed {:.3} m/s, velocity ({x:+.3}, {y:+.3}, {z:+.3}) m/s, sigma {:.1} mm/s, seen in {} pulses from {from_s:.3} s to {to_s:.3} s{steady}",
+        mover.targets[0],
+        mover.velocity_m_s.length(),
+        1e3 * mover.sigma_m_s,
+        mover.pulses,
+    )
+}
+
+/// All movers, for JSON.
+pub(super) fn movers_record(found: &Recovered) -> Value {
+    found.movers.iter().map(mover_record).collect()
+}
+
+/// A mover, for JSON.
+fn mover_record(mover: &Mover) -> Value {
+    json!({
+        "targets": mover.targets,
+        "pulses": mover.pulses,
+        "seen_s": mover.seen_s,
+        "position_m": mover.position_m.to_array(),
+        "velocity_m_s": mover.velocity_m_s.to_array(),
+        "sigma_m_s": mover.sigma_m_s,
+        "steady": mover.steady,
+    })
 }
 
 fn told(event: &Event) -> String {
@@ -137,22 +184,22 @@ fn told(event: &Event) -> String {
             target,
             pulse,
             range_m,
-        } => format!("target {target}: seen from pulse {pulse} on, first at {range_m:.2} m"),
+        } => format!("target {target}: first seen in pulse {pulse}, at a range of {range_m:.2} m"),
         Event::Lost { target, pulse } => format!("target {target}: last seen in pulse {pulse}"),
         Event::Crossed { targets, pulse } => format!(
-            "targets {} and {} come too near to be told apart in pulse {pulse}",
+            "targets {} and {}: not resolved in range from pulse {pulse} on",
             targets[0], targets[1]
         ),
         Event::Split {
             target,
             into,
             pulse,
-        } => format!("target {into} split from target {target} in pulse {pulse}"),
+        } => format!("target {into}: split from target {target} in pulse {pulse}"),
         _ => format!("{event:?}"),
     }
 }
 
-/// The track over the recorded one: a map with the targets, and larger with error ellipses that are enlarged so much that they are seen.
+/// Charts of the track over the recorded one: a map with the targets, and the track alone with enlarged error ellipses.
 fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
     let at = |m: DVec3| (m.x, m.y);
     let moments = &found.moments;
@@ -181,8 +228,12 @@ fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
     let places_m = found.places.iter().map(|place| at(place.position_m));
     let tracks = || {
         vec![
-            curve("track found".to_owned(), found_m.clone(), Stroke::Solid),
-            curve("recorded".to_owned(), recorded_m.clone(), Stroke::Dashed),
+            curve("estimated track".to_owned(), found_m.clone(), Stroke::Solid),
+            curve(
+                "recorded track".to_owned(),
+                recorded_m.clone(),
+                Stroke::Dashed,
+            ),
         ]
     };
     let chart = |title: String, more: Curve| Chart {
@@ -201,8 +252,12 @@ fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
             )
         },
         chart(
-            "The track by itself".to_owned(),
-            curve(format!("1 sigma x {larger:.0}"), ellipses, Stroke::Solid),
+            "Track and error ellipses".to_owned(),
+            curve(
+                format!("1-sigma ellipse x {larger:.0}"),
+                ellipses,
+                Stroke::Solid,
+            ),
         ),
     ]
 }
@@ -212,7 +267,7 @@ fn tell(
     typed: &Track,
     picture: &Path,
     found: &Recovered,
-    both: Option<&OneTrack>,
+    both: Option<&FusedTrack>,
 ) -> anyhow::Result<()> {
     let last = found.moments.last().context("a track has poses")?;
     let seen = &found.seen;
@@ -234,7 +289,9 @@ fn tell(
                 "chi_square": sum,
                 "chi_square_expected": expected,
                 "settled": found.settled,
-                "one_track": both.map(one_track::record),
+                "recorded_off_m": found.recorded_off_m,
+                "movers": movers_record(found),
+                "one_track": both.map(track_fusion::record),
                 "targets": found.places.iter().map(|place| json!({
                     "target": place.target,
                     "pulses": place.pulses,
@@ -247,7 +304,7 @@ fn tell(
         return Ok(());
     }
     text::say(format!(
-        "{}: {} poses of {} pulses, {:.3} m of track by {} targets in channels {}; {}",
+        "{}: {} poses of {} pulses, track length {:.3} m, {} standing targets, channels {}; picture {}",
         typed.out.display(),
         found.moments.len(),
         seen.times_s.len(),
@@ -257,11 +314,14 @@ fn tell(
         picture.display()
     ))?;
     text::say(format!(
-        "last pose known to {:.2} mm and {sigma_deg:.3} deg; errors {:.2} times what noise makes",
+        "last pose: sigma {:.2} mm and {sigma_deg:.3} deg; residuals {:.2} times the noise",
         1e3 * sigma_m,
         (sum / expected.max(1.0)).sqrt()
     ))?;
-    for line in both.map(one_track::told).unwrap_or_default() {
+    for mover in &found.movers {
+        text::say(mover_line(mover))?;
+    }
+    for line in both.map(track_fusion::lines).unwrap_or_default() {
         text::say(line)?;
     }
     Ok(())

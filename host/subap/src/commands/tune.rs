@@ -1,4 +1,4 @@
-//! `subap tune`: unknown geometry found by the sharpness of the image.
+//! `subap tune`: calibrate unknown geometry parameters by maximising image sharpness.
 
 mod pictures;
 mod written;
@@ -11,9 +11,10 @@ use subaperture::autofocus::{
     Expected, Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict,
     determine, rehearse,
 };
+use subaperture::convention::INFERENCE;
 use subaperture::focus::FormError;
 use subaperture::focus::forecast::Forecast;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::recording::{RecordingFile, Take};
 use subaperture::phase_history::InMemory;
 
@@ -21,10 +22,10 @@ use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 
 /// Keys that are varied together, at most: each makes the neighbourhood of the best three times as large.
-const MOST_KEYS: usize = 3;
+const MAX_KEYS: usize = 3;
 
 /// Searches, says what was found, and leaves pictures if they are wanted.
 pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
@@ -42,6 +43,17 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
     };
     varied.check_ends()?;
+    for (key, value) in varied.inferred()? {
+        messages::note(&format!(
+            "{key} = \"{value}\" (inferred: of the images of the same samples with each value, its image is the sharpest)"
+        ));
+        recording.set(key, value)?;
+    }
+    let varied = Varied {
+        recording: &recording,
+        keys,
+        memory_bytes: session.memory_bytes,
+    };
     let sight = sight(typed);
     let intervals: Vec<_> = keys.iter().map(|vary| vary.axis).collect();
     let progress = session.progress("tuning");
@@ -108,10 +120,10 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
 }
 
 /// Refuses what can be refused before anything is read, and claims what is to be written. Held until the command's end.
-fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<Claims> {
+fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<OutputClaims> {
     let keys = &typed.vary;
-    if keys.len() > MOST_KEYS {
-        return Err(Usage(format!("--vary: at most {MOST_KEYS} keys")).into());
+    if keys.len() > MAX_KEYS {
+        return Err(Usage(format!("--vary: at most {MAX_KEYS} keys")).into());
     }
     let twice = |i: usize| keys[..i].iter().any(|other| other.key == keys[i].key);
     if let Some(i) = (0..keys.len()).find(|&i| twice(i)) {
@@ -182,19 +194,20 @@ fn record(
     }))
 }
 
-/// Fails if values are to be written that the search did not determine.
+/// Fail if values are to be written that the search did not determine, or whose error is unknown: the best value of the same
+/// data that chose it is no evidence.
 fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
     let open: Vec<&str> = typed
         .vary
         .iter()
         .zip(&found.scans)
-        .filter(|(_, scan)| !matches!(scan.verdict, Verdict::Determined | Verdict::Unknown))
+        .filter(|(_, scan)| scan.verdict != Verdict::Determined)
         .map(|(vary, _)| vary.key.as_str())
         .collect();
     if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
         anyhow::bail!(
-            "{}: not determined, so nothing was written: widen or narrow the interval, take another --grid or \
-             --measure, or points of known place (--at); to take it nonetheless, write the line yourself",
+            "{}: expected a value that the data determine, found none; nothing was written: widen or narrow the interval (3 values at least), \
+             use another --grid or --measure, more pulses, or points of known position (--at); to use the value nonetheless, write the line yourself",
             open.join(", ")
         );
     }
@@ -254,6 +267,16 @@ impl Varied<'_> {
 
     fn history(&self, values: &[f64]) -> Result<InMemory, FormError> {
         Ok(self.set(values)?.history(self.memory_bytes)?)
+    }
+
+    /// Keys that the description leaves out and the samples decide, with the varied keys in the middle of their intervals.
+    fn inferred(&self) -> anyhow::Result<Vec<(&'static str, &'static str)>> {
+        let middles = self
+            .keys
+            .iter()
+            .map(|vary| vary.axis.at(vary.axis.count / 2));
+        let middle = self.set(&middles.collect::<Vec<f64>>())?;
+        Ok(middle.inferred(&INFERENCE, self.memory_bytes)?)
     }
 
     /// Checks the keys with both of their ends.
@@ -320,7 +343,7 @@ fn thought(scan: &Scan, with_unit: &dyn Fn(f64) -> String) -> String {
             )
         }
         Verdict::Unknown => {
-            "error not known: too few pulses, or an interval of two values".to_owned()
+            "NOT DETERMINED: error unknown: too few pulses, or an interval of two values".to_owned()
         }
     }
 }

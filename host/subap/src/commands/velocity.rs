@@ -1,14 +1,14 @@
-//! `subap velocity`: recordings in, one place at many velocities out.
+//! `subap velocity`: image one position over a plane of velocities.
 
 use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::{Value, json};
-use subaperture::focus::moving::{VelocityPlane, velocity_resolution_m_s};
+use subaperture::focus::moving::{VelocityPlane, default_velocities, velocity_resolution_m_s};
 use subaperture::focus::{Formed, ImageFormer};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Image, power};
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::plot::{Panel, ShownAxis};
 use subaperture::resolution::survey::Survey;
 
@@ -20,26 +20,33 @@ use crate::{interrupt, messages, text};
 /// Forms the plane and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let start = Instant::now();
-    let grid = ImageGrid::horizontal(typed.vx, typed.vy, typed.vz);
-    session.check_grid(&grid, 1)?;
+    let given = typed.vx.zip(typed.vy);
+    let given = given.map(|(vx, vy)| ImageGrid::horizontal(vx, vy, typed.vz));
+    if let Some(grid) = &given {
+        session.check_grid(grid, 1)?;
+    }
+    let num_pixels = given.as_ref().map_or(1, ImageGrid::num_pixels);
     let _claims = forming::claim(
         session,
         &typed.writing,
         &typed.input.paths,
         &typed.out,
-        grid.num_pixels(),
+        num_pixels,
     )?;
 
     let history = session.open(&typed.input)?;
     let collection = history.collection();
     let survey = forming::survey(&history)?;
+    let grid = forming::grid_or(session, given, &typed.out, || {
+        suited(session, typed, collection)
+    })?;
     let former = VelocityPlane {
         position_m: typed.at,
         epoch_s: collection.pulses[0].time_s,
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
     };
     let windows = [typed.window, typed.slow_window];
-    let forming = Forming::new(session, &history, &grid, windows, typed.means());
+    let forming = Forming::new(session, &history, &grid, windows, typed.numerics());
     let progress = session.progress("focusing");
     let task = forming.task(&progress);
     let rehearsal = &typed.rehearsal;
@@ -94,7 +101,33 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The velocity of the brightest pixel and its level, dB; `None` of a plane of zeros.
+/// The velocities that are typed, and the default ones along the axes that are not.
+fn suited(
+    session: &Session,
+    typed: &Velocity,
+    collection: &Collection,
+) -> anyhow::Result<ImageGrid> {
+    let axis = |option: &str, typed_axis: Option<Axis>, direction: DVec3| match typed_axis {
+        Some(axis) => Ok(axis),
+        None => default_velocities(collection, typed.at, direction)
+            .map_err(|error| anyhow::anyhow!("{error}: give --{option} START:STOP:STEP")),
+    };
+    let vx = axis("vx", typed.vx, DVec3::X)?;
+    let vy = axis("vy", typed.vy, DVec3::Y)?;
+    for (name, axis) in [("v_x", &vx), ("v_y", &vy)] {
+        session.note(1, || {
+            format!(
+                "{name} from {} to {} m/s by {}",
+                text::significant(axis.start, 4),
+                text::significant(axis.at(axis.count - 1), 4),
+                text::significant(axis.step, 4)
+            )
+        });
+    }
+    Ok(ImageGrid::horizontal(vx, vy, typed.vz))
+}
+
+/// Velocity of the brightest pixel and its level, dB; `None` if all pixels are zero.
 fn brightest(image: &Image, grid: &ImageGrid) -> Option<(DVec3, f64)> {
     let peak = image.peak().filter(|peak| power(peak.value) > 0.0)?;
     let velocity = grid.position_m(peak.row, peak.column);

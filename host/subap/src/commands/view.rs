@@ -18,12 +18,16 @@ use crate::args::View;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
 
-/// What a request takes at the most while it is computed, but for the responses of points with thousands of pixels a width.
+/// What a request takes at the most while it is computed.
 const COMPUTING_BYTES: u64 = 32 << 20;
-/// Tiles of a store that are kept, for each image.
-const KEPT_BYTES: u64 = 48 << 20;
-/// Least for overviews.
-const LEAST_OVERVIEW_BYTES: u64 = 1 << 20;
+/// The glance over each image.
+const GLANCE_BYTES: u64 = 2 << 20;
+/// Connections, with what is read ahead of each.
+const CONNECTIONS_BYTES: u64 = 2 << 20;
+/// Most for answers on their way.
+const MAX_ANSWERS_BYTES: u64 = 16 << 20;
+/// Minimum memory for overviews, bytes.
+const MIN_OVERVIEW_BYTES: u64 = 1 << 20;
 
 /// How often it is looked whether to end.
 const EVERY: Duration = Duration::from_millis(50);
@@ -32,11 +36,14 @@ const EVERY: Duration = Duration::from_millis(50);
 pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     let mut products = Vec::with_capacity(typed.images.len());
     for path in &typed.images {
-        products.push(sources::open(path)?);
+        products.push(sources::open(session, path)?);
     }
     let mut layers = Vec::with_capacity(typed.layer.len());
     for path in &typed.layer {
-        layers.push(layer(path)?);
+        layers.push(layer(
+            path,
+            session.memory_bytes / 4 / typed.layer.len() as u64,
+        )?);
     }
     let mut doppler = Vec::with_capacity(typed.maps.len());
     for path in &typed.maps {
@@ -57,15 +64,17 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     let address = server.address();
     if !address.ip().is_loopback() {
         messages::warning(format!(
-            "--listen {address}: whoever reaches this address can look at the images, and nothing is encrypted; leave --listen out to show them to \
-             this machine alone"
+            "--listen {address}: whoever reaches this address and knows all of it can look at the images, and nothing is encrypted, \
+             the secret in it neither; leave --listen out to show them to this machine alone"
         ));
     }
     match session.json() {
         true => text::say_json("view", json!({ "url": server.url() }))?,
         false => text::say(server.url())?,
     }
-    messages::note("open this address in a browser; Ctrl-C ends it");
+    messages::note(
+        "open this address in a browser, and keep it to yourself: without its last part nobody can look; Ctrl-C ends it",
+    );
     while !interrupt::pressed() {
         thread::sleep(EVERY);
     }
@@ -74,17 +83,23 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
 
 /// What of the memory is for what.
 fn bounds(session: &Session, images: u64) -> Bounds {
-    let rest = session.memory_bytes.saturating_sub(KEPT_BYTES * images);
+    // Nothing is drawn here: the pictures' share is free.
+    let all = session.memory_bytes + session.memory.picture_bytes;
+    let rest = all.saturating_sub(GLANCE_BYTES * images + CONNECTIONS_BYTES);
+    let answer_bytes = (rest / 8).min(MAX_ANSWERS_BYTES);
     let computing = (rest / 2 / COMPUTING_BYTES).clamp(1, session.threads as u64);
-    let left = rest.saturating_sub(computing * COMPUTING_BYTES);
+    let request_bytes = (rest / 2 / computing).min(COMPUTING_BYTES);
+    let left = rest.saturating_sub(computing * request_bytes + answer_bytes);
     Bounds {
-        overview_bytes: left.max(LEAST_OVERVIEW_BYTES),
+        overview_bytes: left.max(MIN_OVERVIEW_BYTES),
         computing: computing as usize,
+        request_bytes,
+        answer_bytes,
     }
 }
 
 /// A layer of a file, by its ending: a track, or GeoJSON.
-fn layer(path: &std::path::Path) -> anyhow::Result<Layer> {
+fn layer(path: &std::path::Path, memory_bytes: u64) -> anyhow::Result<Layer> {
     let name = path.file_name().unwrap_or(path.as_os_str());
     let name = name.to_string_lossy().into_owned();
     if path
@@ -95,7 +110,7 @@ fn layer(path: &std::path::Path) -> anyhow::Result<Layer> {
         let way: Vec<_> = fixes.iter().map(|fix| fix.position_m).collect();
         return Ok(Layer::of_track(name, &way));
     }
-    let features = geojson::read(path)?;
+    let features = geojson::read(path, memory_bytes)?;
     Layer::of_features(name, features)
         .map_err(anyhow::Error::msg)
         .with_context(|| path.display().to_string())

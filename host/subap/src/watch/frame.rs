@@ -1,4 +1,4 @@
-//! A frame of the terminal's view, as text: no line is wider than the terminal, and no frame higher.
+//! One frame of the terminal view as text, limited to the terminal's width and height.
 
 use subaperture::quantity::bytes;
 use subaperture::radio::live::{Level, Row, Status};
@@ -7,7 +7,7 @@ use crate::terminal::printable;
 
 /// Columns left of the curve, for levels.
 const LEFT: usize = 8;
-/// Decibels shown.
+/// Dynamic range of the curve, dB.
 const SPAN_DB: f32 = 60.0;
 /// Decibels that a level's bar shows.
 const BAR_DB: f64 = 90.0;

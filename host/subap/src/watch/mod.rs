@@ -1,12 +1,12 @@
-//! A capture that somebody watches while it runs: in this terminal, in a browser, and as an image.
+//! Live display of a running capture: in the terminal, in a browser, and as an image.
 //!
 //! ```text
 //! capture ── LiveStep (try) ──> follower: sweeps, the board ── LiveSweep (try) ──> imaging: a push a sweep, a picture twice a second
 //!                                          board <── the terminal, five times a second; the page
 //! ```
 //!
-//! Each is a thread of its own behind a bounded queue that nobody waits for: what does not keep up misses sweeps, which are counted, and the capture goes
-//! on as if nobody looked.
+//! Each consumer has its own thread behind a bounded queue that never blocks the capture. A slow consumer misses sweeps, which are counted;
+//! the capture is not affected.
 
 mod frame;
 #[cfg(feature = "page")]
@@ -20,11 +20,12 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use subaperture::live_capture::Imaging;
 use subaperture::radio::Transceiver;
-use subaperture::radio::capture::{Ended, Queues, Summary, capture_ready, prepare};
+use subaperture::radio::capture::{EndReason, Queues, Summary, capture_ready, prepare};
 use subaperture::radio::experiment::Experiment;
-use subaperture::radio::live::{Board, Follower, LiveStep, LiveSweep, View};
+use subaperture::radio::live::{LiveState, LiveStep, LiveSweep, SweepAssembler, View};
 use subaperture::radio::plan::Plan;
 use subaperture::radio::profile::{Calibration, Options};
 use subaperture::radio::sigmf::Setup;
@@ -41,7 +42,7 @@ const STEPS: usize = 8192;
 const CARRIERS: usize = 1 << 18;
 
 /// Makes the imaging of a capture, once the radio has been set.
-pub(crate) type MakeImaging<'a> = &'a dyn Fn(&Setup, &Follower) -> anyhow::Result<Imaging>;
+pub(crate) type MakeImaging<'a> = &'a dyn Fn(&Setup, &SweepAssembler) -> anyhow::Result<Imaging>;
 
 /// What came of a capture with its image.
 pub(crate) struct Watched {
@@ -89,11 +90,22 @@ pub(crate) fn imaged(
     let (ended, skipped) = (AtomicBool::new(false), AtomicU64::new(0));
     let summary = thread::scope(|scope| {
         let (board, skipped, imaging) = (&*board, &skipped, imaging.as_mut());
-        scope.spawn(move || follow(&mut follower, board, steps, sweeps, skipped));
-        let imaged = scope.spawn(move || image(imaging, board, to_image));
-        let shown = scope.spawn(|| terminal::show(session, board, in_terminal, &ended));
         // Whatever becomes of the capture, the terminal is let go.
         let over = Over(&ended);
+        let thread = || thread::Builder::new();
+        thread()
+            .spawn_scoped(scope, move || {
+                follow(&mut follower, board, steps, sweeps, skipped)
+            })
+            .context(NO_THREAD)?;
+        let imaged = thread()
+            .spawn_scoped(scope, move || image(imaging, board, to_image))
+            .context(NO_THREAD)?;
+        let shown = thread()
+            .spawn_scoped(scope, || {
+                terminal::show(session, board, in_terminal, &ended)
+            })
+            .context(NO_THREAD)?;
         let summary = capture_ready(
             radio,
             plan,
@@ -113,7 +125,7 @@ pub(crate) fn imaged(
         if let Err(panic) = imaged {
             std::panic::resume_unwind(panic);
         }
-        summary
+        anyhow::Ok(summary?)
     })?;
     #[cfg(feature = "page")]
     drop(page);
@@ -123,6 +135,8 @@ pub(crate) fn imaged(
         skipped: skipped.into_inner(),
     })
 }
+
+const NO_THREAD: &str = "cannot start a thread to follow the capture; end other programs, or allow this one more threads";
 
 /// Says that it is over when it goes, by a panic too.
 struct Over<'a>(&'a AtomicBool);
@@ -138,7 +152,7 @@ fn follower(
     experiment: &Experiment,
     setup: &Setup,
     out: &Path,
-) -> anyhow::Result<(Follower, Board)> {
+) -> anyhow::Result<(SweepAssembler, LiveState)> {
     let calibration = experiment.calibration.as_deref();
     let view = View {
         profile: Options {
@@ -149,23 +163,23 @@ fn follower(
         ..View::default()
     };
     let bytes = experiment.plan.bytes_a_second(&radio.about().ranges);
-    Ok(Follower::new(&experiment.plan, setup, bytes, view)?)
+    Ok(SweepAssembler::new(&experiment.plan, setup, bytes, view)?)
 }
 
 fn why(plan: &Plan, summary: &Summary) -> &'static str {
     match &summary.ended {
-        Ended::Done => "all sweeps are taken",
-        Ended::Stopped if plan.sweeps == 0 => "stopped",
-        Ended::Stopped => "stopped before all sweeps were taken",
-        Ended::Radio(_) => "the radio failed",
-        Ended::Disk(_) => "the disk failed",
+        EndReason::Done => "all sweeps are taken",
+        EndReason::Stopped if plan.sweeps == 0 => "stopped",
+        EndReason::Stopped => "stopped before all sweeps were taken",
+        EndReason::Radio(_) => "the radio failed",
+        EndReason::Disk(_) => "the disk failed",
     }
 }
 
 /// Sweeps of steps; what is too fast for the image is counted.
 fn follow(
-    follower: &mut Follower,
-    board: &Board,
+    follower: &mut SweepAssembler,
+    board: &LiveState,
     steps: Receiver<LiveStep>,
     sweeps: SyncSender<LiveSweep>,
     skipped: &AtomicU64,
@@ -186,7 +200,7 @@ fn follow(
 }
 
 /// The image of sweeps; without one, sweeps are taken all the same.
-fn image(mut imaging: Option<&mut Imaging>, board: &Board, sweeps: Receiver<LiveSweep>) {
+fn image(mut imaging: Option<&mut Imaging>, board: &LiveState, sweeps: Receiver<LiveSweep>) {
     let mut shown: Option<Instant> = None;
     for sweep in sweeps {
         let Some(imaging) = &mut imaging else {

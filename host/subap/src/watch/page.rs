@@ -1,11 +1,11 @@
-//! The page: where it is, and a warning where others may look.
+//! Web page of a capture: its address, and a warning if other machines can open it.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use subaperture::viewer::{Board, Server};
+use subaperture::viewer::{LiveState, Server};
 
 use crate::args::Watching;
 use crate::messages;
@@ -23,7 +23,7 @@ impl Drop for Page {
 }
 
 /// Serves the page, if it is asked for.
-pub(super) fn serve(watching: &Watching, board: &Arc<Board>) -> anyhow::Result<Option<Page>> {
+pub(super) fn serve(watching: &Watching, board: &Arc<LiveState>) -> anyhow::Result<Option<Page>> {
     if !watching.is_asked() {
         return Ok(None);
     }
@@ -32,8 +32,8 @@ pub(super) fn serve(watching: &Watching, board: &Arc<Board>) -> anyhow::Result<O
     let address = server.address();
     if !address.ip().is_loopback() {
         messages::warning(format!(
-            "--listen {address}: whoever reaches this address can look at the capture, and nothing is encrypted; leave --listen out to show it to \
-             this machine alone"
+            "--listen {address}: whoever reaches this address and knows all of it can look at the capture, and nothing is encrypted, \
+             the secret in it neither; leave --listen out to show it to this machine alone"
         ));
     }
     messages::note(&format!("the page is at {}", server.url()));

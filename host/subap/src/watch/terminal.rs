@@ -1,4 +1,4 @@
-//! The view in the terminal: drawn in place where standard error is one, else a line now and then.
+//! Terminal view of a capture: redrawn in place on a terminal, otherwise occasional lines.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -7,7 +7,7 @@ use std::time::Duration;
 use console::Term;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use subaperture::monitor::Monitor;
-use subaperture::radio::live::{Board, Status};
+use subaperture::radio::live::{LiveState, Status};
 
 use super::frame::{frame, line};
 use crate::config::Session;
@@ -17,7 +17,7 @@ use crate::messages;
 const FRAME: Duration = Duration::from_millis(200);
 
 /// Shows the board until the capture has ended.
-pub(super) fn show(session: &Session, board: &Board, in_place: bool, ended: &AtomicBool) {
+pub(super) fn show(session: &Session, board: &LiveState, in_place: bool, ended: &AtomicBool) {
     let terminal = Term::stderr();
     match in_place && session.tells() && terminal.is_term() {
         true => draw(board, &terminal, ended),
@@ -26,7 +26,7 @@ pub(super) fn show(session: &Session, board: &Board, in_place: bool, ended: &Ato
 }
 
 /// Waits for a change; false once the capture has ended.
-fn changed(board: &Board, seen: &mut u64, ended: &AtomicBool) -> bool {
+fn changed(board: &LiveState, seen: &mut u64, ended: &AtomicBool) -> bool {
     while !ended.load(Ordering::Relaxed) {
         let revision = board.revision();
         if revision != *seen {
@@ -39,7 +39,7 @@ fn changed(board: &Board, seen: &mut u64, ended: &AtomicBool) -> bool {
 }
 
 /// In place, by the bar's own means: messages go above it.
-fn draw(board: &Board, terminal: &Term, ended: &AtomicBool) {
+fn draw(board: &LiveState, terminal: &Term, ended: &AtomicBool) {
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{msg}") {
         bar.set_style(style);
@@ -61,7 +61,7 @@ fn draw(board: &Board, terminal: &Term, ended: &AtomicBool) {
 }
 
 /// As other long work is told.
-fn tell(session: &Session, board: &Board, ended: &AtomicBool) {
+fn tell(session: &Session, board: &LiveState, ended: &AtomicBool) {
     let progress = session.progress("capturing");
     let mut seen = 0;
     while changed(board, &mut seen, ended) {

@@ -1,4 +1,4 @@
-//! What a stage depends on, and the fingerprint of it.
+//! Dependencies of a stage, and their fingerprint.
 
 use std::collections::BTreeMap;
 
@@ -7,23 +7,23 @@ use serde_json::{Map, Value, json};
 
 use super::stamp::FileStamp;
 
-/// What the outputs of a stage depend on.
+/// Dependencies of the outputs of a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Basis {
-    /// The program's version.
+    /// Version of the program.
     pub version: String,
-    /// The stage's name.
+    /// Name of the stage.
     pub stage: String,
-    /// Its settings by key, as `former.error`.
+    /// Settings of the stage by key, as `former.error`.
     pub settings: Map<String, Value>,
-    /// What it reads beside what stages before it left.
+    /// Input files, except outputs of preceding stages.
     pub files: Vec<FileStamp>,
-    /// The stages that it goes on from, and their fingerprints.
+    /// Preceding stages and their fingerprints.
     pub after: BTreeMap<String, String>,
 }
 
 impl Basis {
-    /// A digest of all of it but where the files are, which may move.
+    /// Digest of all fields except the paths of files, which may move.
     pub fn fingerprint(&self) -> String {
         let files: Vec<Value> = self
             .files

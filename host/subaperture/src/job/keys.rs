@@ -152,8 +152,8 @@ static AUTOFOCUS: Section = Section {
         .when(&["pga", "mpga-image", "sharpness"]),
         Key::new(
             "estimator",
-            Kind::Choice(&["eigenvector", "gradient"]),
-            Need::Default("\"eigenvector\""),
+            Kind::Choice(&["likelihood", "eigenvector", "gradient"]),
+            Need::Default("\"likelihood\""),
             "How phases are estimated.",
         )
         .when(&["pga"]),
@@ -264,6 +264,19 @@ static FORMER: Section = Section {
             "Window over slow time, across all pulses.",
         ),
         Key::new(
+            "beam",
+            Kind::Text,
+            Need::Optional("\"2 deg\""),
+            "Width of the antenna's beam along the track: each place is formed of the pulses that see it. auto estimates it, none takes all pulses for \
+             all pixels. Left out, what the recording states or its Doppler spectrum clearly shows.",
+        ),
+        Key::new(
+            "squint",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Optional("\"-1.5 deg\""),
+            "How far forward of broadside the middle of the beam looks.",
+        ),
+        Key::new(
             "velocity",
             Kind::Vector(Dimension::Speed),
             Need::Optional("\"3, -2, 0 m/s\""),
@@ -350,7 +363,7 @@ static PICTURE: Section = Section {
             "top",
             LEVEL,
             Need::Optional("\"-10 dB\""),
-            "Level of the brightest colour, of decibels. Left out, the peak.",
+            "Upper level, of decibels. Left out, the level that 0.1 % of the pixels exceed, at most 12 dB below the peak.",
         ),
         Key::new(
             "span",

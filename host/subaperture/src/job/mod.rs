@@ -1,6 +1,6 @@
-//! A whole job as one text: which recording, on which pixels, by which former, sharpened how, and what is made of the image.
+//! Processing pipelines from one TOML text: recording, grid, former, autofocus and products.
 //!
-//! A job is a chain of stages. Each knows what it depends on, leaves its outputs complete or not at all, and is done once:
+//! A job is a chain of stages. Each stage declares its dependencies, writes its outputs atomically, and runs once:
 //!
 //! ```text
 //! inputs ─> track | autofocus ─> focus ─┬─> check
@@ -9,9 +9,9 @@
 //!                                       └─> products ─────> report (of all of them)
 //! ```
 //!
-//! | stage | depends on, beside the version | leaves |
+//! | stage | depends on (and on the program's version) | outputs |
 //! |---|---|---|
-//! | inputs | | nothing: every run reads the recordings whole, for their sizes and CRC-32 |
+//! | inputs | | no output: every run reads the recordings completely, for their sizes and CRC-32 |
 //! | track | the recordings, `[track]`, its logs | `track.csv`, `track.png` |
 //! | autofocus | the recordings, `[grid]`, `[former]`, `[autofocus]` | `correction.csv`, `autofocus.json`, `autofocus.png` |
 //! | focus | the recordings, `[grid]`, `[former]`, `[track]`, the files that these name; track or autofocus | `image.zarr`, `image.json`, `image.png` |
@@ -21,22 +21,21 @@
 //! | products | `[products]`; focus | files by their formats |
 //! | report | all | `report.html` |
 //!
-//! A [`Basis`] is what one stage depends on: its settings, the files that it reads, the fingerprints of the stages before it and the
-//! program's version. Its fingerprint is a digest of these, so that it tells all that ever came before. [`State`] is the job's memory, a file in
-//! the job's folder that is replaced as a whole after each stage: the basis by which every finished stage was done, and size and
-//! CRC-32 of what it left. A stage stands if its basis is the one of then and its outputs are what they were;
-//! else [`Why`] says what is to be done again, and for which reason.
+//! A [`Basis`] lists the dependencies of one stage: its settings, its input files, the fingerprints of the preceding stages and the
+//! program's version. Its fingerprint is a digest of these, and so covers all preceding stages. [`State`] is a file in the job's folder,
+//! replaced atomically after each stage. It records the basis of every finished stage, and size and CRC-32 of its outputs. A stage
+//! is reused if its basis and outputs are unchanged; otherwise [`RunReason`] gives the reason for running it again.
 //!
-//! **Killed at any moment.** A stage's entry goes from the state before its outputs are touched, and comes back, with the new basis, once they are
-//! complete. So what is half done has no entry and is done again, by the same settings to the same bits. Focusing is long, and
-//! goes on: its tiles are marked as they are done ([`crate::io::tiles`]), and the state says for which fingerprint they were begun
-//! ([`State::begin`]); tiles of another are discarded.
+//! **Interruption.** The entry of a stage is removed from the state before its outputs are modified, and is added with the new basis once
+//! they are complete. An interrupted stage has no entry and is run again; equal settings give bit-identical outputs. Focusing resumes:
+//! finished tiles are marked ([`crate::io::tiles`]), and the state records the fingerprint with which they were begun
+//! ([`State::begin`]). Tiles with another fingerprint are discarded.
 //!
-//! **What is not seen.** A fingerprint is FNV-1a of 128 bits, and CRC-32 tells files apart that were changed by accident, not by somebody who means to
-//! deceive. Threads, memory and the machine are no part of it, for they are none of the bits but by transforms
-//! (`portable` of `[former]`).
+//! **Limits.** A fingerprint is a 128-bit FNV-1a hash. CRC-32 detects accidental changes of files, not deliberate forgery. Threads, memory and
+//! the machine are not part of the basis: they do not change the result, except for the rounding of transforms without `portable` of
+//! `[former]`.
 //!
-//! What the stages do is not here: the command does it.
+//! This module defines stages and their state. The command `subap run` does the processing.
 
 mod basis;
 mod keys;
@@ -46,13 +45,13 @@ mod text;
 
 pub use basis::{Basis, fingerprint};
 pub use stamp::{FileStamp, stamp};
-pub use state::{Made, NAME, State, StateError, Why};
+pub use state::{FinishedStage, NAME, RunReason, State, StateError};
 pub use text::{JobError, JobText};
 
-/// A job to start from: every section with its keys and what they mean.
+/// Example job with every section, and its keys with explanations.
 pub const EXAMPLE: &str = include_str!("example.toml");
 
-/// Every key with its kind, default and explanation, as text.
+/// Reference of all keys, with kind, default and explanation.
 pub fn reference() -> String {
     keys::SCHEMA.reference()
 }

@@ -1,4 +1,4 @@
-//! By what a file, or a folder, is known again: its size and its CRC-32.
+//! Identification of files and folders by size and CRC-32.
 
 use std::fs::{self, File};
 use std::io;
@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use subaperture_io::input::checksum;
 
-/// A file, or a folder as a whole.
+/// Size and checksum of a file or a whole folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileStamp {
-    /// Where it is: of outputs within the job's folder.
+    /// Path; for outputs relative to the job's folder.
     pub path: String,
-    /// Its size; of a folder that of all files in it.
+    /// Size, bytes; for a folder the total of its files.
     pub bytes: u64,
-    /// CRC-32 in hexadecimal; of a folder that of its files' names, sizes and CRC-32.
+    /// CRC-32 in hexadecimal; for a folder that of its files' names, sizes and CRC-32.
     pub crc32: String,
 }
 
-/// The stamp of what is at `path`, called `called`; `None` if there is nothing. Hidden files of a folder are passed over: they are locks and leavings.
+/// Stamp of the file or folder at `path`, named `called`; `None` if `path` does not exist. Hidden files in a folder (locks, leftovers) are ignored.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the operating system.
 pub fn stamp(path: &Path, called: &str) -> io::Result<Option<FileStamp>> {
     let about = match fs::metadata(path) {
         Ok(about) => about,

@@ -1,4 +1,4 @@
-//! What of a job is done, kept in its folder.
+//! State of a job: its finished stages, stored in its folder.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,107 +8,113 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use subaperture_io::atomic::{WriteError, write_atomically};
+use subaperture_io::input::open_file;
+use subaperture_io::json::{self, JsonError, Limits};
 
 use super::basis::Basis;
 use super::stamp::{FileStamp, stamp};
 
-/// The state's file in a job's folder.
+/// File name of the state in a job's folder.
 pub const NAME: &str = "job.json";
 
 const SCHEMA: &str = "subaperture-job";
 
-/// Longest state that is read: thousands of outputs.
-const LONGEST_BYTES: u64 = 16 << 20;
+/// Bounds on a state that is read; sufficient for thousands of outputs.
+const LIMITS: Limits = Limits {
+    bytes: 4 << 20,
+    string_bytes: 1 << 20,
+    value_bytes: 8 << 20,
+};
 
-/// Changes that are told one by one.
-const MOST_TOLD: usize = 4;
+/// Maximum number of changes listed individually.
+const MAX_LISTED: usize = 4;
 
-/// A finished stage.
+/// Finished stage of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Made {
-    /// What it was made by.
+pub struct FinishedStage {
+    /// Dependencies with which the stage ran.
     pub basis: Basis,
-    /// What it left.
+    /// Output files, with size and CRC-32.
     pub outputs: Vec<FileStamp>,
-    /// Time that it took, seconds; of one that was gone on with that of the last run.
+    /// Processing time, seconds; for a resumed stage that of its last run.
     pub seconds: f64,
-    /// Whether an earlier run had begun it.
+    /// Whether the stage resumed an earlier run.
     pub resumed: bool,
-    /// What its user has to know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// Whether a bound was missed, and that was allowed.
+    /// Whether the result exceeds an error bound, as the settings allow.
     pub bound_missed: bool,
 }
 
-/// A stage that goes on where it was ended, once it has begun.
+/// Begun stage that can resume.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Begun {
     stage: String,
     fingerprint: String,
 }
 
-/// What of a job is done.
+/// Finished and begun stages of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     schema: String,
     schema_version: u32,
     begun: Option<Begun>,
-    stages: BTreeMap<String, Made>,
+    stages: BTreeMap<String, FinishedStage>,
 }
 
-/// Why there is no state.
+/// Error of reading a state.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StateError {
     /// The operating system refused.
     #[error("cannot read {}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the state file.
         path: PathBuf,
-        /// Cause.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// It is none.
+    /// The file is not a valid state.
     #[error("{}: this is no state of a job that can be read ({what}): move it, and the job is done anew", path.display())]
     Damaged {
-        /// The file.
+        /// Path of the state file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Reason why the state is invalid.
         what: String,
     },
 }
 
-/// Why a stage is to be done.
+/// Reason for running a stage.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Why {
-    /// It never was, or was ended before its end.
+pub enum RunReason {
+    /// The stage has not run, or was interrupted.
     NotDone,
-    /// It had begun, by the same basis, and goes on.
+    /// The stage was begun with the same basis, and resumes.
     Begun,
-    /// By another version of the program.
+    /// The stage was run by another version of the program.
     Version {
-        /// Which.
+        /// Version that ran the stage.
         was: String,
     },
-    /// Other settings.
+    /// The settings of the stage changed.
     Settings(Vec<Change>),
-    /// Files that it reads are others.
+    /// Input files changed.
     Files,
-    /// A stage before it was done by something else.
+    /// A preceding stage changed.
     After(String),
-    /// What it left is no more, or not as it was.
+    /// Outputs are missing or changed.
     Output(String),
 }
 
-/// A setting that is another.
+/// Changed value of a setting.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// Its key.
+    /// Key of the setting.
     pub key: String,
-    /// What it was; `Null` if it was not given.
+    /// Former value; `Null` if not set.
     pub was: Value,
-    /// What it is.
+    /// Present value; `Null` if not set.
     pub is: Value,
 }
 
@@ -123,18 +129,18 @@ impl fmt::Display for Change {
     }
 }
 
-impl fmt::Display for Why {
+impl fmt::Display for RunReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotDone => f.write_str("not done yet"),
             Self::Begun => f.write_str("begun, and goes on"),
             Self::Version { was } => write!(f, "done by version {was}"),
             Self::Settings(changes) => {
-                for (i, change) in changes.iter().take(MOST_TOLD).enumerate() {
+                for (i, change) in changes.iter().take(MAX_LISTED).enumerate() {
                     let before = if i == 0 { "" } else { "; " };
                     write!(f, "{before}{change}")?;
                 }
-                match changes.len().saturating_sub(MOST_TOLD) {
+                match changes.len().saturating_sub(MAX_LISTED) {
                     0 => Ok(()),
                     more => write!(f, "; and {more} more"),
                 }
@@ -146,13 +152,13 @@ impl fmt::Display for Why {
     }
 }
 
-/// Whether a path leads to something below where it starts.
+/// Whether a relative path stays below its starting folder.
 fn is_within(path: &str) -> bool {
     let mut parts = Path::new(path).components();
     !path.is_empty() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
-/// Settings that differ.
+/// Changed settings between two bases.
 fn changes(was: &Map<String, Value>, is: &Map<String, Value>) -> Vec<Change> {
     let mut keys: Vec<&String> = was.keys().chain(is.keys()).collect();
     keys.sort();
@@ -183,36 +189,44 @@ impl Default for State {
 }
 
 impl State {
-    /// That of the job in `folder`; one of nothing done, if there is none.
+    /// Read the state of the job in `folder`. Without a state file the state is empty.
     ///
     /// # Errors
     /// [`StateError`].
     pub fn read(folder: &Path) -> Result<Self, StateError> {
         let path = folder.join(NAME);
         let read = || {
-            if std::fs::metadata(&path)?.len() > LONGEST_BYTES {
-                return Err(io::Error::other("more than 16 MiB"));
-            }
-            std::fs::read(&path)
+            let file = open_file(&path).map_err(JsonError::Io)?;
+            json::value(file, LIMITS)
         };
         match read() {
-            Ok(text) => Self::of_text(&text).map_err(|what| StateError::Damaged { path, what }),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
-            Err(source) => Err(StateError::Io { path, source }),
+            Ok(value) => Self::of_value(value).map_err(|what| StateError::Damaged { path, what }),
+            Err(JsonError::Io(error)) if error.kind() == io::ErrorKind::NotFound => {
+                Ok(Self::default())
+            }
+            Err(JsonError::Io(source)) => Err(StateError::Io { path, source }),
+            Err(error) => Err(StateError::Damaged {
+                path,
+                what: error.to_string(),
+            }),
         }
     }
 
-    /// That which a text says.
+    /// Parse a state.
     ///
     /// # Errors
-    /// In words, what is wrong with it.
+    /// The reason why the text is not a valid state.
     pub fn of_text(text: &[u8]) -> Result<Self, String> {
-        let state: Self = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        Self::of_value(json::value(text, LIMITS).map_err(|error| error.to_string())?)
+    }
+
+    fn of_value(value: Value) -> Result<Self, String> {
+        let state: Self = serde_json::from_value(value).map_err(|error| error.to_string())?;
         if state.schema != SCHEMA || state.schema_version != 1 {
             let (schema, version) = (&state.schema, state.schema_version);
             return Err(format!("its schema is {schema} {version}"));
         }
-        // What a job removes of its own is never anything else.
+        // A job deletes only its own outputs, which lie below its folder.
         let mut outputs = state.stages.values().flat_map(|made| &made.outputs);
         if let Some(output) = outputs.find(|output| !is_within(&output.path)) {
             return Err(format!("{} is not in the job's folder", output.path));
@@ -227,12 +241,12 @@ impl State {
         Ok(state)
     }
 
-    /// The state as text.
+    /// State as JSON text.
     pub fn to_text(&self) -> String {
         serde_json::to_string_pretty(self).expect("a state is JSON") + "\n"
     }
 
-    /// Puts it into `folder`, in place of the one that is there.
+    /// Write the state into `folder`, replacing the present one.
     ///
     /// # Errors
     /// [`WriteError`].
@@ -243,44 +257,53 @@ impl State {
         })
     }
 
-    /// Why the stage of this basis is to be done; `None` if it stands. `before` are the stages that it goes on from, the nearest first.
+    /// Reason for running the stage of this basis; `None` if it is up to date. `before` lists the preceding stages, the nearest first.
     ///
     /// # Errors
-    /// If an output cannot be read.
-    pub fn why(&self, folder: &Path, basis: &Basis, before: &[&str]) -> io::Result<Option<Why>> {
+    /// An output cannot be read.
+    pub fn why(
+        &self,
+        folder: &Path,
+        basis: &Basis,
+        before: &[&str],
+    ) -> io::Result<Option<RunReason>> {
         let Some(made) = self.stages.get(&basis.stage) else {
             let begun = self.has_begun(&basis.stage, &basis.fingerprint());
-            return Ok(Some(if begun { Why::Begun } else { Why::NotDone }));
+            return Ok(Some(if begun {
+                RunReason::Begun
+            } else {
+                RunReason::NotDone
+            }));
         };
         if made.basis.fingerprint() != basis.fingerprint() {
             return Ok(Some(differs(&made.basis, basis, before)));
         }
         for output in &made.outputs {
             if stamp(&folder.join(&output.path), &output.path)?.as_ref() != Some(output) {
-                return Ok(Some(Why::Output(output.path.clone())));
+                return Ok(Some(RunReason::Output(output.path.clone())));
             }
         }
         Ok(None)
     }
 
-    /// Whether what stage began with this fingerprint was not ended.
+    /// Whether the stage was begun with this fingerprint and not finished.
     pub fn has_begun(&self, stage: &str, fingerprint: &str) -> bool {
         let begun = self.begun.as_ref();
         begun.is_some_and(|begun| begun.stage == stage && begun.fingerprint == fingerprint)
     }
 
-    /// Whether this stage was ever begun or done.
+    /// Whether the stage was ever begun or finished.
     pub fn knows(&self, stage: &str) -> bool {
         let begun = self.begun.as_ref();
         self.stages.contains_key(stage) || begun.is_some_and(|begun| begun.stage == stage)
     }
 
-    /// The stage is about to touch its outputs: it is no longer done. To be written before.
+    /// Remove the entry of a stage. Write the state before the stage modifies its outputs.
     pub fn forget(&mut self, stage: &str) {
         self.stages.remove(stage);
     }
 
-    /// As [`Self::forget`], of a stage that goes on where it is ended.
+    /// As [`Self::forget`], for a stage that can resume.
     pub fn begin(&mut self, stage: &str, fingerprint: &str) {
         self.forget(stage);
         self.begun = Some(Begun {
@@ -289,8 +312,8 @@ impl State {
         });
     }
 
-    /// The stage is done, and its outputs complete.
-    pub fn finish(&mut self, made: Made) {
+    /// Record a finished stage with its complete outputs.
+    pub fn finish(&mut self, made: FinishedStage) {
         let stage = &made.basis.stage;
         if self.begun.as_ref().is_some_and(|b| b.stage == *stage) {
             self.begun = None;
@@ -298,13 +321,13 @@ impl State {
         self.stages.insert(stage.clone(), made);
     }
 
-    /// A finished stage.
-    pub fn made(&self, stage: &str) -> Option<&Made> {
+    /// Entry of a finished stage.
+    pub fn made(&self, stage: &str) -> Option<&FinishedStage> {
         self.stages.get(stage)
     }
 
-    /// Drops stages that the job no longer has; those that were dropped.
-    pub fn keep(&mut self, stages: &[&str]) -> Vec<Made> {
+    /// Remove stages that the job no longer has, and return them.
+    pub fn keep(&mut self, stages: &[&str]) -> Vec<FinishedStage> {
         let gone: Vec<String> = self
             .stages
             .keys()
@@ -317,27 +340,27 @@ impl State {
     }
 }
 
-/// How what a stage was done by differs from what it is to be done by.
-fn differs(was: &Basis, is: &Basis, before: &[&str]) -> Why {
+/// First difference between the basis of a finished stage and the present one.
+fn differs(was: &Basis, is: &Basis, before: &[&str]) -> RunReason {
     if was.version != is.version {
-        return Why::Version {
+        return RunReason::Version {
             was: was.version.clone(),
         };
     }
-    // The stage's own settings say more than that one before it is another.
+    // Changes of the stage's own settings are more specific than a changed predecessor.
     let changed = changes(&was.settings, &is.settings);
     if !changed.is_empty() {
-        return Why::Settings(changed);
+        return RunReason::Settings(changed);
     }
     let known = |files: &[FileStamp]| -> Vec<(u64, String)> {
         files.iter().map(|f| (f.bytes, f.crc32.clone())).collect()
     };
     if known(&was.files) != known(&is.files) {
-        return Why::Files;
+        return RunReason::Files;
     }
     let other = |name: &&&str| was.after.get(**name) != is.after.get(**name);
     let name = before.iter().find(other).map(|name| (*name).to_owned());
-    Why::After(name.unwrap_or_else(|| "a stage before it".to_owned()))
+    RunReason::After(name.unwrap_or_else(|| "a stage before it".to_owned()))
 }
 
 #[cfg(test)]
@@ -361,8 +384,8 @@ mod tests {
         }
     }
 
-    fn made(folder: &Path, basis: &Basis, outputs: &[&str]) -> Made {
-        Made {
+    fn made(folder: &Path, basis: &Basis, outputs: &[&str]) -> FinishedStage {
+        FinishedStage {
             basis: basis.clone(),
             outputs: outputs
                 .iter()
@@ -398,7 +421,7 @@ mod tests {
         assert_eq!(read.why(at, &focus, &[]).unwrap(), None);
         assert_eq!(read.why(at, &quality, &["focus"]).unwrap(), None);
         let check = basis("check", json!(0), &[]);
-        assert_eq!(read.why(at, &check, &[]).unwrap(), Some(Why::NotDone));
+        assert_eq!(read.why(at, &check, &[]).unwrap(), Some(RunReason::NotDone));
     }
 
     #[test]
@@ -412,7 +435,7 @@ mod tests {
         let follows = basis("quality", json!("a"), &[("focus", focus.fingerprint())]);
         assert_eq!(
             state.why(at, &follows, &["focus"]).unwrap(),
-            Some(Why::After("focus".to_owned()))
+            Some(RunReason::After("focus".to_owned()))
         );
         // Its own change says more.
         let both = basis("quality", Value::Null, &[("focus", focus.fingerprint())]);
@@ -427,7 +450,7 @@ mod tests {
         let at = folder.path();
         let (state, focus, quality) = two(at);
         fs::write(at.join("image"), "I").unwrap();
-        let output = Some(Why::Output("image".to_owned()));
+        let output = Some(RunReason::Output("image".to_owned()));
         assert_eq!(state.why(at, &focus, &[]).unwrap(), output);
         // The same basis makes the same image.
         assert_eq!(state.why(at, &quality, &["focus"]).unwrap(), None);
@@ -443,8 +466,11 @@ mod tests {
         let other = basis("focus", json!(3), &[]);
         state.begin("focus", &other.fingerprint());
         assert!(state.knows("focus"));
-        assert_eq!(state.why(at, &other, &[]).unwrap(), Some(Why::Begun));
-        assert_eq!(state.why(at, &focus, &[]).unwrap(), Some(Why::NotDone));
+        assert_eq!(state.why(at, &other, &[]).unwrap(), Some(RunReason::Begun));
+        assert_eq!(
+            state.why(at, &focus, &[]).unwrap(),
+            Some(RunReason::NotDone)
+        );
         state.finish(made(at, &other, &["image"]));
         assert!(!state.has_begun("focus", &other.fingerprint()));
         assert_eq!(state.why(at, &other, &[]).unwrap(), None);

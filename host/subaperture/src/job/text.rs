@@ -1,4 +1,4 @@
-//! The text of a job: read, checked against the keys, and its settings as JSON.
+//! Text of a job: reading, validation against the schema, and settings as JSON.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -10,24 +10,24 @@ use subaperture_describe::{Description, DescriptionError};
 
 use super::keys::SCHEMA;
 
-/// Why there is no job.
+/// Error of reading a job.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum JobError {
     /// The text cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
-        /// Its file.
+        /// Path of the text.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// It is wrong.
+    /// The text is not a valid job.
     #[error(transparent)]
     Description(#[from] DescriptionError),
 }
 
-/// A job's text and its values.
+/// Validated text of a job, with its values.
 #[derive(Clone, Debug)]
 pub struct JobText {
     description: Description,
@@ -35,10 +35,10 @@ pub struct JobText {
 }
 
 impl JobText {
-    /// Reads a text, with settings (key and value, as `former.error` and `-50 dB`) laid over it, which errors name as what `option` asked for.
+    /// Read a text and apply overrides (key and value, as `former.error` and `-50 dB`). Errors attribute an override to `option`.
     ///
     /// # Errors
-    /// If the file cannot be read; then everything that is wrong with its text.
+    /// The file cannot be read, or the list of all faults in the text.
     pub fn read(
         path: &Path,
         option: &str,
@@ -55,10 +55,10 @@ impl JobText {
         Ok(Self::new(description)?)
     }
 
-    /// The job of a description.
+    /// Validate a description as a job.
     ///
     /// # Errors
-    /// Everything that is wrong with it, with its lines.
+    /// All faults, with line numbers.
     pub fn new(description: Description) -> Result<Self, DescriptionError> {
         let resolved = description.resolve(&SCHEMA);
         let values = resolved.map_err(|faults| description.explain(faults))?;
@@ -72,7 +72,7 @@ impl JobText {
         }
     }
 
-    /// What no key alone makes wrong.
+    /// Faults of combinations of keys.
     fn faults(&self) -> Vec<Found> {
         let within = |name: &str| self.values.optional_section(name);
         let mut faults = Vec::new();
@@ -87,22 +87,22 @@ impl JobText {
         faults
     }
 
-    /// Everything that the text says, defaults filled in.
+    /// All values, with defaults filled in.
     pub fn values(&self) -> &Values {
         &self.values
     }
 
-    /// A path of the text, from the text's folder.
+    /// Resolve a path of the text relative to the text's folder.
     pub fn path(&self, text: &str) -> PathBuf {
         self.description.folder().join(text)
     }
 
-    /// What is wrong, in words with its lines.
+    /// Error text of faults, with line numbers.
     pub fn explain(&self, faults: Vec<Found>) -> DescriptionError {
         self.description.explain(faults)
     }
 
-    /// The settings of these sections, by key and with defaults, as `former.error`; none of a section that may be left out and is.
+    /// Settings of these sections with defaults, by key, as `former.error`. Absent optional sections contribute no settings.
     pub fn settings(&self, sections: &[&str]) -> Map<String, Value> {
         let mut settings = Map::new();
         for name in sections {
@@ -200,7 +200,7 @@ mod tests {
             (
                 "[input]\nfiles = \"a\"\n[track]\nsource = \"mpga\"\nfile = \"t.csv\"\n",
                 "job.toml:5:1",
-                ["file", "says nothing"],
+                ["file", "does not apply"],
             ),
         ] {
             let error = job(text).unwrap_err();

@@ -1,19 +1,19 @@
-//! The image of a capture, sweep by sweep as it comes.
+//! Image of a running capture, updated with each sweep.
 //!
 //! ```text
 //! radio::live::Follower ── LiveSweep ──> Imaging: a pulse of each receiver (radio::history) ─> focus::live ── Picture ──> radio::live::Board
 //! ```
 //!
-//! A sweep is a pulse, placed by the track at the device's own times, as a recording of it would be: the image is that of the recording's
-//! phase history by [`bp`](crate::focus::bp), within the bound of [`focus::live`](crate::focus::live). Two receivers are summed, each by its own antenna.
-//! A sweep of which too little came, or that the track does not know, is left out and counted, as is one
-//! of which the error would be above the bound: long sweeps of a radar that moves fast are hard on float32.
+//! A sweep is treated as a pulse and placed by the track at the device's own times. The image equals that of the
+//! recorded phase history by [`bp`](crate::focus::bp), within the error bound of [`focus::live`](crate::focus::live). Two receivers are summed, each with its
+//! own antenna position. A sweep is omitted and counted if it is incomplete, outside the track's time, or would exceed the error bound:
+//! long sweeps of a fast radar exceed float32 precision.
 //!
-//! Where nobody knows the way it is found of the echoes ([`Way::Echoes`], [`targets::live`](crate::targets::live)): a sweep then waits for its place, some twenty sweeps, and is imaged when
-//! that is known; the image is in the axes that the body has at first. What is imaged while it moves is not looked at again, and so is not quite as sharp as what
-//! [`recover`](crate::targets::recover()) makes of the recording.
+//! Without a given track, the track is estimated from the echoes ([`BodyMotion::Echoes`], [`targets::live`](crate::targets::live)). A sweep is then imaged once its position is estimated,
+//! about twenty sweeps later, in the initial axes of the body. Imaged sweeps are not revised, so the image is slightly less sharp than that of
+//! [`recover`](crate::targets::recover()) on the complete recording.
 //!
-//! Cost: a push a sweep and receiver; memory: [`Live::held_bytes`], a pulse, and what waits. `tests/cli/live.rs` holds it against the recording.
+//! Cost: one push per sweep and receiver. Memory: [`Live::held_bytes`], one pulse, and the waiting sweeps. `tests/cli/live.rs` compares the image with that of the recording.
 
 mod walk;
 
@@ -22,16 +22,16 @@ use subaperture_model::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
 use subaperture_radio::Antennas;
 use subaperture_radio::history::{HistoryError, Placement, Track};
-use subaperture_radio::live::{LiveSweep, MOST_PIXELS, Picture};
+use subaperture_radio::live::{LiveSweep, MAX_PIXELS, Picture};
 use subaperture_radio::profile::Sweep;
 use subaperture_targets::TargetsError;
 
 use glam::DVec3;
 
-pub use walk::{Echoes, Found};
+pub use walk::{EchoTrack, Echoes};
 use walk::{Known, Walk};
 
-/// An image that grows with a capture.
+/// Image of a capture in progress.
 pub struct Imaging {
     live: Live,
     places: Places,
@@ -44,12 +44,12 @@ pub struct Imaging {
     why: Option<String>,
 }
 
-/// How the body that carries the antennas moves.
+/// Motion of the body that carries the antennas.
 #[derive(Debug)]
-pub enum Way {
-    /// On a track.
+pub enum BodyMotion {
+    /// Motion on a given track.
     Track(Track),
-    /// As its echoes tell.
+    /// Motion estimated from the echoes.
     Echoes(Echoes),
 }
 
@@ -59,18 +59,18 @@ enum Places {
     Found(Box<Walk>),
 }
 
-/// Where a capture's antennas are, and which echoes there are.
+/// Positions of a capture's antennas, and its receivers.
 #[derive(Debug)]
-pub struct Place {
-    /// How the body that carries them moves.
-    pub way: Way,
-    /// Where they are on it.
+pub struct CaptureGeometry {
+    /// Motion of the body that carries the antennas.
+    pub way: BodyMotion,
+    /// Positions of the antennas on the body.
     pub antennas: Antennas,
-    /// What phases are referred to, metres; the grid's middle if `None`.
+    /// Position to which phases are referred, metres; `None` for the grid's centre.
     pub reference_m: Option<DVec3>,
-    /// Which receivers sweeps are of, in their order.
+    /// Indices of the receivers in a sweep, in order.
     pub receivers: &'static [usize],
-    /// Echoes come from no farther, metres.
+    /// Maximum range of echoes, metres.
     pub reach_m: f64,
 }
 
@@ -82,7 +82,7 @@ impl Imaging {
     pub fn new(
         grid: &ImageGrid,
         num_carriers: usize,
-        place: Place,
+        place: CaptureGeometry,
         settings: &Settings,
     ) -> Result<Self, ImagingError> {
         // Pulses of as many receivers as there are.
@@ -100,8 +100,8 @@ impl Imaging {
             return Err(HistoryError::Track(what.to_owned()).into());
         }
         let places = match place.way {
-            Way::Track(track) => Places::Known(track, place.antennas),
-            Way::Echoes(echoes) => {
+            BodyMotion::Track(track) => Places::Known(track, place.antennas),
+            BodyMotion::Echoes(echoes) => {
                 let (receivers, reach_m) = (place.receivers, place.reach_m);
                 let walk = Walk::new(&echoes, place.antennas, receivers, reference_m, reach_m)?;
                 Places::Found(Box::new(walk))
@@ -120,7 +120,7 @@ impl Imaging {
         })
     }
 
-    /// Adds a sweep, or has it wait for its place. One that is of no use, or whose error would be above the bound, is counted as left out, and the image is as it was.
+    /// Add a sweep, or queue it until its position is known. An unusable sweep, or one that would exceed the error bound, is counted as omitted and leaves the image unchanged.
     pub fn take(&mut self, sweep: &LiveSweep) {
         if sweep.receivers.is_empty() {
             let why = sweep.why.clone();
@@ -156,7 +156,7 @@ impl Imaging {
         }
     }
 
-    /// Images what waits still for its place, when no more come; what has none is left out.
+    /// Image the queued sweeps at the end of the capture. Sweeps without a position are omitted.
     pub fn finish(&mut self) {
         let Places::Found(walk) = &mut self.places else {
             return;
@@ -209,39 +209,39 @@ impl Imaging {
         self.why = Some(why);
     }
 
-    /// The way, where it is found of the echoes.
-    pub fn found(&self) -> Option<Found> {
+    /// Estimated track, if the track is estimated from the echoes.
+    pub fn found(&self) -> Option<EchoTrack> {
         match &self.places {
             Places::Known(..) => None,
             Places::Found(walk) => Some(walk.found()),
         }
     }
 
-    /// Sweeps that the image has been given.
+    /// Number of sweeps in the image.
     pub fn taken(&self) -> u64 {
         self.taken
     }
 
-    /// Sweeps that were left out, and why the last of them.
+    /// Number of omitted sweeps, and the reason for the last omission.
     pub fn left_out(&self) -> (u64, Option<&str>) {
         (self.left_out, self.why.as_deref())
     }
 
-    /// The image so far.
+    /// Current image.
     pub fn image(&self) -> Image {
         self.live.image()
     }
 
-    /// What is known of its error, and its pixels: [`Live`].
+    /// State of the live former: pixels and error.
     pub fn live(&self) -> &Live {
         &self.live
     }
 
-    /// The image so far as it is shown: no larger than [`MOST_PIXELS`], each pixel the brightest of those it stands for.
+    /// Current image for display, at most [`MAX_PIXELS`]; each pixel is the brightest of those it represents.
     pub fn picture(&self) -> Picture {
         let (image, grid) = (self.image(), self.live.grid());
         let mut every = 1;
-        while image.rows.div_ceil(every) * image.columns.div_ceil(every) > MOST_PIXELS {
+        while image.rows.div_ceil(every) * image.columns.div_ceil(every) > MAX_PIXELS {
             every += 1;
         }
         let (rows, columns) = (image.rows.div_ceil(every), image.columns.div_ceil(every));
@@ -312,7 +312,7 @@ fn extent(grid: &ImageGrid) -> Option<Extent> {
     })
 }
 
-/// Why there is no image of a capture.
+/// Error of imaging a capture.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImagingError {
@@ -324,5 +324,5 @@ pub enum ImagingError {
     Place(#[from] HistoryError),
     /// Their way is not to be found of what they hear.
     #[error(transparent)]
-    Way(#[from] TargetsError),
+    BodyMotion(#[from] TargetsError),
 }

@@ -50,7 +50,7 @@ impl Echoes {
 
 /// A way that is found of echoes, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct EchoTrack {
     /// From place to place, metres.
     pub length_m: f64,
     /// Sweeps that wait for their place.
@@ -60,7 +60,7 @@ pub struct Found {
 }
 
 /// Sweeps that may wait for a place beside those that are within the lag: what nothing is seen in has none until something is.
-const MOST_BLIND: usize = 64;
+const MAX_BLIND: usize = 64;
 /// Fixes that a track is laid through: what is farther off moves a spline by less than a part in a thousand of its knot for every five.
 const FIXES: usize = 48;
 
@@ -146,8 +146,8 @@ impl Walk {
     }
 
     /// The way as far as it is known.
-    pub(super) fn found(&self) -> Found {
-        Found {
+    pub(super) fn found(&self) -> EchoTrack {
+        EchoTrack {
             length_m: self.length_m,
             waiting: self.waiting.len() as u64,
             going: self.live.going(),
@@ -179,7 +179,7 @@ impl Walk {
         for located in self.live.push(&pulses) {
             self.learn(located.pulse, located.position_m, located.attitude);
         }
-        let most = self.live.lag() + MOST_BLIND;
+        let most = self.live.lag() + MAX_BLIND;
         let given_up = self.waiting.len().saturating_sub(most);
         self.waiting.drain(..given_up);
         Ok(given_up as u64)

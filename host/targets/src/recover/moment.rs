@@ -1,38 +1,38 @@
-//! A moment of a track.
+//! Pose of a track at a pulse.
 
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-/// A moment of the track.
+/// Pose of the track at a pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moment {
-    /// The pulse's number in the recording.
+    /// Number of the pulse in the recording.
     pub pulse: usize,
-    /// When, seconds from the collection's start.
+    /// Time, seconds from the collection's start.
     pub time_s: f64,
-    /// The body's origin, metres in the scene frame.
+    /// Position of the body's origin, metres in the scene frame.
     pub position_m: DVec3,
-    /// From the body's axes to the scene's.
+    /// Rotation from the body's axes to the scene's.
     pub attitude: DQuat,
-    /// Covariance of x and y, metres, and of the heading, radians: along the scene's axes where the plane of motion is level, else along the body's of the first pulse; relative to
-    /// the first pose's place and the direction to the first target.
+    /// Covariance of x and y (metres) and heading (radians), along the scene's axes if the plane of motion is level, else along the body's axes in the first pulse. It is that of the track's shape: after the turn and shift that
+    /// align it best with the true positions (with the first pose if the recorded positions do not move), and enlarged where residuals exceed the stated noise.
     pub covariance: DMat3,
-    /// Targets seen.
+    /// Number of targets in the pulse.
     pub targets: usize,
-    /// RMS of what ranges and phases are off, in standard deviations.
+    /// RMS residual of ranges and phases, in standard deviations.
     pub residual: f64,
-    /// Where the recording has the middle of the antennas, metres in the scene frame.
+    /// Recorded phase centre of the antennas, metres in the scene frame.
     pub recorded_m: DVec3,
 }
 
 impl Moment {
-    /// Standard deviation of the place along the worst direction, metres.
+    /// Standard deviation of the position along its worst direction, metres.
     pub fn spread_m(&self) -> f64 {
         self.axes()[0].length()
     }
 
-    /// A closed ring about the place, at so many standard deviations, metres in the scene's x and y where the plane of motion is level.
+    /// Closed polygon of the error ellipse of so many standard deviations, metres in the scene's x and y if the plane of motion is level.
     pub fn ellipse_m(&self, sigmas: f64) -> Vec<DVec2> {
         const CORNERS: usize = 36;
         let [major, minor] = self.axes();
@@ -43,7 +43,7 @@ impl Moment {
         (0..=CORNERS).map(corner).collect()
     }
 
-    /// Half axes of the ellipse of one standard deviation.
+    /// Semi-axes of the ellipse of one standard deviation, metres.
     fn axes(&self) -> [DVec2; 2] {
         let c = &self.covariance;
         let (a, b, both) = (c.x_axis.x, c.y_axis.y, c.x_axis.y);

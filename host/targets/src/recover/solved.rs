@@ -1,21 +1,21 @@
-//! A track of sightings, of as many pulses as tell it.
+//! Track of given sightings, over all pulses that determine a pose.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
-use subaperture_motion::{Array, MotionError, Pose, Sighting, Track, Tracker, track};
+use subaperture_motion::{Array, MotionError, Pose, Sighting, Track, Tracker, track_numbered};
 
 use crate::see::{Seen, TargetsError, WINDOW};
 
-/// Targets whose places are found, those seen most often: a pulse's time grows with the cube of their number.
-const MOST_SOLVED: usize = 48;
-/// Pulses in which a target has to be told of: its place is three numbers more to find, and fewer pulses say nothing of the others.
-const LEAST_TOLD: usize = 10;
+/// Largest number of targets of a track, most sightings first: the time of a pulse grows with the cube of their number.
+const MAX_SOLVED: usize = 48;
+/// Least number of pulses of a target: it adds three unknowns, and fewer pulses contribute nothing to the others.
+const MIN_PULSES_SEEN: usize = 10;
 
-/// A track, of these pulses.
+/// Track of some pulses.
 pub(super) struct Solved {
-    /// Their numbers.
+    /// Numbers of these pulses.
     pub(super) kept: Vec<usize>,
-    /// Of all pulses.
+    /// Sightings of all pulses.
     pub(super) pulses: Vec<Vec<Sighting>>,
     pub(super) found: Track,
 }
@@ -29,7 +29,7 @@ impl Solved {
         let own = |kept: &[usize]| -> Vec<Vec<Sighting>> {
             kept.iter().map(|&n| pulses[n].clone()).collect()
         };
-        let solve = |kept: &[usize]| track(&seen.array, &own(kept), WINDOW);
+        let solve = |kept: &[usize]| track_numbered(&seen.array, &own(kept), kept, WINDOW);
         let found = solve(&kept).or_else(|(n, error)| match error {
             MotionError::NoEstimate(_) if n < kept.len() => {
                 kept = tellable(&seen.array, &own(&kept), &kept)?;
@@ -48,12 +48,12 @@ impl Solved {
         })
     }
 
-    /// In how many pulses targets are seen, by number.
+    /// Number of pulses of each target.
     pub(super) fn times_seen(&self) -> HashMap<usize, usize> {
         times_seen(self.kept.iter().map(|&n| &self.pulses[n]))
     }
 
-    /// The pose at a pulse, between those that are known if need be.
+    /// Pose at a pulse, interpolated between poses.
     pub(super) fn pose(&self, pulse: usize) -> Pose {
         let poses = &self.found.poses;
         let next = self.kept.partition_point(|&n| n < pulse);
@@ -70,13 +70,37 @@ impl Solved {
                     heading_rad: a.heading_rad + part * (b.heading_rad - a.heading_rad),
                 }
             }
-            (Some((_, pose)), None) | (None, Some((_, pose))) => pose,
+            // Extrapolated over a limited number of pulses.
+            (Some((last, pose)), None) => self.beyond(poses.len() - 1, pose, pulse - last),
+            (None, Some((first, pose))) => self.beyond(0, pose, first - pulse),
             (None, None) => Pose::default(),
         }
     }
 }
 
-/// In how many pulses targets are seen, by number.
+/// Largest number of pulses beyond the track's ends for which a pose is extrapolated.
+const BEYOND: usize = 30;
+/// Number of pulses from which it is extrapolated.
+const AT_END: usize = 16;
+
+impl Solved {
+    /// Pose so many pulses beyond an end, by the mean motion there.
+    fn beyond(&self, end: usize, pose: Pose, pulses: usize) -> Pose {
+        let poses = &self.found.poses;
+        let other = end.abs_diff(AT_END.min(poses.len() - 1));
+        let between = self.kept[end].abs_diff(self.kept[other]);
+        if between == 0 {
+            return pose;
+        }
+        let part = pulses.min(BEYOND) as f64 / between as f64;
+        Pose {
+            at_m: pose.at_m + (pose.at_m - poses[other].at_m) * part,
+            heading_rad: pose.heading_rad,
+        }
+    }
+}
+
+/// Number of pulses of each target.
 fn times_seen<'a>(pulses: impl Iterator<Item = &'a Vec<Sighting>>) -> HashMap<usize, usize> {
     let mut counts: HashMap<usize, usize> = HashMap::new();
     for sighting in pulses.flatten() {
@@ -85,12 +109,12 @@ fn times_seen<'a>(pulses: impl Iterator<Item = &'a Vec<Sighting>>) -> HashMap<us
     counts
 }
 
-/// Sightings of the targets that are seen most often.
+/// Sightings of the targets with most pulses.
 pub(super) fn solved_for(pulses: &[Vec<Sighting>]) -> Vec<Vec<Sighting>> {
     let mut by_count: Vec<(usize, usize)> = times_seen(pulses.iter()).into_iter().collect();
     by_count.sort_by_key(|&(target, count)| (std::cmp::Reverse(count), target));
-    by_count.truncate(MOST_SOLVED);
-    by_count.retain(|(_, count)| *count >= LEAST_TOLD);
+    by_count.truncate(MAX_SOLVED);
+    by_count.retain(|(_, count)| *count >= MIN_PULSES_SEEN);
     let is_solved = |sighting: &&Sighting| {
         by_count
             .iter()
@@ -98,6 +122,14 @@ pub(super) fn solved_for(pulses: &[Vec<Sighting>]) -> Vec<Vec<Sighting>> {
     };
     let each = pulses.iter();
     each.map(|all| all.iter().filter(is_solved).cloned().collect())
+        .collect()
+}
+
+/// Sightings of all other targets.
+pub(super) fn without(pulses: &[Vec<Sighting>], left_out: &BTreeSet<usize>) -> Vec<Vec<Sighting>> {
+    let stays = |sighting: &&Sighting| !left_out.contains(&sighting.target);
+    let each = pulses.iter();
+    each.map(|all| all.iter().filter(stays).cloned().collect())
         .collect()
 }
 
@@ -112,7 +144,7 @@ fn too_few(pulses: &[Vec<Sighting>]) -> TargetsError {
     }
 }
 
-/// The pulses that tell their pose beside those before them.
+/// Pulses that determine their pose given those before.
 fn tellable(
     array: &Array,
     pulses: &[Vec<Sighting>],
@@ -122,6 +154,7 @@ fn tellable(
     let mut tellable = Vec::with_capacity(numbers.len());
     let mut first_error = None;
     for (i, (&n, sightings)) in numbers.iter().zip(pulses).enumerate() {
+        tracker.skip(i.checked_sub(1).map_or(0, |m| n - numbers[m] - 1));
         match tracker.push(sightings) {
             Ok(_) => tellable.push(n),
             Err(error) => {

@@ -1,32 +1,32 @@
-//! Which channels work, by some pulses of a recording.
+//! Health of channels, from some pulses of a recording.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_model::phase_history::{ChannelHistory, Channels};
 
 use crate::fault::Fault;
 
-/// A channel so far below the strongest has no echoes but what leaks into it from others.
+/// Level below the strongest channel at which only leakage remains, dB.
 const DEAD_DB: f64 = 40.0;
-/// SNR of half of the echoes below which a channel holds noise alone, if they are above the other in another channel.
+/// Median SNR below which a channel contains noise alone, if another channel's is above the second value.
 const SILENT: f64 = 4.0;
 const SEEN: f64 = 100.0;
-/// Samples at the largest value of a channel, as a fraction, from which on it is saturated: of a steady tone 0.2 % are within [`RAIL`] of it.
+/// Share of samples at the largest value from which on a channel is saturated: of a steady tone 0.2 % are within [`RAIL`] of it.
 const SATURATED: f64 = 0.01;
 const RAIL: f64 = 2e-6;
 
-/// How a channel does.
+/// Statistics of a channel.
 #[derive(Clone, Default)]
 pub(super) struct Health {
     power: f64,
     samples: usize,
-    /// As recorded, and without compensation: the largest part so far, and how many are as large.
+    /// Largest real or imaginary part so far and the number of samples at it, as recorded and without compensation.
     rails: [(f64, usize); 2],
-    /// SNR of the echoes found.
+    /// SNR of the echoes.
     pub(super) echoes: Vec<f64>,
 }
 
 impl Health {
-    /// The median of its echoes'.
+    /// Median SNR of the echoes.
     fn snr(&self) -> Option<f64> {
         let mut all = self.echoes.clone();
         all.sort_by(f64::total_cmp);
@@ -60,14 +60,14 @@ impl Health {
         }
     }
 
-    /// Samples of which a part is at the largest value, as a fraction, at the most.
+    /// Largest share of samples with a part at the largest value.
     fn at_rails(&self) -> f64 {
         let most = self.rails.iter().map(|(_, count)| *count).max();
         most.unwrap_or(0) as f64 / self.samples.max(1) as f64
     }
 }
 
-/// What some pulses told of the channels.
+/// Statistics of all channels.
 pub(super) struct Looked {
     pub(super) of: Vec<Health>,
 }
@@ -88,14 +88,14 @@ impl Looked {
             .collect()
     }
 
-    /// The channels with echoes; and the names of the others, with how far they are below the strongest if they hold anything.
+    /// Channels with echoes, and the names of the others with their level below the strongest; `None` for zeros only.
     pub(super) fn parted<'a>(&self, channels: Channels<'a>) -> Parted<'a> {
         let most = self.most_power();
         let best = self.of.iter().filter_map(Health::snr).fold(0.0, f64::max);
         let (mut alive, mut dead) = (Vec::new(), Vec::new());
         for (own, (about, history)) in self.of.iter().zip(channels.into_inner()) {
             let by_power_db = 10.0 * libm::log10(most / own.power);
-            // Noise alone, where another has echoes.
+            // Noise alone, while another channel has echoes.
             let silent = own.snr().filter(|snr| *snr < SILENT && best > SEEN);
             let by_echoes_db = silent.map(|snr| 10.0 * libm::log10(best / snr));
             let below_db = by_echoes_db.unwrap_or(by_power_db);

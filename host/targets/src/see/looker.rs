@@ -1,4 +1,4 @@
-//! Pulses of a recording one after another: echoes of each, and targets through them.
+//! Detection over a recording: echoes of each pulse, and targets from pulse to pulse.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_model::monitor::Monitor;
@@ -11,24 +11,24 @@ use crate::arrangement::Arrangement;
 use crate::cfar::{Detector, Search};
 use crate::echo::{Echo, echoes};
 use crate::fault::Fault;
-use crate::follow::Follower;
+use crate::follow::TargetTracker;
 use crate::profile::{Echoes, Profiler};
 
-/// Pulses that are looked at to learn which channels work.
+/// Number of pulses from which the health of channels is judged.
 const LOOKED_AT: usize = 32;
-/// Peaks of a pulse that are looked at beside as many as there may be targets.
+/// Peaks of a pulse that are examined beyond the largest number of targets.
 const BESIDE: usize = 16;
 /// Bytes of a block of pulses.
 const BLOCK_BYTES: usize = 4 << 20;
 
-/// Finds targets in pulses of so many channels.
+/// Detector of targets in pulses of several channels.
 pub(crate) struct Looker {
     profiler: Profiler,
     settings: Settings,
     detector: Detector,
-    /// Highest side lobe of the window, as a ratio of powers, and a little.
+    /// Highest side lobe of the window, as a ratio of powers, with a margin.
     lobe: f64,
-    /// Of an echo that is told of, in every channel, as a ratio of powers.
+    /// Least SNR of an echo in every channel, as a ratio of powers.
     least_snr: f64,
 }
 
@@ -48,17 +48,17 @@ impl Looker {
         })
     }
 
-    /// Whether all channels hear it above noise.
+    /// Whether the echo is above noise in all channels.
     pub(crate) fn is_heard(&self, echo: &Echo) -> bool {
         echo.snr.iter().all(|snr| *snr >= self.least_snr)
     }
 
-    /// Samples of a channel as they would be had the recording compensated nothing.
+    /// Samples of a channel without the recording's compensation.
     pub(crate) fn uncompensated(&self, pulse: &Pulse, samples: &[Complex32]) -> Vec<Complex64> {
         self.profiler.uncompensated(pulse, samples)
     }
 
-    /// Targets, strongest first, and what the search counted.
+    /// Targets, strongest first, and the statistics of the search.
     pub(crate) fn find(&self, samples: &Echoes) -> (Vec<Echo>, Search) {
         let each = samples.iter().map(|samples| self.profiler.power(samples));
         let power = each
@@ -69,10 +69,16 @@ impl Looker {
             .unwrap_or_default();
         let strongest = power.iter().fold(0.0, |most: f64, p| most.max(*p));
         let mut search = self.detector.search(&power, self.lobe * strongest);
-        // Those beyond the searched ranges are taken away with the others.
+        // Targets beyond the searched ranges are subtracted with the others.
         search.peaks.truncate(self.settings.most_targets + BESIDE);
-        let mut found = echoes(&self.profiler, &self.detector, samples, &search.peaks);
-        // What lies at an end may be the flank of a target beyond.
+        let mut found = echoes(
+            &self.profiler,
+            &self.detector,
+            samples,
+            &search.peaks,
+            self.settings.subtraction,
+        );
+        // A peak at an end may be the flank of a target beyond.
         let cell_m = 0.5 * self.profiler.cell_m();
         let mut peaks = search.peaks.iter();
         found.retain(|echo| {
@@ -86,7 +92,7 @@ impl Looker {
         (found, search)
     }
 
-    /// Some pulses, to learn which channels work.
+    /// Collect the statistics of channels from some pulses.
     pub(super) fn look(
         &self,
         channels: &Channels,
@@ -143,7 +149,7 @@ impl Looker {
         let cell_m = 0.5 * self.profiler.cell_m();
         let order = arrangement.order();
         let mut follower =
-            Follower::new(self.settings.follow, cell_m).map_err(TargetsError::Settings)?;
+            TargetTracker::new(self.settings.follow, cell_m).map_err(TargetsError::Settings)?;
         let num_pulses = channels.num_pulses();
         let mut pulses = Vec::with_capacity(num_pulses);
         let mut all_echoes = Vec::with_capacity(num_pulses);
@@ -176,7 +182,7 @@ impl Looker {
                         take(n, Some(&self.pulse(channels, &samples, n, i)));
                     }
                 }
-                // One by one, to tell which.
+                // Read one by one to find the unreadable pulses.
                 Err(_) => {
                     for n in run {
                         match read(channels, n..n + 1)? {
@@ -229,7 +235,7 @@ impl Looker {
     }
 }
 
-/// Samples of a run of pulses, channel by channel; or what of them is no number.
+/// Samples of a run of pulses, channel by channel, or the text of what is not finite.
 type Samples = Result<Vec<Vec<Complex32>>, String>;
 
 fn read(channels: &Channels, run: std::ops::Range<usize>) -> Result<Samples, ReadError> {
@@ -254,7 +260,7 @@ fn read(channels: &Channels, run: std::ops::Range<usize>) -> Result<Samples, Rea
     Ok(Ok(all))
 }
 
-/// The highest side lobe of a window, as a ratio of powers.
+/// Highest side lobe of a window, as a ratio of powers.
 fn highest_lobe(profiler: &Profiler) -> f64 {
     let flat = vec![Complex64::ONE; profiler.band.count];
     let half = profiler.full_power(&flat);

@@ -1,14 +1,14 @@
-//! What is lost of a recording: pulses that cannot be read, echoes that a channel lacks, and the time between the pulses of a turn.
+//! Losses of a recording: unreadable pulses, echoes lost in one channel, and motion between the pulses of a turn.
 
 use subaperture_model::phase_history::Channels;
 
 use crate::echo::Echo;
 use crate::fault::Fault;
 
-/// A channel that loses more of the echoes that others have is told of.
+/// Share of echoes lost in one channel that is reported.
 const WEAK: f64 = 0.1;
 
-/// Pulses that could not be read.
+/// Unreadable pulses.
 #[derive(Default)]
 pub(super) struct Unreadable {
     pub(super) count: usize,
@@ -31,7 +31,7 @@ impl Unreadable {
     }
 }
 
-/// Echoes that one channel alone has lost.
+/// Echoes lost in one channel alone.
 pub(super) struct Lost {
     all: usize,
     of: Vec<usize>,
@@ -45,7 +45,7 @@ impl Lost {
         }
     }
 
-    /// Whether all channels have an echo.
+    /// Whether all channels have the echo.
     pub(super) fn take(&mut self, echo: &Echo, least_snr: f64) -> bool {
         let low = |snr: &&f64| **snr < least_snr;
         match echo.snr.iter().filter(low).count() {
@@ -71,7 +71,7 @@ impl Lost {
     }
 }
 
-/// Whether pulses of a turn are so far apart in time that phases change.
+/// Fault if motion changes phases between the pulses of a turn.
 pub(super) fn turns(channels: &Channels, rate_m: f64, rad_m: f64) -> Option<Fault> {
     let first = channels.channel(0).collection();
     let [a, b, ..] = first.pulses[..] else {

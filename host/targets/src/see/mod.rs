@@ -1,4 +1,4 @@
-//! A recording's targets, pulse by pulse.
+//! Targets of a recording, pulse by pulse.
 
 mod health;
 mod looker;
@@ -11,31 +11,33 @@ use subaperture_signal::window::Window;
 
 use crate::arrangement::{Arrangement, ArrangementError};
 use crate::cfar::Cfar;
-use crate::echo::Echo;
+use crate::echo::{Echo, Subtraction};
 use crate::fault::Fault;
-use crate::follow::{Event, Follow};
+use crate::follow::{Event, TrackerSettings};
 use crate::profile::Profiler;
 
 pub(crate) use looker::Looker;
 
-/// Pulses that motion looks at again.
+/// Lag of the fixed-lag smoother, pulses.
 pub(crate) const WINDOW: usize = 10;
 
-/// How targets are found.
+/// Settings of detection, association and echo selection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Over frequency: what is below its side lobes beside the strongest target is not looked for.
+    /// Window over frequency, Taylor with side lobes of -50 dB by default. Peaks below its side lobes of the strongest target are not searched for.
     pub window: Window,
-    /// Detection.
+    /// CFAR detection.
     pub cfar: Cfar,
-    /// Association.
-    pub follow: Follow,
-    /// Ranges that are searched, metres; all that are told apart if `None`.
+    /// Association from pulse to pulse.
+    pub follow: TrackerSettings,
+    /// Nearest and farthest range searched, metres; the whole unambiguous interval if `None`.
     pub ranges_m: Option<(f64, f64)>,
-    /// Targets of a pulse at the most, the strongest: the time that motion takes grows with the cube of all there are.
+    /// Largest number of targets a pulse, the strongest first; 16 by default. The time of the least squares grows with the cube of all targets.
     pub most_targets: usize,
-    /// Echoes that are nearer to noise in any channel are not told of, dB.
+    /// Echoes below this SNR in any channel are not used, dB; 10 by default.
     pub least_snr_db: f64,
+    /// Subtraction of other targets before one is estimated; the path of each channel by default.
+    pub subtraction: Subtraction,
 }
 
 impl Default for Settings {
@@ -43,110 +45,133 @@ impl Default for Settings {
         Self {
             window: Window::Taylor { side_lobe_db: 50.0 },
             cfar: Cfar::default(),
-            follow: Follow::default(),
+            follow: TrackerSettings::default(),
             ranges_m: None,
             most_targets: 16,
             least_snr_db: 10.0,
+            subtraction: Subtraction::default(),
         }
     }
 }
 
-/// What was seen.
+/// Targets of a recording, and its array.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    /// The antennas of the channels that were used.
+    /// Antennas of the channels that are used.
     pub arrangement: Arrangement,
-    /// These in the plane, transmitter by transmitter, receiver by receiver as sightings have them.
+    /// The same in the plane; channels transmitter by transmitter, receiver by receiver, as in sightings.
     pub array: Array,
-    /// Names of the channels in that order.
+    /// Names of the channels, in the array's order.
     pub channels: Vec<String>,
-    /// Of every pulse.
+    /// Sightings of every pulse.
     pub pulses: Vec<Vec<Sighting>>,
     /// All echoes of every pulse, whether of a target or not.
     pub echoes: Vec<Vec<Echo>>,
-    /// When each was, seconds from the collection's start.
+    /// Times of the pulses, seconds from the collection's start.
     pub times_s: Vec<f64>,
     /// Range resolution, metres.
     pub cell_m: f64,
-    /// What became of targets.
+    /// Births, deaths and crossings of targets.
     pub events: Vec<Event>,
-    /// What is wrong.
+    /// Faults of channels and pulses.
     pub faults: Vec<Fault>,
 }
 
-/// Why a recording's targets are not found, or no track of them.
+/// Reason why a recording has no targets or no track.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TargetsError {
-    /// Reading failed.
+    /// The recording could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// Channels are not those of an array.
+    /// The channels do not form an array.
     #[error(transparent)]
     Arrangement(#[from] ArrangementError),
-    /// Settings that cannot be.
+    /// Invalid settings.
     #[error("{0}")]
     Settings(&'static str),
-    /// Frequencies differ.
-    #[error(
-        "channels and pulses have different frequencies: phases are compared at the middle of one band"
-    )]
+    /// Channels or pulses differ in frequency.
+    #[error("channels or pulses differ in frequency: a track needs one band for all")]
     Band,
     /// Too few samples for a range profile.
-    #[error("{0} samples a pulse make no range profile: 8 at the least")]
+    #[error("expected 8 samples a pulse or more for a range profile, got {0}")]
     Samples(usize),
-    /// There are no targets.
+    /// No target was detected for long enough.
     #[error(
-        "nothing is seen in {pulses} pulses that lasts: the strongest of all range cells is at {most_db:+.1} dB of the threshold of detection"
+        "no target lasts over {pulses} pulses: the strongest range cell is at {most_db:+.1} dB of the detection threshold"
     )]
     Nothing {
         /// Pulses searched.
         pulses: usize,
-        /// The most that a cell reached, dB over its threshold.
+        /// Highest level of a cell over its threshold, dB.
         most_db: f64,
     },
-    /// All channels hold zeros.
-    #[error("all channels are dead: they hold nothing but zeros")]
+    /// All channels contain only zeros.
+    #[error("all channels are dead: they contain only zeros")]
     AllDead,
-    /// One target.
+    /// Never two targets at a time.
     #[error(
-        "{most} target is seen at a time at the most, over {pulses} pulses, at {:.2} m to {:.2} m: its ranges can be trusted, a track takes two targets \
-         in different directions",
+        "at most {most} target is seen at a time, in {pulses} pulses at ranges of {:.2} m to {:.2} m: a track needs two targets in different directions; the \
+         ranges are reliable",
         ranges_m.0, ranges_m.1
     )]
     TooFew {
-        /// Most targets in a pulse.
+        /// Largest number of targets in a pulse.
         most: usize,
-        /// Pulses in which something is seen.
+        /// Pulses with a target.
         pulses: usize,
-        /// Nearest and farthest.
+        /// Nearest and farthest range, metres.
         ranges_m: (f64, f64),
     },
-    /// Those that work are no array.
-    #[error("{left} of {} channels have echoes (dead: {}): an angle of arrival takes two receivers of one transmitter, half a wavelength apart or less", left + dead.len(), dead.join(", "))]
+    /// The channels with echoes do not form an array.
+    #[error("{left} of {} channels have echoes (dead: {}): direction of arrival needs two receivers of one transmitter, half a wavelength apart or less", left + dead.len(), dead.join(", "))]
     Left {
         /// Channels with echoes.
         left: usize,
-        /// The names of those without.
+        /// Names of those without.
         dead: Vec<String>,
     },
-    /// The antennas tell no motion.
+    /// Motion cannot be found with this array.
     #[error(transparent)]
     Array(subaperture_motion::MotionError),
-    /// No motion explains what is seen.
+    /// No motion explains the sightings.
     #[error("pulse {pulse}: {source}")]
     Motion {
-        /// In the recording.
+        /// Number of the pulse in the recording.
         pulse: usize,
-        /// Why.
+        /// Reason.
         source: subaperture_motion::MotionError,
     },
-    /// The monitor said so.
+    /// The residuals contradict the track.
+    #[error(
+        "the track diverges: its residuals are {ratio:.1} times the noise{}. Phases may be off by whole turns, targets be mistaken for others or move, or the radar move out of the plane of its antennas",
+        if *settled { "" } else { ", and the least squares do not converge" }
+    )]
+    Diverged {
+        /// RMS of the residuals over that of the noise.
+        ratio: f64,
+        /// Whether the least squares converged.
+        settled: bool,
+    },
+    /// Most pulses have no pose.
+    #[error(
+        "two targets or more are seen in {poses} of {pulses} pulses: a track that can be checked needs half of them"
+    )]
+    Sparse {
+        /// Pulses with a pose.
+        poses: usize,
+        /// Pulses of the recording.
+        pulses: usize,
+    },
+    /// Standing and moving targets cannot be told apart.
+    #[error("no track: {0}")]
+    Movers(subaperture_motion::movers::Doubt),
+    /// The monitor cancelled.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// Finds the targets of a recording, in blocks of pulses.
+/// Detect targets in a recording and follow them from pulse to pulse. The recording is read once, in blocks.
 ///
 /// # Errors
 /// [`TargetsError`].
@@ -211,10 +236,10 @@ fn profiler_of(channels: &Channels, settings: &Settings) -> Result<Profiler, Tar
     profiler(band, first.pulses[0].reference_path_m, settings)
 }
 
-/// That of a band, whose first pulse is referred to this path.
+/// Profiler of a band whose first pulse has this reference path.
 ///
 /// # Errors
-/// Too few samples; settings that cannot be.
+/// Too few samples; invalid settings.
 pub(crate) fn profiler(
     band: Band,
     reference_path_m: f64,
@@ -227,12 +252,12 @@ pub(crate) fn profiler(
         && !(near_m >= 0.0 && far_m > near_m && far_m.is_finite())
     {
         return Err(TargetsError::Settings(
-            "ranges begin at 0 m or farther, and end farther still",
+            "expected ranges from 0 m or more to a larger and finite one",
         ));
     }
     if !settings.least_snr_db.is_finite() || settings.most_targets < 2 {
         return Err(TargetsError::Settings(
-            "the least SNR is a number, and targets are two at the least",
+            "expected a finite least SNR and two targets or more",
         ));
     }
     Ok(Profiler::new(

@@ -1,5 +1,5 @@
 "use strict";
-// The live page: events in, canvases out. Nothing is loaded but from this server.
+// Live page of a capture: draws the state received as server-sent events. All resources come from this server.
 const NONE = -32768, SPANS = [20, 30, 40, 50, 60, 80, 100];
 const $ = (id) => document.getElementById(id);
 const view = { rows: [], mostRows: 256, last: null, maps: null, map: "viridis", span: 60, paused: false, cursor: null, top: null, image: null, seen: 0 };
@@ -13,7 +13,7 @@ const bytes = (n) => {
 const duration = (s) => (s > 172800 ? `${Math.floor(s / 86400)} days` : s > 7200 ? `${Math.floor(s / 3600)} h` : s > 120 ? `${Math.floor(s / 60)} min` : `${Math.floor(s)} s`);
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-// A canvas as many pixels large as it is shown, and its context in CSS pixels.
+// Resize a canvas to its size on the screen, and return its context scaled to CSS pixels.
 function sheet(canvas) {
   const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
   const [width, height] = [Math.max(1, Math.round(box.width * ratio)), Math.max(1, Math.round(box.height * ratio))];
@@ -49,7 +49,7 @@ function axisBelow(s, ranges, colour) {
 
 const latest = () => view.rows.findLast((row) => row.levels.length > 0);
 
-// The top of the scale: 5 dB steps, up at once, down only by 10 dB and more, so that it does not flicker.
+// Upper level of the display in steps of 5 dB. It rises at once but falls only by 10 dB or more, to avoid flicker.
 function scaleTop() {
   let highest = -Infinity;
   for (const row of view.rows.slice(-32)) for (const level of row.levels) if (level > highest) highest = level;
@@ -86,7 +86,7 @@ function drawProfile() {
   $("cursor").textContent = `${view.cursor === null ? "strongest: " : ""}${range.toFixed(2)} m, ${(row.levels[place] / 10).toFixed(1)} dB`;
 }
 
-// Levels to colours: data of an ImageData. Rows are given top first.
+// Map levels to colours in the data of an ImageData, top row first.
 function paint(data, levels, high, span, map) {
   const bare = matchMedia("(prefers-color-scheme: dark)").matches ? 40 : 220;
   for (let i = 0; i < levels.length; i++) {
@@ -117,7 +117,7 @@ function drawWaterfall() {
   for (const ago of ticks(0, rows, tall / 40).all) {
     if (ago < rows && latestSweep - ago >= 0) context.fillText(`${latestSweep - ago}`, EDGE.left - 5, EDGE.top + (ago + 0.5) / rows * tall);
   }
-  $("waterfall-rows").textContent = `the last ${view.rows.length} of ${rows} sweeps, the latest at the top; ${view.span} dB below ${scaleTop()} dB`;
+  $("waterfall-rows").textContent = `latest ${view.rows.length} of at most ${rows} sweeps, newest at the top; ${scaleTop() - view.span} to ${scaleTop()} dB`;
 }
 
 const imageStamp = document.createElement("canvas");
@@ -132,7 +132,7 @@ function drawImage() {
   const ink = imageStamp.getContext("2d"), pixels = ink.createImageData(columns, rows);
   paint(pixels.data, turned, about.highest_db ?? 0, Math.min(view.span, 50), view.maps[view.map]);
   ink.putImageData(pixels, 0, 0);
-  // Proportions of the scene.
+  // Keep the aspect ratio of the scene.
   const [wide, tall] = [Math.abs(x_m[1] - x_m[0]) || 1, Math.abs(y_m[1] - y_m[0]) || 1];
   const [roomX, roomY] = [width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom];
   const scale = Math.min(roomX / wide, roomY / tall), left = EDGE.left + (roomX - scale * wide) / 2;
@@ -144,10 +144,10 @@ function drawImage() {
   context.textAlign = "right"; context.textBaseline = "middle";
   const y = ticks(y_m[0], y_m[1], scale * tall / 50);
   for (const at of y.all) context.fillText(`${at.toFixed(y.digits)} m`, left - 5, EDGE.top + (y_m[1] - at) * scale);
-  $("pulses").textContent = `${number.format(about.pulses)} pulses, ${fixed(about.highest_db, 1)} dB at its brightest`;
+  $("pulses").textContent = `${number.format(about.pulses)} pulses, ${fixed(about.highest_db, 1)} dB peak`;
 }
 
-// From -90 dB to full scale: the bar is the RMS, the tick the peak.
+// Level meter from -90 dBFS to full scale: the bar shows the RMS level, the tick the peak.
 function drawLevel(id, level) {
   const { context, width, height } = sheet($(`${id}-bar`)), place = (db) => Math.max(0, Math.min(1, 1 + db / 90)) * width;
   context.fillStyle = css("--line"); context.fillRect(0, 0, width, height);
@@ -184,12 +184,12 @@ function drawNumbers() {
   $("disk").className = m.disk_lasts_s !== null && m.disk_lasts_s < 60 ? "wrong" : "";
   $("queue").textContent = `${m.queue} of ${m.queue_holds}`;
   $("queue").className = 2 * m.queue > m.queue_holds ? "wrong" : "";
-  $("unit").textContent = m.calibrated ? "dB of the calibration's reflector" : "dB of the reference, not calibrated";
+  $("unit").textContent = m.calibrated ? "dB relative to the calibration reflector" : "dB relative to the reference channel, not calibrated";
   drawLevel("reference", m.reference); drawLevel("echo", m.echo);
   table("flags", ["late", "lost", "unsteady", "clipped", "unlocked"].map((name) => [name, m.flagged[name], m.flagged_ever[name]]));
   const e = m.events;
-  table("events", [["overflows", e.overflows], ["underflows", e.underflows], ["late commands", e.late_commands], ["lost packets", e.lost_packets],
-    ["device gone", e.gone], ["samples lost", m.lost_samples], ["late sweeps", m.late_sweeps], ["waits for the disk", m.waits], ["steps not shown", m.not_shown]]);
+  table("events", [["overruns", e.overflows], ["underruns", e.underflows], ["late commands", e.late_commands], ["lost packets", e.lost_packets],
+    ["disconnections", e.gone], ["samples lost", m.lost_samples], ["late sweeps", m.late_sweeps], ["waits for the disk", m.waits], ["steps not shown", m.not_shown]]);
 }
 
 function state(name, text) {
@@ -197,13 +197,13 @@ function state(name, text) {
   $("state").textContent = text;
 }
 
-// At most once a frame of the screen, and not at all where nobody looks.
-let asked = false;
+// Draw at most once per screen frame, and not while the page is hidden.
+let drawPending = false;
 function draw() {
-  if (asked) return;
-  asked = true;
+  if (drawPending) return;
+  drawPending = true;
   requestAnimationFrame(() => {
-    asked = false;
+    drawPending = false;
     drawNumbers(); drawProfile(); drawWaterfall(); drawImage();
     document.body.dataset.drawn = view.last && view.last.sweep !== null ? view.last.sweep : "";
   });
@@ -214,46 +214,46 @@ async function fetchPicture(about) {
   view.fetching = true;
   let came = false;
   try {
-    const answer = await fetch("/picture");
+    const answer = await fetch("picture");
     const levels = new Int16Array(await answer.arrayBuffer());
-    // Of another size if it has changed in between: the next event tells.
+    // The size differs if the image changed in between; the next event announces the new one.
     if (answer.ok && levels.length === about.columns * about.rows) { view.image = { ...about, levels }; view.seen = about.revision; draw(); }
     came = answer.ok;
-  } catch { /* The next event asks again. */ }
+  } catch { /* Retried at the next event. */ }
   view.fetching = false;
-  // What changed meanwhile, if this was not the same already.
+  // Fetch again if the image changed in the meantime.
   const latest = view.last?.picture;
   if (came && latest && latest.revision > about.revision) fetchPicture(latest);
 }
 
-function tellState(message) {
+function showState(message) {
   state(message.ended ? "ended" : "running", message.ended ? `ended: ${message.ended}` : "running");
 }
 
 function take(message) {
-  if (view.paused) { view.missed = (view.missed ?? []).concat(message.rows).slice(-message.most_rows); view.held = message; if (message.ended) { tellState(message); fetchPicture(message.picture); } return; }
+  if (view.paused) { view.missed = (view.missed ?? []).concat(message.rows).slice(-message.most_rows); view.held = message; if (message.ended) { showState(message); fetchPicture(message.picture); } return; }
   const before = view.rows.length ? view.rows[view.rows.length - 1].sweep : -1;
-  // Another capture at the same address begins again.
+  // A lower sweep number means a new capture at the same address.
   if (message.sweep !== null && message.sweep < before) { view.rows = []; view.image = null; view.top = null; }
   view.mostRows = message.most_rows;
   view.rows = view.rows.concat(message.rows.filter((row) => !view.rows.length || row.sweep > view.rows[view.rows.length - 1].sweep)).slice(-view.mostRows);
   view.last = message;
-  tellState(message);
+  showState(message);
   fetchPicture(message.picture);
   draw();
 }
 
 function connect() {
-  const events = new EventSource("/events");
+  const events = new EventSource("events");
   events.onmessage = (event) => take(JSON.parse(event.data));
-  events.onerror = () => { if (document.body.dataset.state !== "ended") state("lost", "no connection; trying again"); };
+  events.onerror = () => { if (document.body.dataset.state !== "ended") state("lost", "connection lost; reconnecting"); };
 }
 
 const actions = {
   pause() {
     view.paused = !view.paused;
     $("pause").setAttribute("aria-pressed", view.paused);
-    $("pause").textContent = view.paused ? "go on" : "pause";
+    $("pause").textContent = view.paused ? "resume" : "pause";
     if (!view.paused && view.held) { const held = { ...view.held, rows: view.missed }; view.held = null; view.missed = null; take(held); }
   },
   colours() { view.map = view.map === "viridis" ? "grey" : "viridis"; $("colours").textContent = view.map; draw(); },
@@ -287,5 +287,5 @@ document.onkeydown = (event) => {
 };
 new ResizeObserver(draw).observe(document.body);
 matchMedia("(prefers-color-scheme: dark)").onchange = draw;
-fetch("/colours").then((answer) => answer.json()).then((maps) => { view.maps = maps; draw(); });
+fetch("colours").then((answer) => answer.json()).then((maps) => { view.maps = maps; draw(); });
 connect();

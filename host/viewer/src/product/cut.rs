@@ -1,18 +1,20 @@
-//! Levels along a line: of the pixel nearest to each of its points, a point a pixel, or as many as are sent of longer lines.
+//! Levels along a line, from the pixel nearest to each point. Points are one pixel apart, or farther on lines longer
+//! than the maximum number of points.
 
 use serde_json::{Value, json};
-use subaperture_model::image::{Parts, PartsError, power};
+use subaperture_model::image::{ImageSource, ImageSourceError, power};
 
 use super::pixels::Pixels;
 
-/// Most points of a line.
-const MOST_POINTS: usize = 2048;
+/// Maximum number of points of a line.
+const MAX_POINTS: usize = 2048;
 
-/// From row and column to row and column: rows and columns of the points as fractions of the way, levels in dB, null where there is none.
-pub(super) fn along(pixels: &Pixels, [from, to]: [[f64; 2]; 2]) -> Result<Value, PartsError> {
+/// Levels in dB from one row and column to another, evenly spaced, as JSON. `null` outside the image and for zero
+/// pixels.
+pub(super) fn along(pixels: &Pixels, [from, to]: [[f64; 2]; 2]) -> Result<Value, ImageSourceError> {
     let (rows, columns) = pixels.size();
     let reach = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-    let count = (reach.ceil() as usize + 1).clamp(2, MOST_POINTS);
+    let count = (reach.ceil() as usize + 1).clamp(2, MAX_POINTS);
     let mut levels = Vec::with_capacity(count);
     for i in 0..count {
         let part = i as f64 / (count - 1) as f64;
@@ -36,9 +38,9 @@ mod tests {
     use num_complex::Complex32;
     use subaperture_model::image::Image;
 
-    /// Amplitude 10^(row/20) at column 3 and below a line of zeros elsewhere: the diagonal meets it once.
+    /// Amplitude is 10^(row/20) in column 3 and zero elsewhere, so the line along row 2 meets one pixel.
     #[test]
-    fn a_line_reads_the_pixels_that_it_meets() {
+    fn line_samples_nearest_pixels() {
         let value = |i: usize| match i % 9 {
             3 => Complex32::new(10f32.powf((i / 9) as f32 / 20.0), 0.0),
             _ => Complex32::ZERO,

@@ -1,66 +1,67 @@
-//! Range-Doppler maps of a sub-CPI about a place of an image, as the page gets them.
+//! Range-Doppler maps of a sub-CPI around a position in an image, as sent to the page.
 
 use glam::DVec3;
 use num_complex::Complex32;
 use serde_json::{Value, json};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
-use subaperture_model::image::{PartsError, power};
+use subaperture_model::image::{ImageSourceError, power};
 
 use super::Product;
 use crate::level::{NONE, tenths};
 
-/// Rows and columns of a map as it is sent, at the most; of more the largest of neighbours are sent.
-const MOST_CELLS: usize = 512;
+/// Maximum number of rows and columns of a map as sent. Larger maps are reduced by the maximum of neighbouring bins.
+const MAX_CELLS: usize = 512;
 
-/// Where range-Doppler maps come from.
+/// Source of range-Doppler maps.
 pub trait DopplerMaps: Send + Sync {
-    /// What it is called.
+    /// Name shown on the page.
     fn name(&self) -> &str;
 
-    /// The frame of its places.
+    /// Scene frame of the positions.
     fn frame(&self) -> SceneFrame;
 
-    /// How many sub-CPIs there are, in the order of time; at least one.
+    /// Number of sub-CPIs, in time order; at least 1.
     fn sub_cpis(&self) -> usize;
 
-    /// The map of a sub-CPI about a place, or about the nearest that there is one of; of any where no place is given.
+    /// Map of sub-CPI `sub_cpi` at the available position nearest to `place_m`, or at any position if `None`.
     ///
     /// # Errors
-    /// If there is none, or it cannot be read.
-    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, PartsError>;
+    /// If no map exists or it cannot be read.
+    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, ImageSourceError>;
 }
 
-/// A map.
+/// Range-Doppler map around one position.
 #[derive(Clone, Debug)]
 pub struct DopplerMap {
-    /// Doppler bin by Doppler bin, range bins contiguous.
+    /// Complex values, one Doppler bin after another, with range bins contiguous.
     pub values: Vec<Complex32>,
-    /// Bins on either side of the place, which is bin 0: Doppler, range.
+    /// Number of bins on either side of bin 0, which is the position: Doppler, range.
     pub reaches: [usize; 2],
-    /// What a bin of Doppler is, hertz (cycles a pulse where times are not known), and one of range, metres of half the two-way path.
+    /// Bin spacing: Doppler in Hz, or in cycles per pulse if pulse times are unknown; range in metres of one-way
+    /// distance (half the two-way path).
     pub steps: [f64; 2],
-    /// Whether times are known.
+    /// Whether pulse times are known.
     pub timed: bool,
-    /// The place.
+    /// Position of the map, metres in [`DopplerMaps::frame`].
     pub place_m: DVec3,
     /// Times of the first and the last pulse, seconds.
     pub time_s: [f64; 2],
-    /// Pulses of the sub-CPI.
+    /// Number of pulses in the sub-CPI.
     pub pulses: usize,
 }
 
-/// What the page knows of them before it asks.
+/// Name and number of sub-CPIs, as JSON.
 pub(super) fn about(maps: &dyn DopplerMaps) -> Value {
     json!({ "name": maps.name(), "sub_cpis": maps.sub_cpis() })
 }
 
-/// A map about a pixel, with levels in tenths of dB.
+/// Map around a pixel as JSON, with levels in tenths of dB.
 pub(super) fn map(
     maps: &dyn DopplerMaps,
     sub_cpi: usize,
     product: &Product,
     [row, column]: [usize; 2],
-) -> Result<Value, PartsError> {
+) -> Result<Value, ImageSourceError> {
     let grid = product.grid.as_ref();
     let place = grid.map(|grid| grid.position_m(row, column));
     let place = place.map(|place| between(&product.frame, &maps.frame(), place));
@@ -68,9 +69,9 @@ pub(super) fn map(
     let map = maps.map(sub_cpi, place)?;
     let [doppler, range] = map.reaches.map(|reach| 2 * reach + 1);
     if map.values.len() != doppler * range {
-        return Err("the map has not as many values as bins".into());
+        return Err("the number of values in the map does not match its number of bins".into());
     }
-    let every = [doppler, range].map(|count| count.div_ceil(MOST_CELLS).max(1));
+    let every = [doppler, range].map(|count| count.div_ceil(MAX_CELLS).max(1));
     let powers = largest(&map.values, range, every);
     let levels: Vec<i16> = powers
         .iter()
@@ -80,7 +81,7 @@ pub(super) fn map(
         })
         .collect();
     let at = grid.map(|grid| pixel(product, grid, &maps.frame(), map.place_m));
-    // The middles of the first bins that are sent as one.
+    // Centres of the first bins as sent.
     let middle = |i: usize| (every[i] as f64 - 1.0) / 2.0 - map.reaches[i] as f64;
     let first = [0, 1].map(|i| middle(i) * map.steps[i]);
     let steps = [0, 1].map(|i| every[i] as f64 * map.steps[i]);
@@ -98,27 +99,27 @@ pub(super) fn map(
     }))
 }
 
-/// A place of one frame in another.
-fn between(from: &SceneFrame, to: &SceneFrame, place: DVec3) -> Result<DVec3, PartsError> {
+/// Convert a position from one frame to another.
+fn between(from: &SceneFrame, to: &SceneFrame, place: DVec3) -> Result<DVec3, ImageSourceError> {
     match (from, to) {
         (SceneFrame::Earth { .. }, SceneFrame::Earth { .. }) => {
             Ok(to.from_ecf_m(from.to_ecf_m(place)))
         }
         (SceneFrame::Local, SceneFrame::Local) => Ok(place),
         _ => Err(
-            "the maps and the image are not in one frame: one is on the Earth, the other is not"
+            "the maps and the image have different frames: only one of them is georeferenced"
                 .into(),
         ),
     }
 }
 
-/// Row and column of a map's place.
+/// Fractional row and column of a map's position.
 fn pixel(
     product: &Product,
     grid: &ImageGrid,
     frame: &SceneFrame,
     place: DVec3,
-) -> Result<[f64; 2], PartsError> {
+) -> Result<[f64; 2], ImageSourceError> {
     let [row_value, column_value] = grid.coordinates(between(frame, &product.frame, place)?);
     Ok([
         (row_value - grid.rows.start) / grid.rows.step,
@@ -126,7 +127,7 @@ fn pixel(
     ])
 }
 
-/// The largest powers of runs of so many rows and columns.
+/// Maximum powers over blocks of `every` rows and columns.
 fn largest(values: &[Complex32], columns: usize, every: [usize; 2]) -> Vec<f64> {
     let lines: Vec<&[Complex32]> = values.chunks_exact(columns).collect();
     let across = columns.div_ceil(every[1]);
@@ -146,7 +147,7 @@ mod tests {
     use crate::product::Pixels;
     use subaperture_model::image::Image;
 
-    /// One map whose bin `(d, r)` of 3 x 5 has amplitude `10^((5 d + r) / 20)`, about the place (3, 1).
+    /// Source with one map at (3, 1), whose bin `(d, r)` of 3 x 5 has amplitude `10^((5 d + r) / 20)`.
     struct One;
 
     impl DopplerMaps for One {
@@ -162,7 +163,7 @@ mod tests {
             1
         }
 
-        fn map(&self, _: usize, place: Option<DVec3>) -> Result<DopplerMap, PartsError> {
+        fn map(&self, _: usize, place: Option<DVec3>) -> Result<DopplerMap, ImageSourceError> {
             assert_eq!(place, Some(DVec3::new(2.0, 4.0, 0.0)));
             let amplitude = |i: usize| 10f64.powf(i as f64 / 20.0) as f32;
             Ok(DopplerMap {
@@ -178,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_axes_and_the_place_are_told() {
+    fn map_json_has_levels_axes_and_position() {
         let grid: ImageGrid = "x=0:10:1,y=0:8:2,z=0".parse().unwrap();
         let image = Image {
             rows: grid.rows.count,
@@ -189,13 +190,13 @@ mod tests {
             grid: Some(grid),
             ..Product::new("a".to_owned(), Pixels::whole(Box::new(image)))
         };
-        let told = map(&One, 0, &product, [2, 2]).unwrap();
+        let sent = map(&One, 0, &product, [2, 2]).unwrap();
         let levels: Vec<i64> = (0..15).map(|i| 10 * i).collect();
-        assert_eq!(told["levels"], json!(levels));
-        assert_eq!((&told["rows"], &told["columns"]), (&3.into(), &5.into()));
-        assert_eq!(told["first"], json!([-10.0, -1.0]));
-        // x = 3 is column 3, y = 1 half a row of 2 m.
-        assert_eq!(told["at"], json!([0.5, 3.0]));
+        assert_eq!(sent["levels"], json!(levels));
+        assert_eq!((&sent["rows"], &sent["columns"]), (&3.into(), &5.into()));
+        assert_eq!(sent["first"], json!([-10.0, -1.0]));
+        // x = 3 is column 3; y = 1 is half a row of 2 m.
+        assert_eq!(sent["at"], json!([0.5, 3.0]));
         let earth = Product {
             frame: SceneFrame::east_north_up(&subaperture_model::geometry::Geodetic {
                 latitude_deg: 1.0,
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_bins_the_largest_are_kept() {
+    fn block_reduction_keeps_maximum() {
         let values: Vec<Complex32> = (0..15).map(|i| Complex32::new(i as f32, 0.0)).collect();
         let found = largest(&values, 5, [2, 3]);
         assert_eq!(found, [7.0, 9.0, 12.0, 14.0].map(|a: f64| a * a));

@@ -1,5 +1,6 @@
-//! All that is shown, and the thread that makes the overviews.
+//! Images, layers and maps of a page, and the thread that computes the overviews.
 
+use std::collections::HashSet;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
@@ -10,26 +11,39 @@ use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
 use super::shown::Shown;
-use super::{DopplerMaps, Layer, Product, doppler};
+use super::{DopplerMaps, Layer, Product, doppler, look};
 
-/// How often an image that is still growing is looked at.
+/// Interval at which an incomplete image is checked for new tiles.
 const EVERY: Duration = Duration::from_millis(700);
 
-/// What showing may take.
+/// Limits of memory and computation.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
-    /// Bytes of all overviews together. One that fits a tile is kept in any case.
+    /// Memory of all overviews together, bytes. An overview of one tile is kept in any case.
     pub overview_bytes: u64,
-    /// Requests that are computed at once.
+    /// Maximum number of requests computed at a time.
     pub computing: usize,
+    /// Memory of one request while it is computed, bytes, in addition to some megabytes for a tile.
+    pub request_bytes: u64,
+    /// Memory of all responses being sent, bytes. A larger response is sent alone.
+    pub answer_bytes: u64,
 }
 
-/// Images and layers, as a [`crate::Server`] shows them.
+impl Bounds {
+    pub(super) fn answer_kib(&self) -> u32 {
+        u32::try_from(self.answer_bytes >> 10).map_or(1 << 20, |kib| kib.clamp(1, 1 << 20))
+    }
+}
+
+/// Images and layers shown by a [`crate::Server`].
 pub struct Gallery {
     pub(super) shown: Vec<Shown>,
     pub(super) layers: Vec<Layer>,
     pub(super) maps: Vec<Box<dyn DopplerMaps>>,
     pub(super) computing: Arc<Semaphore>,
+    /// One permit per kibibyte of [`Bounds::answer_bytes`].
+    pub(super) answers: Arc<Semaphore>,
+    pub(crate) bounds: Bounds,
     begun: AtomicBool,
 }
 
@@ -41,28 +55,35 @@ impl std::fmt::Debug for Gallery {
 }
 
 impl Gallery {
-    /// Images and layers; nothing is read yet.
+    /// Make a gallery. Nothing is read yet.
     pub fn new(products: Vec<Product>, layers: Vec<Layer>, bounds: Bounds) -> Self {
         let each = bounds.overview_bytes / products.len().max(1) as u64;
+        // A sub-aperture tile needs several FFTs of its patch.
+        let looks = bounds.request_bytes >= look::MAX_BYTES;
         Self {
             shown: products
                 .into_iter()
-                .map(|product| Shown::new(product, each))
+                .map(|mut product| {
+                    product.aperture = product.aperture.filter(|_| looks);
+                    Shown::new(product, each)
+                })
                 .collect(),
             layers,
             maps: Vec::new(),
             computing: Arc::new(Semaphore::new(bounds.computing.max(1))),
+            answers: Arc::new(Semaphore::new(bounds.answer_kib() as usize)),
+            bounds,
             begun: AtomicBool::new(false),
         }
     }
 
-    /// With range-Doppler maps beside the images.
+    /// Add sources of range-Doppler maps.
     pub fn with_maps(mut self, maps: Vec<Box<dyn DopplerMaps>>) -> Self {
         self.maps = maps;
         self
     }
 
-    /// Starts the thread that reads, once. It ends when nobody has the gallery any more.
+    /// Start the reader thread, once. It ends when the gallery is dropped.
     pub(crate) fn begin(self: &Arc<Self>) -> io::Result<()> {
         if self.begun.swap(true, Ordering::SeqCst) {
             return Ok(());
@@ -85,7 +106,8 @@ impl Gallery {
     }
 }
 
-/// First looks, then overviews, then what grows; then files are checked.
+/// Read all previews, then all overviews, then the tiles of incomplete images as they arrive. Complete files are then
+/// checked.
 fn read_all(gallery: &Weak<Gallery>) {
     let Some(count) = gallery.upgrade().map(|g| g.shown.len()) else {
         return;
@@ -99,20 +121,14 @@ fn read_all(gallery: &Weak<Gallery>) {
             None => false,
         })
     };
-    let pieces = |g: Arc<Gallery>| -> Vec<Vec<bool>> {
-        let each = g.shown.iter();
-        each.map(|shown| vec![false; shown.product.pixels.num_pieces()])
-            .collect()
-    };
-    let Some(mut has) = gallery.upgrade().map(pieces) else {
-        return;
-    };
+    // Pieces already read, per image.
+    let mut has = vec![HashSet::new(); count];
     let looked = each(&mut |_, shown| {
         if let Err(error) = shown.look() {
             shown.fail(error.to_string());
         }
     });
-    // This thread's own hold on it, while it reads.
+    // Only this thread holds the gallery while it reads.
     let nobody_else = || gallery.strong_count() <= 1;
     let mut alive = looked;
     while alive {
@@ -122,7 +138,7 @@ fn read_all(gallery: &Weak<Gallery>) {
             }
             match shown.take(&mut has[i], &nobody_else) {
                 Err(error) => shown.fail(error.to_string()),
-                Ok(_) if has[i].iter().all(|&has| has) => {
+                Ok(_) if has[i].len() == shown.product.pixels.num_pieces() => {
                     let fault = shown.product.check.as_ref().and_then(|check| check().err());
                     let mut state = shown.state();
                     state.fault = fault;

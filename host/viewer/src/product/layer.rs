@@ -1,37 +1,38 @@
-//! Shapes over an image: GeoJSON, and tracks.
+//! Vector layers over an image: GeoJSON and tracks.
 
 use glam::DVec3;
-use serde_json::{Value, json};
+use serde::Serialize;
 use subaperture_io::geojson::{self, Feature, Kind, Position};
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 
 use super::Product;
 
-/// Positions of a layer that are kept: more than a browser draws.
-const MOST_POSITIONS: usize = 200_000;
+/// Maximum number of positions of a layer that a browser can draw.
+const MAX_POSITIONS: usize = 200_000;
 
-/// Shapes with names.
+/// Named vector layer.
 #[derive(Clone, Debug)]
 pub struct Layer {
-    /// What it is called.
+    /// Name shown on the page.
     pub(super) name: String,
     features: Vec<Feature>,
-    /// Whether positions are metres in the scene frame whatever the frame is.
+    /// Whether positions are metres in the scene frame even if the frame is georeferenced.
     in_scene: bool,
 }
 
 impl Layer {
-    /// Of GeoJSON. Positions are longitude, latitude and height above the ellipsoid (that of the image's middle where they have none) over an image
-    /// that knows where on the Earth it is, metres in the scene frame over one that does not, and column and row over an array alone.
+    /// Make a layer of GeoJSON features. Coordinates are interpreted by the image: longitude, latitude and ellipsoidal
+    /// height for a georeferenced image (height defaults to that of the image centre), metres in the scene frame for an
+    /// image with a local frame, and column and row for an image without a grid.
     ///
     /// # Errors
-    /// If there are more positions than can be drawn: how many.
+    /// If the layer has more positions than can be drawn. The message gives the number.
     pub fn of_features(name: String, features: Vec<Feature>) -> Result<Self, String> {
         let shapes = features.iter().flat_map(|feature| &feature.shapes);
         let count: usize = shapes.map(|shape| shape.positions.len()).sum();
-        if count > MOST_POSITIONS {
+        if count > MAX_POSITIONS {
             return Err(format!(
-                "{count} positions; {MOST_POSITIONS} are drawn at the most: leave out what is not to be seen"
+                "{count} positions; {MAX_POSITIONS} are the maximum: remove features that need not be shown"
             ));
         }
         Ok(Self {
@@ -41,9 +42,9 @@ impl Layer {
         })
     }
 
-    /// A way in the scene frame, thinned to what can be drawn.
+    /// Make a layer of a track in the scene frame, decimated to the number of positions that can be drawn.
     pub fn of_track(name: String, positions_m: &[DVec3]) -> Self {
-        let every = positions_m.len().div_ceil(MOST_POSITIONS).max(1);
+        let every = positions_m.len().div_ceil(MAX_POSITIONS).max(1);
         let kept = positions_m.iter().step_by(every);
         let positions: Vec<Position> = kept.map(|p| ([p.x, p.y], Some(p.z))).collect();
         let feature = Feature {
@@ -60,27 +61,33 @@ impl Layer {
         }
     }
 
-    /// Its shapes in rows and columns of an image.
-    pub(super) fn over(&self, product: &Product) -> Value {
+    /// Shapes in rows and columns of an image, as JSON.
+    pub(super) fn over(&self, product: &Product) -> String {
         let features = self.features.iter().map(|feature| {
             let shapes = feature.shapes.iter().map(|shape| {
                 let places = shape.positions.iter();
-                let places: Vec<[f64; 2]> = places.map(|p| self.place(product, p)).collect();
-                let kind = match shape.kind {
-                    Kind::Points => "points",
-                    Kind::Line => "line",
-                    Kind::Outline => "outline",
-                };
-                json!({ "kind": kind, "places": places })
+                Places {
+                    kind: match shape.kind {
+                        Kind::Points => "points",
+                        Kind::Line => "line",
+                        Kind::Outline => "outline",
+                    },
+                    places: places.map(|p| self.place(product, p)).collect(),
+                }
             });
-            let shapes: Vec<Value> = shapes.collect();
-            json!({ "properties": feature.properties, "shapes": shapes })
+            Placed {
+                properties: &feature.properties,
+                shapes: shapes.collect(),
+            }
         });
-        let features: Vec<Value> = features.collect();
-        json!({ "name": self.name, "features": features })
+        let over = Over {
+            name: &self.name,
+            features: features.collect(),
+        };
+        serde_json::to_string(&over).expect("a layer is of numbers and text")
     }
 
-    /// Row and column of a position, each with its fraction.
+    /// Fractional row and column of a position.
     fn place(&self, product: &Product, ([a, b], c): &Position) -> [f64; 2] {
         let Some(grid) = &product.grid else {
             return [*b, *a];
@@ -104,7 +111,26 @@ impl Layer {
     }
 }
 
-/// Height of the middle of an image above the ellipsoid.
+/// Layer over an image, as sent to the page.
+#[derive(Serialize)]
+struct Over<'a> {
+    name: &'a str,
+    features: Vec<Placed<'a>>,
+}
+
+#[derive(Serialize)]
+struct Placed<'a> {
+    properties: &'a [(String, String)],
+    shapes: Vec<Places>,
+}
+
+#[derive(Serialize)]
+struct Places {
+    kind: &'static str,
+    places: Vec<[f64; 2]>,
+}
+
+/// Ellipsoidal height of the image centre, metres.
 fn middle_height_m(product: &Product, grid: &ImageGrid) -> f64 {
     let middle = match product.slant {
         true => DVec3::ZERO,
@@ -119,6 +145,7 @@ mod tests {
     use super::*;
     use crate::product::Pixels;
     use num_complex::Complex32;
+    use serde_json::Value;
     use subaperture_model::image::Image;
 
     fn product(grid: &str, frame: SceneFrame) -> Product {
@@ -136,8 +163,8 @@ mod tests {
     }
 
     fn places(layer: &Layer, product: &Product) -> Vec<[f64; 2]> {
-        let told = layer.over(product);
-        let places = told["features"][0]["shapes"][0]["places"]
+        let sent: Value = serde_json::from_str(&layer.over(product)).unwrap();
+        let places = sent["features"][0]["shapes"][0]["places"]
             .as_array()
             .unwrap();
         let number = |value: &Value, i: usize| value[i].as_f64().unwrap();
@@ -147,10 +174,11 @@ mod tests {
             .collect()
     }
 
-    /// A degree of latitude at 45 N is 111132 m by the ellipsoid's meridian (M = a (1 - e2) / (1 - e2 / 2)^(3/2) = 6367382 m), one of longitude 78847 m (N cos 45). Over 100 m
-    /// the tangent plane and the ellipsoid differ by 100^2 / 2R, a millimetre, and arcs from chords by less.
+    /// At 45 N, a degree of latitude is 111132 m on the ellipsoid's meridian (M = a (1 - e2) / (1 - e2 / 2)^(3/2) =
+    /// 6367382 m), and a degree of longitude is 78847 m (N cos 45). Over 100 m the tangent plane and the ellipsoid
+    /// differ by 100^2 / 2R, one millimetre, and arcs differ from chords by less.
     #[test]
-    fn degrees_become_rows_and_columns() {
+    fn degrees_convert_to_rows_and_columns() {
         let origin = Geodetic {
             latitude_deg: 45.0,
             longitude_deg: 10.0,
@@ -178,7 +206,7 @@ mod tests {
                 "{found:?}"
             );
         }
-        // A track is metres over any image.
+        // Tracks are in metres for any image.
         let track = Layer::of_track("t".to_owned(), &[DVec3::ZERO, DVec3::new(30.0, 50.0, 7.0)]);
         assert_eq!(places(&track, &shown), expected);
         let local = product("x=-200:200:2,y=-100:100:1,z=0", SceneFrame::Local);

@@ -1,31 +1,33 @@
-//! Images in a browser: as large as they are, any part of them, any zoom.
+//! Viewer for images of any size in a browser, with free pan and zoom.
 //!
 //! ```text
-//! Product (pixels in their files, grid, frame) ─┐                       ┌─ tiles, phases, values, cuts, responses: computed when they are asked for
-//! Layer (GeoJSON, a track) ─────────────────────┴─> Gallery ─> Server ──┴─ the page: Leaflet and a script, in the program
+//! Product (pixels in their files, grid, frame) ─┐                       ┌─ tiles, phases, values, cuts, responses: computed on request
+//! Layer (GeoJSON, a track) ─────────────────────┴─> Gallery ─> Server ──┴─ page: Leaflet and scripts, embedded in the program
 //! ```
 //!
-//! | path | what it is |
+//! | path | content |
 //! |---|---|
 //! | `/`, `/view.css`, `/view.js`, `/measure.js`, `/doppler.js`, `/leaflet.css`, `/leaflet.js`, `/licences` | the page |
 //! | `/colours` | colour maps, JSON |
-//! | `/state` | what is shown, and how far its overview is, JSON |
-//! | `/tile/IMAGE/LEVEL/ROW/COLUMN` | 256 x 256 cells of `2^LEVEL` pixels a side: 16-bit tenths of dB of their mean power, little-endian, the lowest number where there is nothing |
-//! | `/phase/IMAGE/ROW/COLUMN` | phases of the pixels of such a tile of level 0: 256ths of a turn, a byte each |
-//! | `/look/IMAGE/FROM/TO/LEVEL/ROW/COLUMN` | a tile of a part of the aperture, in thousandths of it ([`subaperture_quality::aperture`]) |
-//! | `/value/IMAGE/ROW/COLUMN` | a pixel and where it is, JSON |
+//! | `/state` | images shown, and the progress of their overviews, JSON |
+//! | `/tile/IMAGE/LEVEL/ROW/COLUMN` | 256 x 256 cells of `2^LEVEL` pixels a side: mean power in 16-bit tenths of dB, little-endian; the lowest number marks a missing level |
+//! | `/phase/IMAGE/ROW/COLUMN` | phases of the pixels of a level-0 tile: one byte each, in 1/256 turn |
+//! | `/look/IMAGE/FROM/TO/LEVEL/ROW/COLUMN` | sub-aperture tile; FROM and TO in thousandths of the aperture ([`subaperture_quality::aperture`]) |
+//! | `/value/IMAGE/ROW/COLUMN` | value and position of a pixel, JSON |
 //! | `/cut/IMAGE/ROW/COLUMN/ROW/COLUMN` | levels along a line, JSON |
-//! | `/point/IMAGE/ROW/COLUMN` | the response of the brightest point near a pixel, JSON |
-//! | `/doppler/MAPS/SUBCPI/IMAGE/ROW/COLUMN` | a range-Doppler map about a pixel's place, JSON |
-//! | `/layer/LAYER/IMAGE` | a layer's shapes in rows and columns of an image, JSON |
+//! | `/point/IMAGE/ROW/COLUMN/SEARCH` | point response of the brightest point near a pixel, JSON |
+//! | `/doppler/MAPS/SUBCPI/IMAGE/ROW/COLUMN` | range-Doppler map around a pixel's position, JSON |
+//! | `/layer/LAYER/IMAGE` | shapes of a layer in rows and columns of an image, JSON |
 //!
-//! Images are numbers from 0: no path of a file is ever part of a request. Nothing that a client asks changes anything.
+//! Images are numbered from 0: no file path is part of a request. No request changes any state.
 //!
-//! # Bounds
-//! A first look at every so manieth pixel is there at once. The overview, planes of mean power from the third level on or as fine as memory allows,
-//! is made in one pass by one thread: a twelfth of a byte a pixel. Finer tiles are computed of their pixels, at most 2048 x 2048, 1 MiB at a
-//! time (those of a part of the aperture of 1152 x 1152 at once, 20 MB; the response of a point that is thousands of pixels wide up to 170 MB), as many at once as there are threads; who asks meanwhile waits. Of an image in tiles 48 MiB of them are kept.
-//! Connections are bounded as those of a capture's page.
+//! # Limits
+//! A preview of every n-th pixel is available at once. One thread then computes the overview in one pass: planes of
+//! mean power from the third level on, or as fine as memory allows, at 1/12 byte per pixel. Finer tiles are computed on
+//! request from at most 2048 x 2048 pixels, read 1 MiB at a time. A sub-aperture tile reads 1152 x 1152 pixels at once
+//! and takes 20 MB; a point response thousands of pixels wide takes up to 170 MB. The number of concurrent computations
+//! is [`Bounds::computing`]; further requests wait. 48 MiB of decoded tiles are cached per tiled image. Connections are
+//! limited as for the capture page.
 
 mod cut;
 mod doppler;
@@ -40,7 +42,7 @@ mod shown;
 mod tile;
 
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
-use subaperture_model::image::Parts;
+use subaperture_model::image::ImageSource;
 use subaperture_quality::response::Carrier;
 use subaperture_resolution::support::Looks;
 
@@ -52,36 +54,37 @@ pub use pixels::Pixels;
 pub(crate) use routes::product_routes;
 pub use subaperture_quality::aperture::Aperture;
 
-/// Reads all of an image's file, for what its record says of it; what is wrong.
+/// Full check of an image's file against its metadata. Returns a description of the fault.
 pub type Check = Box<dyn Fn() -> Result<(), String> + Send + Sync>;
 
-/// An image to be shown, and what is known of it.
+/// Image with its metadata.
 pub struct Product {
-    /// What it is called.
+    /// Name shown on the page.
     pub name: String,
-    /// Its pixels.
+    /// Pixels of the image.
     pub pixels: Pixels,
-    /// Where they lie; none of an array alone.
+    /// Image grid; `None` for a plain array.
     pub grid: Option<ImageGrid>,
-    /// Where the grid is.
+    /// Scene frame of the grid.
     pub frame: SceneFrame,
-    /// Whether rows run downwards on the page, as in SICD; else row 0 is the lowest.
+    /// Whether rows run downwards on the page, as in SICD. Otherwise row 0 is at the bottom.
     pub rows_down: bool,
-    /// Whether the grid's plane is none of the ground, so that a pixel's place on the Earth is that on the ground at the height of the frame's origin, along
-    /// the plane's normal: right to the curvature of wave fronts, a square of the distance from the origin over twice the range.
+    /// Whether the grid lies in a slant plane. A pixel's position on the Earth is then found by projection along the
+    /// plane's normal to the ground at the height of the frame's origin. This neglects the curvature of wave fronts:
+    /// the error is the squared distance from the origin over twice the range.
     pub slant: bool,
-    /// Where it was seen from.
+    /// Antenna position at mid-aperture and wavelength at mid-band, for the line of sight of point responses.
     pub carrier: Option<Carrier>,
-    /// What it was formed of.
+    /// Pulses and weights that the image was formed from, for the theoretical resolution.
     pub looks: Option<Looks>,
-    /// By which frequencies parts of its aperture are told.
+    /// Mapping from spatial frequency to aperture position, for sub-aperture tiles.
     pub aperture: Option<Aperture>,
-    /// Reads all of it for faults, once everything is shown.
+    /// Full check of the file, run once all images are shown.
     pub check: Option<Check>,
 }
 
 impl Product {
-    /// An image of which nothing else is known.
+    /// Image without metadata.
     pub fn new(name: String, pixels: Pixels) -> Self {
         Self {
             name,
@@ -97,7 +100,7 @@ impl Product {
         }
     }
 
-    /// Its grid, or one of pixels.
+    /// Image grid, or a grid in pixels if there is none.
     fn any_grid(&self) -> ImageGrid {
         let (rows, columns) = self.pixels.size();
         let axis = |count| Axis {

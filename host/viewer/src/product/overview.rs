@@ -1,21 +1,24 @@
-//! An image made smaller: planes of mean power, each half as fine as the one before, made in one pass over the pixels.
+//! Multi-resolution overview of an image: planes of mean power, each half the resolution of the previous one, computed
+//! in one pass over the pixels.
 //!
-//! A cell of level `k` is `2^k x 2^k` pixels, those at the last row and column what is left; it has the mean of their powers, which is what many looks of so many pixels
-//! are. The finest level that is kept is the third, where memory allows it: 4 bytes for 64 pixels, and a third more for all coarser ones. Finer levels are not kept but
-//! computed of the pixels a tile at a time ([`super::tile`]).
+//! A cell of level `k` covers `2^k x 2^k` pixels, or the remainder at the last row and column. Its value is the mean
+//! power of the pixels, as in multilooking. The finest level kept is the third, memory permitting: 4 bytes per 64
+//! pixels, plus one third for all coarser levels. Finer levels are computed from the pixels, one tile at a time
+//! ([`super::tile`]).
 //!
-//! **Neglected.** Powers are summed in float32 after each row of a cell (float64 within it): relative to the sum of cells of 64 pixels 1e-6 at the most. Magnitudes beyond
-//! 1e19 or below 1e-19 are beyond float32's powers. Pixels that are no numbers count as zero.
+//! **Approximations.** Powers are summed in float64 within a row of a cell and in float32 across rows: the relative
+//! error is at most 1e-6 for cells of 64 pixels. Magnitudes above 1e19 or below 1e-19 exceed the range of float32
+//! powers. Non-finite pixels count as zero.
 
-use subaperture_model::image::{Image, Place, power};
+use subaperture_model::image::{Image, PixelBlock, power};
 
-/// Pixels a side of a tile as it is sent.
+/// Side of a tile as sent, pixels.
 pub const TILE: usize = 256;
 
-/// The finest level that is kept at all.
+/// Finest level that is ever kept.
 const FINEST: u32 = 3;
 
-/// Planes of sums of powers, from the finest that is kept to one that fits a tile.
+/// Planes of summed power, from the finest level kept to the level that fits one tile.
 #[derive(Debug)]
 pub(super) struct Overview {
     /// Rows and columns of the image.
@@ -23,7 +26,7 @@ pub(super) struct Overview {
     /// Level of the first plane.
     finest: u32,
     planes: Vec<Plane>,
-    /// Of the pixels that were added.
+    /// Maximum power of the pixels added so far.
     peak: f64,
 }
 
@@ -33,7 +36,7 @@ struct Plane {
     sums: Vec<f32>,
 }
 
-/// The coarsest level of an image: the first that fits a tile.
+/// Coarsest level of an image: the first that fits one tile.
 pub(super) fn coarsest(size: [usize; 2]) -> u32 {
     let side = size[0].max(size[1]);
     (0..).find(|&k| side.div_ceil(1 << k) <= TILE).unwrap_or(0)
@@ -44,14 +47,14 @@ pub(super) fn size_at(size: [usize; 2], level: u32) -> [usize; 2] {
     size.map(|n| n.div_ceil(1 << level))
 }
 
-/// Bytes of the planes from a level on.
+/// Memory of the planes from level `finest` on, bytes.
 fn bytes_from(size: [usize; 2], finest: u32) -> u64 {
     let plane = |k| size_at(size, k).iter().map(|&n| n as u64).product::<u64>();
     (finest..=coarsest(size)).map(|k| 4 * plane(k)).sum()
 }
 
 impl Overview {
-    /// One of nothing yet, of as fine levels as `bytes` hold.
+    /// Empty overview with the finest level that fits in `bytes`.
     pub(super) fn new(size: [usize; 2], bytes: u64) -> Self {
         let coarsest = coarsest(size);
         let fits = |&k: &u32| bytes_from(size, k) <= bytes;
@@ -72,18 +75,18 @@ impl Overview {
         }
     }
 
-    /// The finest level that is kept.
+    /// Finest level kept.
     pub(super) fn finest(&self) -> u32 {
         self.finest
     }
 
-    /// The largest power of a pixel, of those that were added.
+    /// Maximum power of the pixels added so far.
     pub(super) fn peak(&self) -> f64 {
         self.peak
     }
 
-    /// Adds a part's pixels to the finest plane; no pixel may come twice.
-    pub(super) fn add(&mut self, [rows, columns]: &Place, part: &Image) {
+    /// Add pixels to the finest plane. Each pixel may be added only once.
+    pub(super) fn add(&mut self, [rows, columns]: &PixelBlock, part: &Image) {
         let plane = &mut self.planes[0];
         let lines = part.pixels.chunks_exact(columns.len().max(1));
         for (row, line) in rows.clone().zip(lines) {
@@ -106,7 +109,7 @@ impl Overview {
         }
     }
 
-    /// Makes the coarser planes of the finest.
+    /// Compute the coarser planes from the finest.
     pub(super) fn fold(&mut self) {
         for k in 1..self.planes.len() {
             let (finer, coarser) = self.planes.split_at_mut(k);
@@ -121,8 +124,9 @@ impl Overview {
         }
     }
 
-    /// Mean powers of a place of a level, row-major: of a level finer than those that are kept those of the cells around it.
-    pub(super) fn powers(&self, level: u32, place: &Place) -> Vec<f64> {
+    /// Mean powers of a region of a level, row-major. For levels finer than those kept, the powers of the enclosing
+    /// cells.
+    pub(super) fn powers(&self, level: u32, place: &PixelBlock) -> Vec<f64> {
         let missing = self.finest.saturating_sub(level);
         let around = |i: usize| place[i].start >> missing..((place[i].end - 1) >> missing) + 1;
         let kept = self.kept(level + missing, &[around(0), around(1)]);
@@ -140,8 +144,8 @@ impl Overview {
             .collect()
     }
 
-    /// Those of a level that is kept.
-    fn kept(&self, level: u32, [rows, columns]: &Place) -> Vec<f64> {
+    /// Mean powers of a region of a level that is kept.
+    fn kept(&self, level: u32, [rows, columns]: &PixelBlock) -> Vec<f64> {
         let plane = &self.planes[(level - self.finest) as usize];
         let mut powers = Vec::with_capacity(rows.len() * columns.len());
         for row in rows.clone() {
@@ -155,7 +159,7 @@ impl Overview {
         powers
     }
 
-    /// Mean powers of the whole image at the finest level kept at which it has no more than `side` rows and columns.
+    /// Mean powers of the whole image at the finest kept level with at most `side` rows and columns.
     pub(super) fn small(&self, side: usize) -> Vec<f64> {
         let fits = |&k: &u32| size_at(self.size, k).iter().all(|&n| n <= side);
         let last = self.finest + self.planes.len() as u32 - 1;
@@ -165,7 +169,7 @@ impl Overview {
     }
 }
 
-/// Pixels of a row or column of a level, of the image's `count`.
+/// Number of pixels in row or column `cell` of a level, for an image with `count` of them.
 fn pixels_of(count: usize, level: u32, cell: usize) -> usize {
     (count - (cell << level)).min(1 << level)
 }
@@ -187,7 +191,7 @@ mod tests {
         }
     }
 
-    /// The mean of the powers of the pixels that a cell has, written out.
+    /// Reference: mean power of the pixels of a cell.
     fn mean(image: &Image, level: u32, row: usize, column: usize) -> f64 {
         let side = 1usize << level;
         let (mut sum, mut count) = (0.0, 0.0);
@@ -201,10 +205,10 @@ mod tests {
         sum / count
     }
 
-    /// Parts of any shape, in any order, come to the same planes. Float32 sums of up to 2^13 parts of cells err by 2^13 half units of 6e-8 at the very most; 1e-5 is
-    /// far below what a tenth of a decibel shows, 2 %.
+    /// Parts of any shape in any order give the same planes. Float32 sums of up to 2^13 partial cells err by at most
+    /// 2^13 half units of 6e-8. The tolerance of 1e-5 is far below the display resolution of 0.1 dB, 2 %.
     #[test]
-    fn cells_are_means_of_powers() {
+    fn cells_are_mean_powers() {
         let image = image(1100, 777);
         let size = [1100, 777];
         let mut overview = Overview::new(size, u64::MAX);
@@ -212,14 +216,14 @@ mod tests {
         let mut coarse = Overview::new([1100 * 8, 777], 1 << 20);
         assert!(coarse.finest() >= 3 && bytes_from(coarse.size, coarse.finest()) <= 1 << 20);
         coarse.fold();
-        // Tiles that no cell's edge knows, last first.
+        // Tiles not aligned with cells, last first.
         let mut places = Vec::new();
         for row in (0..1100).step_by(101) {
             for column in (0..777).step_by(53) {
                 places.push([row..(row + 101).min(1100), column..(column + 53).min(777)]);
             }
         }
-        use subaperture_model::image::Parts;
+        use subaperture_model::image::ImageSource;
         for place in places.iter().rev() {
             overview.add(place, &image.window(place).unwrap());
         }
@@ -236,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn coarser_planes_are_means_too() {
+    fn coarser_planes_are_mean_powers() {
         let size = [2300, 4100];
         let image = image(2300, 4100);
         let mut overview = Overview::new(size, u64::MAX);
@@ -260,7 +264,7 @@ mod tests {
                 );
             }
         }
-        // With room for the last level alone, its cells stand for those of the level before.
+        // With memory for the last level only, its cells are used for the level before it.
         let mut little = Overview::new(size, 40_000);
         little.add(&[0..2300, 0..4100], &image);
         assert_eq!(little.finest(), 5);

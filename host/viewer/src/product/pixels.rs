@@ -1,38 +1,42 @@
-//! Where an image's pixels are: in a file that is read part by part, or in tiles, some of which may be still to come.
+//! Access to the pixels of an image: in a file that is read in parts, or in tiles that may still be incomplete.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::HashSet;
 
 use num_complex::Complex32;
 use subaperture_io::product;
 use subaperture_io::tiles::TileStore;
-use subaperture_model::image::{Image, Parts, PartsError, Place, copy_common};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
 
-/// Bytes of tiles of a store that are kept once they are read, so that neighbours do not read them again; one is kept in any case.
-const KEPT_BYTES: usize = 48 << 20;
-
-/// Bytes that the glance over an image in rows reads.
+/// Bytes read for the preview of an image stored in rows.
 const GLANCE_BYTES: usize = 96 << 20;
-/// Most rows and columns of a glance.
+/// Maximum rows and columns of a preview.
 const GLANCE_SIDE: usize = 512;
+/// Pixels of a row read at once for a preview. If the pixels needed are farther apart than `FAR_APART`, each is read
+/// alone.
+const RUN_PIXELS: usize = 1 << 16;
+const FAR_APART: usize = 1 << 12;
 
-/// An image's pixels.
+/// Pixels of an image.
 #[derive(Debug)]
-pub struct Pixels {
-    kind: Kind,
-    kept: Mutex<VecDeque<Kept>>,
-}
-
-/// A tile of a store by its number.
-type Kept = (usize, Arc<[Complex32]>);
+pub struct Pixels(Kind);
 
 #[derive(Debug)]
 enum Kind {
-    Whole(Box<dyn Parts + Send + Sync>),
+    Whole(Box<dyn ImageSource + Send + Sync>),
     Tiles(TileStore),
 }
 
-/// Every so manieth pixel of an image, row-major: pixel `(i steps[0], j steps[1])` at row `i` and column `j`; zeros where there is none yet.
+/// Piece of an image: the whole of it, or one tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Piece {
+    /// Whole image.
+    Whole,
+    /// Tile with this index.
+    Tile(usize),
+}
+
+/// Preview of every n-th pixel, row-major: row `i`, column `j` holds pixel `(i steps[0], j steps[1])`, or zero if it is
+/// missing.
 #[derive(Clone, Debug)]
 pub(super) struct Glance {
     pub(super) steps: [usize; 2],
@@ -40,50 +44,51 @@ pub(super) struct Glance {
 }
 
 impl Pixels {
-    /// An image that is whole.
-    pub fn whole(parts: Box<dyn Parts + Send + Sync>) -> Self {
-        Self::of(Kind::Whole(parts))
+    /// Complete image.
+    pub fn whole(parts: Box<dyn ImageSource + Send + Sync>) -> Self {
+        Self(Kind::Whole(parts))
     }
 
-    /// An image in tiles, whole or still growing: what is not there yet reads as zeros.
+    /// Tiled image, complete or still growing. Missing tiles read as zeros.
     pub fn tiles(store: TileStore) -> Self {
-        Self::of(Kind::Tiles(store))
+        Self(Kind::Tiles(store))
     }
 
-    fn of(kind: Kind) -> Self {
-        Self {
-            kind,
-            kept: Mutex::new(VecDeque::new()),
+    /// Pieces that exist and are not in `has`.
+    ///
+    /// # Errors
+    /// If the tiles cannot be listed.
+    pub(super) fn new_pieces(&self, has: &HashSet<Piece>) -> Result<Vec<Piece>, ImageSourceError> {
+        let there = match &self.0 {
+            Kind::Whole(_) => vec![Piece::Whole],
+            Kind::Tiles(store) => store.present()?.into_iter().map(Piece::Tile).collect(),
+        };
+        Ok(there
+            .into_iter()
+            .filter(|piece| !has.contains(piece))
+            .collect())
+    }
+
+    /// Regions of a piece.
+    pub(super) fn places_of(&self, piece: Piece) -> PixelBlocks {
+        match (&self.0, piece) {
+            (Kind::Tiles(store), Piece::Tile(index)) => {
+                PixelBlocks::within_tile(store.tiling(), index)
+            }
+            (kind, _) => kind.parts().places(),
         }
     }
 
-    /// Places that are there and were not before; `has` remembers, an element for each piece.
-    pub(super) fn new_places(&self, has: &mut [bool]) -> Vec<Place> {
-        match &self.kind {
-            Kind::Whole(parts) if !has[0] => {
-                has[0] = true;
-                parts.places()
-            }
-            Kind::Whole(_) => Vec::new(),
-            Kind::Tiles(store) => {
-                let come = |index: &usize| !has[*index] && store.has(*index);
-                let new: Vec<usize> = (0..has.len()).filter(come).collect();
-                new.iter().for_each(|&index| has[index] = true);
-                new.iter().map(|&i| store.tiling().place(i)).collect()
-            }
-        }
-    }
-
-    /// In how many pieces it comes: 1 if it is whole.
+    /// Total number of pieces: 1 for an image that is not tiled.
     pub(super) fn num_pieces(&self) -> usize {
-        match &self.kind {
+        match &self.0 {
             Kind::Whole(_) => 1,
             Kind::Tiles(store) => store.tiling().count(),
         }
     }
 
-    /// A look at some hundred rows and columns.
-    pub(super) fn glance(&self) -> Result<Glance, PartsError> {
+    /// Read a preview of a few hundred rows and columns.
+    pub(super) fn glance(&self) -> Result<Glance, ImageSourceError> {
         let (rows, columns) = self.size();
         let most_rows = (GLANCE_BYTES / (8 * columns.max(1))).clamp(64, GLANCE_SIDE);
         let steps = [
@@ -96,20 +101,30 @@ impl Pixels {
             columns: size[1],
             pixels: vec![Complex32::ZERO; size[0] * size[1]],
         };
-        match &self.kind {
+        match &self.0 {
             Kind::Whole(parts) => {
                 let lines = image.pixels.chunks_exact_mut(size[1].max(1));
                 for (i, line) in lines.enumerate() {
                     let row = i * steps[0];
-                    let whole = parts.window(&[row..row + 1, 0..columns])?;
-                    let chosen = whole.pixels.iter().step_by(steps[1]);
-                    line.iter_mut()
-                        .zip(chosen)
-                        .for_each(|(to, from)| *to = *from);
+                    let run = if steps[1] > FAR_APART {
+                        1
+                    } else {
+                        RUN_PIXELS / steps[1]
+                    };
+                    for (j, chosen) in line.chunks_mut(run).enumerate() {
+                        let first = j * run * steps[1];
+                        let last = first + (chosen.len() - 1) * steps[1];
+                        let seen = parts.window(&[row..row + 1, first..last + 1])?;
+                        let seen = seen.pixels.into_iter().step_by(steps[1]);
+                        chosen
+                            .iter_mut()
+                            .zip(seen)
+                            .for_each(|(to, from)| *to = from);
+                    }
                 }
             }
             Kind::Tiles(store) => {
-                for index in (0..store.tiling().count()).filter(|&index| store.has(index)) {
+                for index in store.present()? {
                     let place = store.tiling().place(index);
                     let first = [0, 1].map(|i| place[i].start.div_ceil(steps[i]));
                     let within = [0, 1].map(|i| first[i] * steps[i] - place[i].start);
@@ -126,28 +141,14 @@ impl Pixels {
         }
         Ok(Glance { steps, image })
     }
+}
 
-    /// A tile of a store, kept or read; `None` where it is not there yet.
-    fn tile(
-        &self,
-        store: &TileStore,
-        index: usize,
-    ) -> Result<Option<Arc<[Complex32]>>, PartsError> {
-        let lock = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, tile)) = lock().iter().find(|(kept, _)| *kept == index) {
-            return Ok(Some(Arc::clone(tile)));
+impl Kind {
+    fn parts(&self) -> &dyn ImageSource {
+        match self {
+            Self::Whole(parts) => &**parts,
+            Self::Tiles(store) => store,
         }
-        if !store.has(index) {
-            return Ok(None);
-        }
-        let tile: Arc<[Complex32]> = store.read(index)?.into();
-        let mut kept = lock();
-        kept.push_back((index, Arc::clone(&tile)));
-        let bytes = |kept: &VecDeque<Kept>| kept.iter().map(|(_, t)| 8 * t.len()).sum::<usize>();
-        while kept.len() > 1 && bytes(&kept) > KEPT_BYTES {
-            kept.pop_front();
-        }
-        Ok(Some(tile))
     }
 }
 
@@ -160,42 +161,20 @@ impl From<product::Pixels> for Pixels {
     }
 }
 
-impl Parts for Pixels {
+impl ImageSource for Pixels {
     fn size(&self) -> (usize, usize) {
-        match &self.kind {
-            Kind::Whole(parts) => parts.size(),
-            Kind::Tiles(store) => store.size(),
-        }
+        self.0.parts().size()
     }
 
-    fn places(&self) -> Vec<Place> {
-        match &self.kind {
-            Kind::Whole(parts) => parts.places(),
-            Kind::Tiles(store) => store.places(),
-        }
+    fn places(&self) -> PixelBlocks {
+        self.0.parts().places()
     }
 
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
-        let store = match &self.kind {
-            Kind::Whole(parts) => return parts.window(place),
-            Kind::Tiles(store) => store,
-        };
-        let [rows, columns] = place;
-        let mut window = Image {
-            rows: rows.len(),
-            columns: columns.len(),
-            pixels: vec![Complex32::ZERO; rows.len() * columns.len()],
-        };
-        for index in store.tiling().meeting(place) {
-            if let Some(tile) = self.tile(store, index)? {
-                copy_common(
-                    place,
-                    &mut window.pixels,
-                    &store.tiling().place(index),
-                    &tile,
-                );
-            }
+    /// Missing tiles read as zeros.
+    fn window(&self, place: &PixelBlock) -> Result<Image, ImageSourceError> {
+        match &self.0 {
+            Kind::Whole(parts) => parts.window(place),
+            Kind::Tiles(store) => Ok(store.part_so_far(place)?),
         }
-        Ok(window)
     }
 }

@@ -1,25 +1,28 @@
-//! What is told of a pixel: its value, where it is, and the response of the point there.
+//! Readout of a pixel: value, position, and point response.
 
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture_model::geometry::{Geodetic, SceneFrame};
-use subaperture_model::image::{Parts, PartsError, power};
+use subaperture_model::image::{ImageSource, ImageSourceError, power};
 use subaperture_quality::response::{Cut, ResponseError, Settings, Target, measure_in};
 
 use super::Product;
 
-/// Points of a cut that are sent.
-const MOST_POINTS: usize = 800;
+/// Maximum number of points of a cut as sent.
+const MAX_POINTS: usize = 800;
 
-/// Value and place of a pixel.
-pub(super) fn value(product: &Product, [row, column]: [usize; 2]) -> Result<Value, PartsError> {
+/// Value and position of a pixel, as JSON.
+pub(super) fn value(
+    product: &Product,
+    [row, column]: [usize; 2],
+) -> Result<Value, ImageSourceError> {
     let pixel = product
         .pixels
         .window(&[row..row + 1, column..column + 1])?
         .pixels[0];
     let power = power(pixel);
     let there = power > 0.0;
-    let mut told = json!({
+    let mut fields = json!({
         "row": row,
         "column": column,
         "level_db": there.then(|| 10.0 * power.log10()),
@@ -27,26 +30,26 @@ pub(super) fn value(product: &Product, [row, column]: [usize; 2]) -> Result<Valu
     });
     if let Some(grid) = &product.grid {
         let position = grid.position_m(row, column);
-        told["position_m"] = json!(position.to_array());
+        fields["position_m"] = json!(position.to_array());
         if grid.polar {
-            told["range_m"] = json!(grid.rows.at(row));
-            told["angle_deg"] = json!(grid.columns.at(column).to_degrees());
+            fields["range_m"] = json!(grid.rows.at(row));
+            fields["angle_deg"] = json!(grid.columns.at(column).to_degrees());
         }
-        tell_place(&mut told, product, position);
+        add_geodetic(&mut fields, product, position);
     }
-    Ok(told)
+    Ok(fields)
 }
 
-/// Adds where a point of the grid's plane is on the Earth, if that is known.
-fn tell_place(told: &mut Value, product: &Product, position: DVec3) {
+/// Add the geodetic position of a point in the grid's plane, if it is known.
+fn add_geodetic(fields: &mut Value, product: &Product, position: DVec3) {
     if let Some(place) = place(product, position) {
-        told["latitude_deg"] = json!(place.latitude_deg);
-        told["longitude_deg"] = json!(place.longitude_deg);
-        told["height_m"] = json!(place.height_m);
+        fields["latitude_deg"] = json!(place.latitude_deg);
+        fields["longitude_deg"] = json!(place.longitude_deg);
+        fields["height_m"] = json!(place.height_m);
     }
 }
 
-/// Where a point of the grid's plane is on the Earth.
+/// Geodetic position of a point in the grid's plane.
 fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
     let on_ground = match product.slant {
         true => on_ground(product, position)?,
@@ -55,7 +58,8 @@ fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
     product.frame.geodetic(on_ground)
 }
 
-/// Along the plane's normal to the height of the frame's origin: a curve of one range and one Doppler frequency leaves the plane of both so.
+/// Project along the plane's normal to the height of the frame's origin. A curve of constant range and Doppler
+/// frequency leaves the slant plane in this direction.
 fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
     let grid = product.grid.as_ref()?;
     let normal = grid.x_axis.cross(grid.y_axis);
@@ -65,11 +69,12 @@ fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
     let [_, _, up] = Geodetic::from_ecf_m(origin_ecf_m).east_north_up();
     let up = product.frame.direction_from_ecf(up);
     let steep = normal.dot(up);
-    // A plane that stands upright meets the ground nowhere in particular.
+    // A vertical plane has no defined intersection with the ground.
     (steep.abs() > 0.05).then(|| position - normal * (up.dot(position) / steep))
 }
 
-/// Angle in the grid's plane, from x towards y, from a point to where it was seen from; none from straight above.
+/// Angle in the grid's plane, from x towards y, of the direction to the antenna, radians. `None` if the antenna is
+/// directly above, and for polar grids.
 fn line_of_sight_rad(product: &Product, position: DVec3) -> Option<f64> {
     let grid = product.grid.as_ref().filter(|grid| !grid.polar)?;
     let sight = product.carrier?.antenna_m - position;
@@ -77,11 +82,12 @@ fn line_of_sight_rad(product: &Product, position: DVec3) -> Option<f64> {
     (libm::hypot(x, y) > 1e-3 * sight.length()).then(|| libm::atan2(y, x))
 }
 
-/// The response of the brightest point within some pixels of one.
+/// Point response of the brightest point within `search_px` pixels.
 pub(super) fn response(
     product: &Product,
     [row, column]: [usize; 2],
     search_px: usize,
+    memory_bytes: u64,
 ) -> Result<Value, ResponseError> {
     let grid = product.any_grid();
     let position = grid.position_m(row, column);
@@ -90,6 +96,7 @@ pub(super) fn response(
         line_of_sight_rad: line_of_sight_rad(product, position),
         carrier: product.carrier,
         looks: product.looks.as_ref(),
+        memory_bytes,
         ..Settings::default()
     };
     let target = Target::Near {
@@ -97,20 +104,20 @@ pub(super) fn response(
         row_value: grid.rows.at(row),
     };
     let found = measure_in(&product.pixels, &grid, target, &settings)?;
-    let mut told = serde_json::to_value(&found).unwrap_or_default();
+    let mut fields = serde_json::to_value(&found).unwrap_or_default();
     let curves: Vec<Value> = found.cuts.iter().map(curve).collect();
-    told["curves"] = json!(curves);
-    told["in_pixels"] = json!(product.grid.is_none());
-    told["polar"] = json!(grid.polar);
+    fields["curves"] = json!(curves);
+    fields["in_pixels"] = json!(product.grid.is_none());
+    fields["polar"] = json!(grid.polar);
     if product.grid.is_some() {
-        tell_place(&mut told, product, found.position_m.into());
+        add_geodetic(&mut fields, product, found.position_m.into());
     }
-    Ok(told)
+    Ok(fields)
 }
 
-/// A cut's curve, thinned.
+/// Curve of a cut, decimated.
 fn curve(cut: &Cut) -> Value {
-    let every = cut.offsets.len().div_ceil(MOST_POINTS).max(1);
+    let every = cut.offsets.len().div_ceil(MAX_POINTS).max(1);
     let offsets: Vec<f64> = cut.offsets.iter().step_by(every).copied().collect();
     let levels = cut.powers.iter().step_by(every);
     let levels: Vec<Option<f64>> = levels

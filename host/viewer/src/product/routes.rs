@@ -1,25 +1,26 @@
-//! What is answered of images.
+//! HTTP routes of the image viewer.
 
 use std::sync::Arc;
 
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, header};
-use axum::middleware::from_fn;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use serde_json::Value;
-use subaperture_model::image::PartsError;
+use subaperture_model::image::ImageSourceError;
+use tokio::sync::OwnedSemaphorePermit;
 
 use super::shown::Shown;
 use super::tile::encode;
 use super::{Gallery, cut, doppler, look, point};
-use crate::guard::{colours, file, guard};
+use crate::guard::{colours, file};
 
 type All = State<Arc<Gallery>>;
 
-/// Pixels around a place that are searched for the brightest, at the most.
-const MOST_SEARCHED: usize = 64;
+/// Maximum search radius for the brightest pixel, pixels.
+const MAX_SEARCHED: usize = 64;
 
 const STYLE: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
@@ -57,7 +58,6 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
             "/licences",
             get(move || file("text/plain; charset=utf-8", licences)),
         )
-        .route("/favicon.ico", get(|| async { StatusCode::NO_CONTENT }))
         .route("/colours", get(colours))
         .route("/state", get(state))
         .route("/tile/{image}/{level}/{row}/{column}", get(tile))
@@ -78,16 +78,17 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
         )
         .route("/layer/{layer}/{image}", get(layer))
         .with_state(gallery)
-        .layer(from_fn(guard))
 }
 
-/// What a request comes to.
+/// Result of a request.
 enum Answer {
     Bytes(Vec<u8>),
     Json(Value),
-    /// There is no such thing.
+    /// Serialized JSON.
+    Text(String),
+    /// The resource does not exist.
     None,
-    /// It cannot be had of this image, and why.
+    /// The request cannot be answered for this image, with the reason.
     Refused(String),
 }
 
@@ -97,49 +98,94 @@ impl From<Option<Vec<u8>>> for Answer {
     }
 }
 
-impl IntoResponse for Answer {
-    fn into_response(self) -> Response {
-        match self {
-            Self::Bytes(bytes) => {
-                ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response()
-            }
-            Self::Json(value) => {
-                let kind = [(header::CONTENT_TYPE, "application/json")];
-                (kind, value.to_string()).into_response()
-            }
+impl Answer {
+    /// Status, content type and bytes.
+    fn sent(self) -> Sent {
+        let (status, kind, bytes) = match self {
+            Self::Bytes(bytes) => (StatusCode::OK, "application/octet-stream", bytes),
+            Self::Json(value) => (StatusCode::OK, JSON, value.to_string().into_bytes()),
+            Self::Text(text) => (StatusCode::OK, JSON, text.into_bytes()),
             Self::None => {
-                (StatusCode::NOT_FOUND, "There is no such image or tile.\n").into_response()
+                let what = b"Not found: no such image or tile.\n".to_vec();
+                (StatusCode::NOT_FOUND, TEXT, what)
             }
-            Self::Refused(why) => (StatusCode::UNPROCESSABLE_ENTITY, why).into_response(),
+            Self::Refused(why) => (StatusCode::UNPROCESSABLE_ENTITY, TEXT, why.into_bytes()),
+        };
+        Sent {
+            status,
+            kind,
+            bytes,
         }
     }
 }
 
-/// Computes beside the thread that answers, no more at once than may be.
+const JSON: &str = "application/json";
+const TEXT: &str = "text/plain; charset=utf-8";
+
+/// Response as bytes.
+struct Sent {
+    status: StatusCode,
+    kind: &'static str,
+    bytes: Vec<u8>,
+}
+
+/// Bytes being sent to a client, with their share of the response memory.
+struct BytesInFlight {
+    bytes: Vec<u8>,
+    _share: OwnedSemaphorePermit,
+}
+
+impl AsRef<[u8]> for BytesInFlight {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+impl Sent {
+    /// Make the response as soon as memory for it is available.
+    async fn response(self, gallery: &Gallery) -> Response {
+        let kib = u32::try_from(self.bytes.len() >> 10).unwrap_or(u32::MAX);
+        let kib = (kib + 1).min(gallery.bounds.answer_kib());
+        let Ok(share) = Arc::clone(&gallery.answers).acquire_many_owned(kib).await else {
+            return StatusCode::SERVICE_UNAVAILABLE.into_response();
+        };
+        let body = Bytes::from_owner(BytesInFlight {
+            bytes: self.bytes,
+            _share: share,
+        });
+        (self.status, [(header::CONTENT_TYPE, self.kind)], body).into_response()
+    }
+}
+
+/// Compute on a separate thread, within the limit on concurrent computations.
 async fn compute(
     gallery: Arc<Gallery>,
     image: usize,
-    work: impl FnOnce(&Gallery, &Shown) -> Result<Answer, PartsError> + Send + 'static,
+    work: impl FnOnce(&Gallery, &Shown) -> Result<Answer, ImageSourceError> + Send + 'static,
 ) -> Response {
     let Ok(place) = Arc::clone(&gallery.computing).acquire_owned().await else {
         return StatusCode::SERVICE_UNAVAILABLE.into_response();
     };
+    let all = Arc::clone(&gallery);
     let done = tokio::task::spawn_blocking(move || {
-        let _place = place;
-        match gallery.shown.get(image) {
+        let answer = match gallery.shown.get(image) {
             Some(shown) => work(&gallery, shown),
             None => Ok(Answer::None),
-        }
+        };
+        answer.map(Answer::sent)
     });
-    match done.await {
-        Ok(Ok(answer)) => answer.into_response(),
+    // The permit is held until the response has its memory, since the result waits for it.
+    let answer = match done.await {
+        Ok(Ok(sent)) => sent.response(&all).await,
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
-    }
+    };
+    drop(place);
+    answer
 }
 
-async fn state(State(all): All) -> impl IntoResponse {
-    Answer::Json(all.state())
+async fn state(State(all): All) -> Response {
+    Answer::Json(all.state()).sent().response(&all).await
 }
 
 async fn tile(
@@ -163,7 +209,7 @@ async fn part(
     Path((image, from, to, level, row, column)): Path<(usize, u16, u16, u32, usize, usize)>,
 ) -> Response {
     if from >= to || to > 1000 {
-        return Answer::None.into_response();
+        return StatusCode::NOT_FOUND.into_response();
     }
     let part = [from, to].map(|thousandths| f64::from(thousandths) / 1000.0);
     let work = move |_: &Gallery, shown: &Shown| {
@@ -207,11 +253,16 @@ async fn response(
     State(all): All,
     Path((image, row, column, search)): Path<(usize, usize, usize, usize)>,
 ) -> Response {
-    let work = move |_: &Gallery, shown: &Shown| {
+    let work = move |all: &Gallery, shown: &Shown| {
         if row >= shown.size[0] || column >= shown.size[1] {
             return Ok(Answer::None);
         }
-        let found = point::response(&shown.product, [row, column], search.min(MOST_SEARCHED));
+        let found = point::response(
+            &shown.product,
+            [row, column],
+            search.min(MAX_SEARCHED),
+            all.bounds.request_bytes,
+        );
         Ok(match found {
             Ok(found) => Answer::Json(found),
             Err(error) => Answer::Refused(error.to_string()),
@@ -224,7 +275,7 @@ async fn layer(State(all): All, Path((layer, image)): Path<(usize, usize)>) -> R
     let work = move |all: &Gallery, shown: &Shown| {
         let found = all.layers.get(layer);
         Ok(found.map_or(Answer::None, |layer| {
-            Answer::Json(layer.over(&shown.product))
+            Answer::Text(layer.over(&shown.product))
         }))
     };
     compute(all, image, work).await

@@ -1,38 +1,37 @@
-//! An image that is shown: its overview as it comes, and any tile of it.
+//! Image on the page: its overview as it is computed, and any tile of it.
 
+use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, RwLock};
 
 use serde_json::{Value, json};
-use subaperture_model::image::{Parts, PartsError, power};
+use subaperture_model::image::{ImageSource, ImageSourceError, power};
+use subaperture_plot::automatic_levels_db;
 
 use super::Product;
 use super::overview::{Overview, coarsest, size_at};
-use super::pixels::Glance;
+use super::pixels::{Glance, Piece};
 use super::tile::{cells, encode, glanced, phases, powers};
 
-/// Least and most dB between black and white, and how far below the median black lies, as `subaperture_plot` has them.
-const SPANS_DB: [f64; 2] = [40.0, 60.0];
-const BELOW_MEDIAN_DB: f64 = 6.0;
-/// The coarsest level whose cells are computed of pixels when they are asked for, 2048 x 2048 of them for a tile: where memory keeps none of the next levels, cells of the
-/// finest that is kept stand for theirs.
+/// Coarsest level that is computed from pixels on request, 2048 x 2048 of them per tile. If memory keeps none of the
+/// next levels, cells of the finest level kept are used instead.
 const COARSEST_COMPUTED: u32 = 3;
-/// Rows and columns of what the scale is of.
+/// Maximum rows and columns of the overview level used for automatic levels.
 const SCALE_SIDE: usize = 512;
 
-/// How far it is.
+/// Progress of an image.
 #[derive(Debug, Default)]
 pub(super) struct State {
-    /// Changes with what is shown.
+    /// Incremented when the displayed image changes.
     pub(super) revision: u64,
-    /// Pixels that the overview has.
+    /// Number of pixels in the overview.
     pub(super) taken: usize,
-    /// Whether tiles are of the overview.
+    /// Whether tiles are available from the overview.
     pub(super) ready: bool,
-    /// Whether nothing will change any more.
+    /// Whether the image will not change any more.
     pub(super) settled: bool,
-    /// Levels of white and of black below it, dB.
+    /// Automatic levels: upper level and dynamic range, dB.
     pub(super) scale: Option<[f64; 2]>,
-    /// What went wrong.
+    /// First fault found.
     pub(super) fault: Option<String>,
 }
 
@@ -61,7 +60,7 @@ impl Shown {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What went wrong is told, and what there is stays.
+    /// Record a fault and stop reading. What was read remains visible.
     pub(super) fn fail(&self, fault: String) {
         let mut state = self.state();
         state.fault.get_or_insert(fault);
@@ -69,40 +68,43 @@ impl Shown {
         state.revision += 1;
     }
 
-    /// The first look.
-    pub(super) fn look(&self) -> Result<(), PartsError> {
+    /// Read the preview.
+    pub(super) fn look(&self) -> Result<(), ImageSourceError> {
         let glance = self.product.pixels.glance()?;
         let powers: Vec<f64> = glance.image.pixels.iter().map(|&z| power(z)).collect();
         let _ = self.glance.set(glance);
         let mut state = self.state();
-        state.scale = scale(&powers);
+        state.scale = automatic_levels_db(&powers);
         state.revision += 1;
         Ok(())
     }
 
-    /// Takes what has come since `has` was filled; `false` if it was asked to stop.
+    /// Read the pieces added since `has` was filled. Returns `false` if stopped.
     pub(super) fn take(
         &self,
-        has: &mut [bool],
+        has: &mut HashSet<Piece>,
         stop: &dyn Fn() -> bool,
-    ) -> Result<bool, PartsError> {
-        let places = self.product.pixels.new_places(has);
-        if places.is_empty() {
+    ) -> Result<bool, ImageSourceError> {
+        let pixels = &self.product.pixels;
+        let pieces = pixels.new_pieces(has)?;
+        if pieces.is_empty() {
             return Ok(true);
         }
-        for place in &places {
+        let places = pieces.iter().flat_map(|&piece| pixels.places_of(piece));
+        for place in places {
             if stop() {
                 return Ok(false);
             }
-            let part = self.product.pixels.window(place)?;
+            let part = pixels.window(&place)?;
             let mut overview = self
                 .overview
                 .write()
                 .unwrap_or_else(PoisonError::into_inner);
-            overview.add(place, &part);
+            overview.add(&place, &part);
             drop(overview);
             self.state().taken += place[0].len() * place[1].len();
         }
+        has.extend(&pieces);
         let mut overview = self
             .overview
             .write()
@@ -112,13 +114,17 @@ impl Shown {
         drop(overview);
         let mut state = self.state();
         state.ready = true;
-        state.scale = scale(&small).or(state.scale);
+        state.scale = automatic_levels_db(&small).or(state.scale);
         state.revision += 1;
         Ok(true)
     }
 
-    /// A tile; `None` if there is no such.
-    pub(super) fn tile(&self, level: u32, at: [usize; 2]) -> Result<Option<Vec<u8>>, PartsError> {
+    /// Encoded tile; `None` if it does not exist.
+    pub(super) fn tile(
+        &self,
+        level: u32,
+        at: [usize; 2],
+    ) -> Result<Option<Vec<u8>>, ImageSourceError> {
         if level > coarsest(self.size) {
             return Ok(None);
         }
@@ -142,26 +148,26 @@ impl Shown {
         Ok(Some(encode(&place, &cells)))
     }
 
-    /// The phases of a tile of level 0; `None` if there is no such.
-    pub(super) fn phases(&self, at: [usize; 2]) -> Result<Option<Vec<u8>>, PartsError> {
+    /// Encoded phases of a level-0 tile; `None` if it does not exist.
+    pub(super) fn phases(&self, at: [usize; 2]) -> Result<Option<Vec<u8>>, ImageSourceError> {
         match cells(self.size, 0, at) {
             Some(place) => phases(&self.product.pixels, &place).map(Some),
             None => Ok(None),
         }
     }
 
-    /// As the page gets it.
+    /// State of the image, as JSON.
     pub(super) fn about(&self) -> Value {
         let product = &self.product;
         let grid = product.any_grid();
         let known = product.grid.is_some();
         let [right, up] = match (grid.polar, product.rows_down) {
-            // Angles grow to the left.
+            // Angles increase to the left.
             (true, _) => [-1, 1],
             (false, true) => [1, -1],
             (false, false) => [1, 1],
         };
-        // Metres a pixel, of a polar grid at its middle.
+        // Metres per pixel; at mid-range for a polar grid.
         let middle = grid.rows.start + grid.rows.step * grid.rows.count as f64 / 2.0;
         let across = grid.columns.step * if grid.polar { middle.abs() } else { 1.0 };
         let overview = self.overview.read().unwrap_or_else(PoisonError::into_inner);
@@ -192,19 +198,4 @@ impl Shown {
             "fault": state.fault,
         })
     }
-}
-
-/// Top and span, whole dB: the brightest, and 6 dB below the median, within 40 to 60 dB.
-fn scale(powers: &[f64]) -> Option<[f64; 2]> {
-    let seen = powers.iter().copied();
-    let mut seen: Vec<f64> = seen.filter(|p| p.is_finite() && *p > 0.0).collect();
-    let peak = seen.iter().copied().fold(0.0, f64::max);
-    if seen.is_empty() {
-        return None;
-    }
-    let middle = (seen.len() - 1) / 2;
-    let (_, median, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
-    let top = (10.0 * peak.log10()).ceil();
-    let bottom = (10.0 * median.log10() - BELOW_MEDIAN_DB).floor();
-    Some([top, (top - bottom).clamp(SPANS_DB[0], SPANS_DB[1])])
 }

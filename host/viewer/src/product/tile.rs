@@ -1,18 +1,18 @@
-//! A tile of a level: 256 x 256 cells as they are sent, in tenths of a decibel.
+//! Tiles of 256 x 256 cells, encoded in tenths of a decibel.
 
 use std::ops::Range;
 
-use subaperture_model::image::{Image, Parts, PartsError, Place, power};
+use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, power};
 
 use super::overview::{TILE, size_at};
 use super::pixels::{Glance, Pixels};
 use crate::level::{NONE, tenths};
 
-/// Pixels that are read at a time.
+/// Number of pixels read at a time.
 const BAND_PIXELS: usize = 1 << 17;
 
-/// The cells that a tile has, of a level of so many rows and columns; `None` if there is no such tile.
-pub(super) fn cells(size: [usize; 2], level: u32, at: [usize; 2]) -> Option<Place> {
+/// Cells of tile `at` of a level; `None` if the tile does not exist.
+pub(super) fn cells(size: [usize; 2], level: u32, at: [usize; 2]) -> Option<PixelBlock> {
     let size = size_at(size, level);
     let range = |i: usize| -> Option<Range<usize>> {
         let first = at[i].checked_mul(TILE)?;
@@ -21,12 +21,12 @@ pub(super) fn cells(size: [usize; 2], level: u32, at: [usize; 2]) -> Option<Plac
     Some([range(0)?, range(1)?])
 }
 
-/// Mean powers of cells of a level, computed of the pixels.
+/// Mean powers of cells of a level, computed from the pixels.
 pub(super) fn powers(
     pixels: &Pixels,
     level: u32,
-    [rows, columns]: &Place,
-) -> Result<Vec<f64>, PartsError> {
+    [rows, columns]: &PixelBlock,
+) -> Result<Vec<f64>, ImageSourceError> {
     let (all_rows, all_columns) = pixels.size();
     let side = 1usize << level;
     let across = (columns.start << level)..(columns.end << level).min(all_columns);
@@ -41,7 +41,7 @@ pub(super) fn powers(
     Ok(powers)
 }
 
-/// Mean powers of cells of a level, of the pixels of whole cells but for the last row and column of them.
+/// Mean powers of cells of a level. All cells are complete except in the last row and column.
 pub(super) fn average(pixels: &Image, level: u32) -> Vec<f64> {
     let side = 1usize << level;
     let across = pixels.columns.div_ceil(side);
@@ -62,8 +62,8 @@ pub(super) fn average(pixels: &Image, level: u32) -> Vec<f64> {
     powers
 }
 
-/// Powers of the pixels of a glance nearest to the middle of each cell.
-pub(super) fn glanced(glance: &Glance, level: u32, [rows, columns]: &Place) -> Vec<f64> {
+/// Powers of the preview pixels nearest to the centre of each cell.
+pub(super) fn glanced(glance: &Glance, level: u32, [rows, columns]: &PixelBlock) -> Vec<f64> {
     let near = |cell: usize, step: usize, count: usize| {
         let middle = (cell << level) + (1 << level) / 2;
         ((middle + step / 2) / step).min(count - 1)
@@ -81,8 +81,8 @@ pub(super) fn glanced(glance: &Glance, level: u32, [rows, columns]: &Place) -> V
     powers
 }
 
-/// Powers of a place as a tile is sent: 16-bit tenths of a decibel, little-endian, row-major, filled up to 256 x 256.
-pub(super) fn encode([rows, columns]: &Place, powers: &[f64]) -> Vec<u8> {
+/// Encode powers as a tile: 16-bit tenths of a decibel, little-endian, row-major, padded to 256 x 256.
+pub(super) fn encode([rows, columns]: &PixelBlock, powers: &[f64]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(2 * TILE * TILE);
     let mut lines = powers.chunks_exact(columns.len());
     for _ in 0..TILE {
@@ -100,15 +100,15 @@ pub(super) fn encode([rows, columns]: &Place, powers: &[f64]) -> Vec<u8> {
     bytes
 }
 
-/// Phases of pixels as they are sent: 256ths of a turn, from 0 on, a byte each, filled up with zeros.
-pub(super) fn phases(pixels: &Pixels, place: &Place) -> Result<Vec<u8>, PartsError> {
+/// Encode phases of pixels in 1/256 turn, one byte each, padded with zeros.
+pub(super) fn phases(pixels: &Pixels, place: &PixelBlock) -> Result<Vec<u8>, ImageSourceError> {
     let image = pixels.window(place)?;
     let mut bytes = vec![0; TILE * TILE];
     let lines = image.pixels.chunks_exact(image.columns.max(1));
     for (to, line) in bytes.chunks_exact_mut(TILE).zip(lines) {
         for (byte, z) in to.iter_mut().zip(line) {
             let turns = f64::from(z.arg()) / std::f64::consts::TAU;
-            // Rounded and wrapped: -1/512 of a turn is nearest to 0.
+            // Rounded and wrapped: -1/512 turn rounds to 0.
             *byte = ((256.0 * turns).round() as i32).rem_euclid(256) as u8;
         }
     }
@@ -119,6 +119,7 @@ pub(super) fn phases(pixels: &Pixels, place: &Place) -> Result<Vec<u8>, PartsErr
 mod tests {
     use super::*;
     use num_complex::Complex32;
+    use std::collections::HashSet;
     use subaperture_io::tiles::TileStore;
     use subaperture_model::image::Tiling;
 
@@ -136,7 +137,7 @@ mod tests {
         }
     }
 
-    /// The level of a cell, from its pixels one by one.
+    /// Reference: level of a cell from its pixels.
     fn level_of(size: [usize; 2], level: u32, row: usize, column: usize) -> i16 {
         let side = 1 << level;
         let mut all = Vec::new();
@@ -149,14 +150,15 @@ mod tests {
         (100.0 * (all.iter().sum::<f64>() / all.len() as f64).log10()).round() as i16
     }
 
-    fn sent(bytes: &[u8]) -> Vec<i16> {
+    fn decode(bytes: &[u8]) -> Vec<i16> {
         let pairs = bytes.chunks_exact(2);
         pairs.map(|b| i16::from_le_bytes([b[0], b[1]])).collect()
     }
 
-    /// Levels are rounded to tenths of a decibel: two roundings, of float64 sums in another order, may differ by one where the sum is at the edge.
+    /// Levels are rounded to tenths of a decibel. Two float64 sums in different order may round differently by one at a
+    /// boundary.
     #[test]
-    fn tiles_are_mean_powers_of_their_pixels() {
+    fn tiles_are_mean_powers_of_pixels() {
         let size = [700, 1333];
         let pixels = Pixels::whole(Box::new(image(size[0], size[1])));
         for level in 0..=2 {
@@ -165,7 +167,7 @@ mod tests {
                     assert!(size_at(size, level)[1] <= TILE);
                     continue;
                 };
-                let tile = sent(&encode(&place, &powers(&pixels, level, &place).unwrap()));
+                let tile = decode(&encode(&place, &powers(&pixels, level, &place).unwrap()));
                 assert_eq!(tile.len(), TILE * TILE);
                 for (i, level_sent) in tile.iter().enumerate() {
                     let [row, column] = [place[0].start + i / TILE, place[1].start + i % TILE];
@@ -182,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn phases_are_in_256ths_of_a_turn() {
+    fn phases_are_encoded_in_256ths_of_a_turn() {
         let pixels = Pixels::whole(Box::new(image(9, 11)));
         let bytes = phases(&pixels, &[0..9, 0..11]).unwrap();
         for row in 0..9 {
@@ -196,9 +198,10 @@ mod tests {
         }
     }
 
-    /// A store of which half the tiles are missing: zeros there, no level; and the glance has the pixels that it says.
+    /// In a store with half of its tiles missing, missing pixels have no level, and the preview holds the stated
+    /// pixels.
     #[test]
-    fn what_is_not_there_yet_has_no_level() {
+    fn missing_tiles_have_no_level() {
         let folder = tempfile::tempdir().unwrap();
         let tiling = Tiling {
             image: [600, 1100],
@@ -218,7 +221,7 @@ mod tests {
         };
         let pixels = Pixels::tiles(store);
         let place = [0..256, 256..512];
-        let tile = sent(&encode(&place, &powers(&pixels, 0, &place).unwrap()));
+        let tile = decode(&encode(&place, &powers(&pixels, 0, &place).unwrap()));
         for (i, level) in tile.iter().enumerate() {
             let (row, column) = (i / TILE, 256 + i % TILE);
             let shown = match there(row, column) {
@@ -242,11 +245,11 @@ mod tests {
                 assert_eq!(z, expected, "{row} {column}");
             }
         }
-        let mut has = vec![false; pixels.num_pieces()];
-        assert_eq!(
-            pixels.new_places(&mut has).len(),
-            tiling.count().div_ceil(2)
-        );
-        assert!(pixels.new_places(&mut has).is_empty());
+        let mut has = HashSet::new();
+        let new = pixels.new_pieces(&has).unwrap();
+        assert_eq!(new.len(), tiling.count().div_ceil(2));
+        has.extend(new);
+        assert!(pixels.new_pieces(&has).unwrap().is_empty());
+        assert_eq!(pixels.num_pieces(), tiling.count());
     }
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::plan::Request;
-use subaperture::focus::{ImageFormer, Misses, Plan, SCRATCH_BYTES, Task, machine};
+use subaperture::focus::{BoundPolicy, ImageFormer, Plan, SCRATCH_BYTES, Task, machine};
 use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::phase_history::PhaseHistory;
@@ -26,7 +26,7 @@ use crate::recording::{self, Judged};
 /// Turns go on until they took so long together, seconds.
 const ENOUGH_S: f64 = 1.0;
 /// No more turns.
-const MOST_TURNS: usize = 5;
+const MAX_TURNS: usize = 5;
 /// What formers may take unless told otherwise, bytes.
 pub(crate) const MEMORY_BYTES: u64 = 8 << 30;
 
@@ -152,7 +152,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         weights: &weights,
         memory_bytes,
         monitor: &Silent,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let begun = Instant::now();
     let mut shortest = [f64::INFINITY, 0.0];
@@ -165,7 +165,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
             shortest = [seconds, processor_seconds() - before_s];
         }
         turns += 1;
-        if turns == MOST_TURNS || begun.elapsed().as_secs_f64() > ENOUGH_S {
+        if turns == MAX_TURNS || begun.elapsed().as_secs_f64() > ENOUGH_S {
             break formed;
         }
     };
@@ -177,8 +177,8 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         fast: Window::Hamming,
         slow: Window::Hamming,
         scratch_bytes: SCRATCH_BYTES,
-        misses: Misses::Allowed,
-        means: Default::default(),
+        bound_policy: BoundPolicy::Allowed,
+        numerics: Default::default(),
     };
     // A scene that makes more of errors was formed by another plan, of which no account is kept.
     let replanned = formed.settings.contains_key("planned_for_db");

@@ -1,30 +1,30 @@
-//! The fastest of the formers that take any track.
+//! Automatic choice of the fastest former that supports any track.
 //!
-//! Each of [`CANDIDATES`] plans the image within the same bound; of those that keep it that one forms it which takes the least time by the
-//! time model. That is [`crate::ffbp`] wherever it takes the collection: an image too small to be factorised is one patch of its own, backprojected
-//! at the rate of plain backprojection. [`crate::bp`] forms what `ffbp` refuses: bounds beyond its kernels, and antennas that move while a pulse
-//! lasts, where each sample is to be taken at its own moment. Patches of one level ([`crate::rdbp`]) are no candidate: on every case that was
-//! measured they took longer than `ffbp`, and planning them takes longer than forming a small image.
+//! Each of [`CANDIDATES`] plans the image within the same bound. Among those that keep it, the former with the shortest time by the
+//! timing model forms the image. That is [`crate::ffbp`] wherever it supports the collection: an image too small for factorisation is a single patch, backprojected
+//! as fast as by plain backprojection. [`crate::bp`] forms images that `ffbp` refuses: bounds below the error of its kernels, and antennas with significant intra-pulse
+//! motion, where each sample has its own antenna position. Patches of one level ([`crate::rdbp`]) are not a candidate: they took longer than `ffbp` in every measured
+//! case, and planning them takes longer than forming a small image.
 //!
-//! Plans of the default time model are the same on every machine, and so is this choice. The choice is part of the plan, and the record's settings
-//! say it (`former`).
+//! Plans by the default timing model are the same on every machine, and so is this choice. The choice is part of the plan and appears in the settings of the
+//! record (`former`).
 //!
-//! Error, cost and memory: those of the former that is taken. Planning takes that of both.
+//! Error, cost and memory are those of the selected former. Planning takes the time of both.
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::options::ERROR_DB;
 use super::{Entry, FORMERS, former, of};
-use crate::accuracy::misses;
+use crate::accuracy::{Settings, misses};
 use crate::former::{chosen, misfit};
-use crate::{Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer};
+use crate::{DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::monitor::Monitor;
 
-/// By name; of two that are as fast the first.
+/// Names of the candidates; the first wins if two are equally fast.
 pub const CANDIDATES: [&str; 2] = ["bp", "ffbp"];
 
-/// The fastest former within a bound.
+/// Fastest former within a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Auto {
@@ -41,7 +41,7 @@ impl Default for Auto {
 }
 
 impl Auto {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db }
@@ -54,7 +54,6 @@ impl Auto {
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "auto",
     summary: "the faster of bp and ffbp within the bound",
@@ -62,12 +61,18 @@ pub(super) const ENTRY: Entry = Entry {
     of: of::<Auto>,
 };
 
-/// What a plan fixes.
+/// Name of the former that formed an image with these settings: the one that [`Auto`] selected, or `former` itself.
+pub fn selected<'a>(settings: &'a Settings, former: &'a str) -> &'a str {
+    let selected = settings.get("former").and_then(|name| name.as_str());
+    selected.unwrap_or(former)
+}
+
+/// Parameters fixed by a plan.
 #[derive(Serialize, Deserialize)]
 struct Choices {
-    /// Of [`CANDIDATES`].
+    /// Name of the selected former, one of [`CANDIDATES`].
     former: String,
-    /// What it chose.
+    /// Choices of the selected former.
     choices: serde_json::Value,
 }
 
@@ -98,23 +103,23 @@ impl ImageFormer for Auto {
 
     fn decide(
         &self,
-        aim: &Aim,
-        asked: &Asked,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision, FormError> {
-        let sweeps = aim.collection.sweeps();
+        let sweeps = spec.collection.sweeps();
         let mut best: Option<(Decision, &'static str)> = None;
         let mut refusal = None;
         for former in self.candidates() {
             if sweeps && !former.follows_sweeps() {
                 continue;
             }
-            match former.decide(aim, asked, monitor) {
+            match former.decide(spec, goal, monitor) {
                 Ok(own) => {
                     let better = best.as_ref().is_none_or(|(best, _)| {
-                        // One that keeps the bound before one that does not, then the faster.
+                        // A plan that keeps the bound ranks before one that does not, then the faster.
                         let rank = |of: &Decision| {
-                            (misses(of.planned_db, asked.bound_db), of.cost.core_s())
+                            (misses(of.planned_db, goal.bound_db), of.cost.core_s())
                         };
                         rank(&own) < rank(best)
                     });
@@ -123,7 +128,7 @@ impl ImageFormer for Auto {
                     }
                 }
                 Err(FormError::Cancelled) => return Err(FormError::Cancelled),
-                // The first is the most exact, and says what limits it.
+                // The refusal of the first candidate, the most exact former, states the limiting effect.
                 Err(error) => refusal = refusal.or(Some(error)),
             }
         }
@@ -140,7 +145,7 @@ impl ImageFormer for Auto {
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let Choices {
@@ -153,6 +158,6 @@ impl ImageFormer for Auto {
         let settings = json!({ "error_db": self.error_db });
         let taken =
             former(&name, &settings).map_err(|error| misfit(ENTRY.name, &error.to_string()))?;
-        taken.open(aim, &choices)
+        taken.open(spec, &choices)
     }
 }

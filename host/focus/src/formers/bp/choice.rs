@@ -1,38 +1,38 @@
-//! How profiles are read: the spline's degree, the upsampling and the tiles.
+//! Choice of spline degree, upsampling and tile size for backprojection.
 //!
-//! Of the error's power interpolation may have 7 tenths, the polynomials of tiles' paths one, float32 and phasors two. Splines of higher degree
-//! take less upsampling, so that transforms are shorter and a tile's pixels lie fewer bins apart, and more operations a pixel; the
-//! cheapest is taken, as a few pulses see a few tiles. Tiles are as large as pays: in larger ones fewer pulses and tiles keep to
-//! the polynomials, and the rest takes many times as long.
+//! Interpolation may use 70 % of the allowed error power, the path polynomials of tiles 10 %, float32 and phasors 20 %. Splines of higher degree
+//! need less upsampling: transforms are shorter and the bins of a tile closer together, at more operations per pixel. The
+//! fastest combination is selected from a few pulses and tiles. Tiles are as large as is profitable: in larger tiles fewer pulses and tiles keep to
+//! the polynomials, and the others take many times as long.
 
 use std::ops::Range;
 
-use super::{Choices, MOST_OVERSAMPLING, Meaning, SUMMED_PULSES, Way, cost, pulse_bytes};
+use super::{Choices, MAX_OVERSAMPLING, Meaning, PixelPaths, SUMMED_PULSES, cost, pulse_bytes};
 use crate::patch::{PatchSize, Patches, Rectangle, spread};
 use crate::path_tile::{self, pulse_antennas, raster};
-use crate::{Aim, MARGIN_DB, rounding};
+use crate::{ImageSpec, MARGIN_DB, rounding};
 use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Shares of the error's power.
+/// Share of the error power for interpolation.
 const INTERPOLATION: f64 = 0.7;
 const TILES: f64 = 0.1;
-/// What float32 and the phasors of tiles may have of it, or there are none.
+/// Share of the error power for float32 and tile phasors; tiles are not used where they exceed it.
 const ARITHMETIC: f64 = 0.2;
 
-/// Degrees of splines that are looked at.
+/// Candidate spline degrees.
 const DEGREES: [usize; 3] = [2, 3, 4];
-/// Sides of tiles, pixels.
+/// Candidate tile sides, pixels.
 const SIDES: [usize; 3] = [64, 32, 16];
-/// Tiles a side and pulses that are looked at.
+/// Number of tiles per side and of pulses that are sampled.
 const TILES_SEEN: usize = 4;
 const PULSES_SEEN: usize = 16;
-/// Pieces that a tile may reach beyond a profile's ends before its margin is too long to be worth while.
+/// Largest useful extent of a tile beyond the ends of a profile, intervals.
 const LONGEST_MARGIN: usize = 65_536;
 
-/// The relative RMS error that interpolation, tiles and their arithmetic may each have, for an error of `error_db`.
+/// Relative RMS errors allowed for interpolation, tiles and their arithmetic within an error of `error_db`.
 pub(super) struct Shares {
     pub(super) interpolation_db: f64,
     tiles: f64,
@@ -50,37 +50,37 @@ impl Shares {
         }
     }
 
-    /// Relative RMS error of the way that was chosen, beside interpolation.
-    pub(super) fn of_way(&self, aim: &Aim, choices: &Choices) -> f64 {
+    /// Relative RMS error of the chosen method without interpolation.
+    pub(super) fn of_way(&self, spec: &ImageSpec, choices: &Choices) -> f64 {
         match choices.way {
-            Way::Tiles { phase_rad, .. } => {
+            PixelPaths::Tiles { phase_rad, .. } => {
                 let length =
-                    RangeProfiler::length_for(aim.collection.num_samples, choices.oversampling);
-                libm::hypot(phase_rad, arithmetic(aim, length))
+                    RangeProfiler::length_for(spec.collection.num_samples, choices.oversampling);
+                libm::hypot(phase_rad, arithmetic(spec, length))
             }
             _ => 0.0,
         }
     }
 }
 
-/// The margin that tiles of `side` pixels a side take on profiles of `length` bins.
-pub(super) fn margin(aim: &Aim, side: usize, length: usize) -> usize {
-    let patches = Patches::new(aim.grid, PatchSize::square(side));
-    // The first is as large as any.
+/// Margin needed by tiles of `side` x `side` pixels on profiles of `length` bins.
+pub(super) fn margin(spec: &ImageSpec, side: usize, length: usize) -> usize {
+    let patches = Patches::new(spec.grid, PatchSize::square(side));
+    // The first tile is as large as any.
     let first = patches.spread(2).next().expect("a grid has pixels");
-    let finest = bins_m(aim, length).fold(0.0, f64::max);
-    Pieces::margin_for(&raster(aim.grid, &first), finest)
+    let finest = bins_m(spec, length).fold(0.0, f64::max);
+    Pieces::margin_for(&raster(spec.grid, &first), finest)
 }
 
-/// Between which all paths to the grid lie, in turns of profiles; none where that is not known.
-pub(super) fn swath(aim: &Aim, meaning: Meaning) -> Option<Range<f64>> {
-    if !aim.grid.is_raster() || !matches!(meaning, Meaning::Places) {
+/// Interval that contains all paths to the grid, in turns of profiles; `None` if unknown.
+pub(super) fn swath(spec: &ImageSpec, meaning: Meaning) -> Option<Range<f64>> {
+    if !spec.grid.is_raster() || !matches!(meaning, Meaning::Places) {
         return None;
     }
-    let size = [aim.grid.rows.count, aim.grid.columns.count];
-    let whole = raster(aim.grid, &Rectangle::of(&size.map(|count| 0..count)));
+    let size = [spec.grid.rows.count, spec.grid.columns.count];
+    let whole = raster(spec.grid, &Rectangle::of(&size.map(|count| 0..count)));
     let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
-    for pulse in &aim.collection.pulses {
+    for pulse in &spec.collection.pulses {
         let turns_m = pulse.step_hz / SPEED_OF_LIGHT_M_S;
         for path_m in whole.paths_m(&pulse_antennas(pulse)) {
             least = least.min(path_m * turns_m);
@@ -90,21 +90,21 @@ pub(super) fn swath(aim: &Aim, meaning: Meaning) -> Option<Range<f64>> {
     Some(least..largest)
 }
 
-/// Bins a metre of path, of each pulse.
-fn bins_m(aim: &Aim, length: usize) -> impl Iterator<Item = f64> {
-    let pulses = aim.collection.pulses.iter();
+/// Bins per metre of path, for each pulse.
+fn bins_m(spec: &ImageSpec, length: usize) -> impl Iterator<Item = f64> {
+    let pulses = spec.collection.pulses.iter();
     pulses.map(move |pulse| (pulse.step_hz / SPEED_OF_LIGHT_M_S * length as f64).abs())
 }
 
-/// What float32 costs in tiles, with profiles of `length` bins.
-fn arithmetic(aim: &Aim, length: usize) -> f64 {
-    let coarsest = bins_m(aim, length).fold(f64::INFINITY, f64::min);
-    path_tile::arithmetic(rounding::highest_hz(aim), coarsest)
+/// Relative RMS error of float32 in tiles with profiles of `length` bins.
+fn arithmetic(spec: &ImageSpec, length: usize) -> f64 {
+    let coarsest = bins_m(spec, length).fold(f64::INFINITY, f64::min);
+    path_tile::arithmetic(rounding::highest_hz(spec), coarsest)
 }
 
-/// A pulse for profiles of `length` bins.
-pub(super) fn tile_pulse(aim: &Aim, pulse: &Pulse, length: usize) -> TilePulse {
-    let centre_hz = pulse.frequency_hz(aim.collection.num_samples / 2);
+/// Tile parameters of a pulse for profiles of `length` bins.
+pub(super) fn tile_pulse(spec: &ImageSpec, pulse: &Pulse, length: usize) -> TilePulse {
+    let centre_hz = pulse.frequency_hz(spec.collection.num_samples / 2);
     TilePulse {
         antennas: pulse_antennas(pulse),
         turns_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
@@ -112,7 +112,7 @@ pub(super) fn tile_pulse(aim: &Aim, pulse: &Pulse, length: usize) -> TilePulse {
     }
 }
 
-/// The pieces of profiles that are read for paths within a swath, in turns; all if that is not known.
+/// Profile intervals read for paths within a swath, in turns; all of them if the swath is unknown.
 pub(super) fn pieces(
     degree: usize,
     length: usize,
@@ -131,7 +131,7 @@ pub(super) fn pieces(
     }
 }
 
-/// A way to read profiles, and what it costs a pixel and pulse.
+/// Interpolation method and its cost per pixel and pulse.
 #[derive(Clone, Copy)]
 struct Candidate {
     degree: usize,
@@ -139,36 +139,40 @@ struct Candidate {
     length: usize,
     margin: usize,
     pieces: Pieces,
-    way: Way,
-    /// About, of one core.
+    way: PixelPaths,
+    /// Estimated time per pixel and pulse on one core, ns.
     pixel_ns: f64,
 }
 
-/// Chooses, for paths within a swath, if it is known, and antennas that rest while a pulse lasts; and about how many nanoseconds of one core
-/// a pixel and pulse then take.
-pub(super) fn choose(aim: &Aim, shares: &Shares, swath: Option<&Range<f64>>) -> (Choices, f64) {
-    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, swath, degree));
+/// Choose the method for paths within an optional swath and antennas at rest during a pulse. Return it with the estimated time per pixel
+/// and pulse on one core, ns.
+pub(super) fn choose(
+    spec: &ImageSpec,
+    shares: &Shares,
+    swath: Option<&Range<f64>>,
+) -> (Choices, f64) {
+    let candidates = DEGREES.map(|degree| Candidate::new(spec, shares, swath, degree));
     let best = candidates
         .into_iter()
-        .min_by(|a, b| a.time_ns(aim).total_cmp(&b.time_ns(aim)))
+        .min_by(|a, b| a.time_ns(spec).total_cmp(&b.time_ns(spec)))
         .expect("there are degrees");
-    let bytes = pulse_bytes(aim.collection.num_samples, best.pieces.values());
+    let bytes = pulse_bytes(spec.collection.num_samples, best.pieces.values());
     let choices = Choices {
         degree: best.degree,
         oversampling: best.oversampling,
         margin: best.margin,
-        summed_pulses: (aim.scratch_bytes / bytes).clamp(1, SUMMED_PULSES as u64) as usize,
+        summed_pulses: (spec.scratch_bytes / bytes).clamp(1, SUMMED_PULSES as u64) as usize,
         way: best.way,
     };
     (choices, best.pixel_ns)
 }
 
 impl Candidate {
-    /// For paths within a swath, if it is known.
-    fn new(aim: &Aim, shares: &Shares, swath: Option<&Range<f64>>, degree: usize) -> Self {
-        let count = aim.collection.num_samples;
+    /// Make a candidate of the given spline degree for paths within an optional swath.
+    fn new(spec: &ImageSpec, shares: &Shares, swath: Option<&Range<f64>>, degree: usize) -> Self {
+        let count = spec.collection.num_samples;
         let oversampling = RangeProfiler::oversampling_for(degree, shares.interpolation_db);
-        let oversampling = oversampling.min(MOST_OVERSAMPLING);
+        let oversampling = oversampling.min(MAX_OVERSAMPLING);
         let length = RangeProfiler::length_for(count, oversampling);
         let points = Self {
             degree,
@@ -176,58 +180,58 @@ impl Candidate {
             length,
             margin: 1,
             pieces: pieces(degree, length, 1, swath),
-            way: Way::Points,
-            pixel_ns: aim.means.model.point_ns,
+            way: PixelPaths::Points,
+            pixel_ns: spec.numerics.model.point_ns,
         };
         let tiles = SIDES.map(|side| match swath {
             Some(swath) if tile::DEGREES.contains(&degree) => {
-                points.in_tiles(aim, shares, swath, side)
+                points.in_tiles(spec, shares, swath, side)
             }
             _ => None,
         });
         let tiles = tiles.into_iter().flatten();
         tiles.fold(points, |best, own| {
-            match own.time_ns(aim) < best.time_ns(aim) {
+            match own.time_ns(spec) < best.time_ns(spec) {
                 true => own,
                 false => best,
             }
         })
     }
 
-    /// Of the image, about, of one core.
-    fn time_ns(&self, aim: &Aim) -> f64 {
+    /// Estimated time for the whole image on one core, ns.
+    fn time_ns(&self, spec: &ImageSpec) -> f64 {
         let row = self.pieces.row();
-        let profile = cost::profile_ns(aim.means.model, self.degree, self.length, row);
-        let pixels = self.pixel_ns * aim.grid.num_pixels() as f64;
-        aim.collection.pulses.len() as f64 * (pixels + profile)
+        let profile = cost::profile_ns(spec.numerics.model, self.degree, self.length, row);
+        let pixels = self.pixel_ns * spec.grid.num_pixels() as f64;
+        spec.collection.pulses.len() as f64 * (pixels + profile)
     }
 
-    /// The same in tiles of this side; `None` if arithmetic is not good enough for any.
+    /// Make the candidate with tiles of this side; `None` if float32 arithmetic is too inexact for tiles.
     fn in_tiles(
         &self,
-        aim: &Aim,
+        spec: &ImageSpec,
         shares: &Shares,
         swath: &Range<f64>,
         side: usize,
     ) -> Option<Self> {
-        let patches = Patches::new(aim.grid, PatchSize::square(side));
-        let highest_hz = rounding::highest_hz(aim);
-        let pulses = spread(aim.collection.pulses.len(), PULSES_SEEN);
-        let pulses: Vec<&Pulse> = pulses.map(|n| &aim.collection.pulses[n]).collect();
-        if arithmetic(aim, self.length) > shares.arithmetic {
+        let patches = Patches::new(spec.grid, PatchSize::square(side));
+        let highest_hz = rounding::highest_hz(spec);
+        let pulses = spread(spec.collection.pulses.len(), PULSES_SEEN);
+        let pulses: Vec<&Pulse> = pulses.map(|n| &spec.collection.pulses[n]).collect();
+        if arithmetic(spec, self.length) > shares.arithmetic {
             return None;
         }
-        let margin = margin(aim, side, self.length);
+        let margin = margin(spec, side, self.length);
         if margin > LONGEST_MARGIN {
             return None;
         }
         let rectangles: Vec<Rectangle> = patches.spread(TILES_SEEN).collect();
-        let model = aim.means.model;
+        let model = spec.numerics.model;
         let (mut sum, mut look) = (0.0, TileScratch::default());
         for rectangle in &rectangles {
-            let raster = raster(aim.grid, rectangle);
+            let raster = raster(spec.grid, rectangle);
             for pulse in &pulses {
-                let own = tile_pulse(aim, pulse, self.length);
+                let own = tile_pulse(spec, pulse, self.length);
                 let (length, allowed) = (self.length, shares.tiles);
                 sum += match path_tile::fits(
                     &mut look,
@@ -249,7 +253,7 @@ impl Candidate {
         Some(Self {
             margin,
             pieces: pieces(self.degree, self.length, margin, Some(swath)),
-            way: Way::Tiles {
+            way: PixelPaths::Tiles {
                 side,
                 phase_rad: shares.tiles,
             },

@@ -1,36 +1,38 @@
-//! Backprojection: every pulse's range profile read at every pixel's range.
+//! Backprojection: interpolation of every pulse's range profile at the range of every pixel.
 //!
 //! ```text
 //! I(p) = sum_n w_slow[n] exp(+j 2 pi f_c r_n(p) / c) profile_n(r_n(p)),   r_n(p) = path_n(p) - reference_path_n
 //! ```
 //!
-//! (Schone 2020, chapter 2 and 5.1), with `f_c` the frequency of sample `K/2`. Profiles are upsampled
-//! by zero padding, emphasised to be read as splines ([`RangeProfiler`]), in float32. Degree and upsampling are chosen together, the
-//! cheapest that keep the bound (`choice`).
+//! (Schone 2020, chapter 2 and 5.1), where `f_c` is the frequency of sample `K/2`. Profiles are upsampled
+//! by zero padding, pre-emphasised for spline interpolation ([`RangeProfiler`]), and stored in float32. Degree and upsampling are chosen together as the
+//! fastest combination that keeps the bound (`choice`).
 //!
-//! Pixels of a Cartesian grid are formed by tiles ([`subaperture_kernels::tile`]), in which paths are polynomials of third degree:
-//! as large as these keep a tenth of the error's power. Where antennas are so near that a tile's do not, and where pixels lie otherwise, on polar grids
-//! and on surfaces, each has its own path, in float64.
+//! Pixels of a Cartesian grid are formed in tiles ([`subaperture_kernels::tile`]) with paths approximated by cubic polynomials.
+//! Tiles are as large as a tenth of the error power allows. Each pixel has its own path in float64 where antennas are too close for a tile, on polar grids,
+//! and on surfaces.
 //!
-//! Neglected: interpolation, whose error the upsampling is chosen for (`error_db`), and what tiles' polynomials leave out, which is bounded
-//! for each tile and batch of pulses. Each pulse's own positions and frequencies are used, so any track will do.
+//! Neglected: interpolation error, which the upsampling limits (`error_db`), and the error of path polynomials, which is bounded
+//! for each tile and batch of pulses. Positions and frequencies are those of each pulse, so any track is supported.
 //!
-//! **Motion from sample to sample** ([`subaperture_model::phase_history::Sweep`], whose terms these are) shifts a pixel's range
-//! profile by `f_c r' / step`, which is added to the range that is read, and blurs it by the phase
-//! `2 pi q d^2`, `q = (step r' + f_c r'' / 2) / c` turns, `d = k - K/2`. Profiles are made for even steps of `q` and read
-//! linearly between the two nearest: the error of a sample at the band's edge is `h^2 / sqrt(120)`, `h` the step
-//! there in radians. The term in `d^3` is neglected and predicted.
+//! **Intra-pulse motion** (terms as in [`subaperture_model::phase_history::Sweep`]) shifts the range profile of a pixel
+//! by `f_c r' / step`, which is added to the interpolated range, and smears it by the phase
+//! `2 pi q d^2` with `q = (step r' + f_c r'' / 2) / c` turns and `d = k - K/2`. Profiles are computed for even steps of `q` and interpolated
+//! linearly between the two nearest: the error of a sample at the band edge is `h^2 / sqrt(120)`, where `h` is the step
+//! there in radians. The term in `d^3` is replaced by its regression on `d`; pulses are divided into parts where the rest would exceed the bound
+//! (`parts`), and it is included in the prediction.
 //!
-//! Cost: some 35 operations a pixel and pulse, on as many numbers at once as the processor takes; one transform a
-//! pulse; with motion from sample to sample several times as much, and a transform for each step of `q` (`cost`). Memory: a
-//! block of upsampled profiles beside the image.
+//! Cost: about 35 operations per pixel and pulse, vectorised; one transform per
+//! pulse. Intra-pulse motion takes several times as much, and a transform for each step of `q` (`cost`). Memory: a
+//! block of upsampled profiles in addition to the image.
 //!
-//! Accuracy: the bound asked for, against [`crate::exact`], on the simulated and the recorded scenes of
+//! Accuracy: the requested bound, against [`crate::exact`], on the simulated and recorded scenes of
 //! the tests.
 
 mod blurs;
 mod choice;
 mod cost;
+mod parts;
 mod sweeping;
 mod tiles;
 
@@ -41,31 +43,33 @@ use serde_json::json;
 
 use self::blurs::Blurs;
 use self::choice::Shares;
+use self::parts::PulseParts;
 use super::options::ERROR_DB;
 use super::{Entry, of};
+use crate::compared::SWATH;
 use crate::former::{chosen, misfit};
 use crate::patch::{PatchSize, Patches};
 use crate::read_ahead::BLOCKS_HELD;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
-    Remedy, rounding,
+    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
+    Reason, Remedy, rounding,
 };
-use subaperture_kernels::tile::{self, MOST_DEGREE, Pieces};
+use subaperture_kernels::tile::{self, MAX_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Pulses whose terms of a pixel are summed before they are added to it, if scratch has room for their profiles: a choice of
-/// the plan, so that memory is no matter of bits.
+/// Pulses summed per pixel before they are added to it, if scratch memory has room for their profiles. The number is part of
+/// the plan, so that the summation order does not depend on memory.
 const SUMMED_PULSES: usize = 64;
-/// The same with motion from sample to sample, which takes many profiles a pulse.
+/// Pulses summed per pixel with intra-pulse motion, which takes many profiles per pulse.
 const SUMMED_BLURRED: usize = 16;
-/// Finest upsampling: float32 leaves no less than some -130 dB.
-const MOST_OVERSAMPLING: f64 = 4096.0;
-/// Pieces beyond a profile's ends, at most.
-const MOST_MARGIN: usize = 1 << 18;
-/// Of these sums, as many as are made at a time.
-const MOST_PARTS: usize = 4;
+/// Largest upsampling factor; float32 limits the error to about -130 dB.
+const MAX_OVERSAMPLING: f64 = 4096.0;
+/// Largest number of intervals beyond the ends of a profile.
+const MAX_MARGIN: usize = 1 << 18;
+/// Largest number of partial sums computed at a time.
+const MAX_PARTS: usize = 4;
 
 /// Backprojection with upsampled range profiles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -75,17 +79,17 @@ pub struct Backprojection {
     pub error_db: f64,
 }
 
-/// What the points of a grid are.
+/// Meaning of grid points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Meaning {
-    /// Places of what rests.
+    /// Positions of stationary points.
     Places,
-    /// Velocities of what is at a place at a moment: metres a second where images have metres.
+    /// Velocities of a target at a given position and time; the grid has metres per second in place of metres.
     Velocities { position_m: DVec3, epoch_s: f64 },
 }
 
 impl Meaning {
-    /// Place and velocity at the moment of a pulse, metres and metres a second, for a point of the grid.
+    /// Position and velocity at the time of a pulse, metres and metres per second, for a grid point.
     fn target(&self, pulse: &Pulse, point: DVec3) -> (DVec3, DVec3) {
         match *self {
             Self::Places => (point, DVec3::ZERO),
@@ -106,14 +110,13 @@ impl Default for Backprojection {
 }
 
 impl Backprojection {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db }
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "bp",
     summary: "backprojection: every pulse's range profile read at every pixel",
@@ -146,169 +149,193 @@ impl ImageFormer for Backprojection {
         Some(Box::new(Self { error_db }))
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        decide(aim, self.error_db, asked, Meaning::Places)
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        decide(spec, self.error_db, goal, Meaning::Places)
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(aim, chosen(ENTRY.name, choices)?, Meaning::Places)
+        open(spec, chosen(ENTRY.name, choices)?, Meaning::Places)
     }
 }
 
-/// What a plan fixes.
+/// Parameters fixed by a plan.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Choices {
-    /// Of the splines that profiles are read as.
+    /// Degree of the splines that interpolate profiles.
     degree: usize,
-    /// Upsampling of range profiles.
+    /// Upsampling factor of range profiles.
     oversampling: f64,
-    /// Pieces beyond a profile's ends.
+    /// Intervals beyond the ends of a profile.
     margin: usize,
-    /// Pulses whose terms of a pixel are summed before they are added to it.
+    /// Pulses summed per pixel before they are added to it.
     summed_pulses: usize,
-    way: Way,
+    way: PixelPaths,
 }
 
-/// How pixels' paths are come by.
+/// Computation of pixel paths.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Way {
-    /// Each by itself.
+enum PixelPaths {
+    /// Exact path for each pixel.
     Points,
-    /// By polynomials over tiles of so many pixels a side, where they turn terms by no more than this RMS phase.
+    /// Path polynomials over tiles of `side` x `side` pixels, used where their RMS phase error is at most `phase_rad`.
     Tiles { side: usize, phase_rad: f64 },
-    /// Each by itself, with its rate: samples are taken one after another in motion.
+    /// Exact path and range rate for each pixel, for intra-pulse motion.
     Blurs(Blurs),
 }
 
-/// Bytes of a pulse, as often as it is held, and of so many numbers made of it.
+/// Bytes for a pulse, its buffered copies, and the given number of derived values.
 fn pulse_bytes(num_samples: usize, values: usize) -> u64 {
     (8 * BLOCKS_HELD * num_samples + 4 * values) as u64
 }
 
-/// Decides for a grid of this meaning.
+/// Decide on a plan for a grid with the given meaning.
 pub(crate) fn decide(
-    aim: &Aim,
+    spec: &ImageSpec,
     error_db: f64,
-    asked: &Asked,
+    goal: &ErrorGoal,
     meaning: Meaning,
 ) -> Result<Decision, FormError> {
-    let collection = aim.collection;
+    let collection = spec.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
-    let swath = choice::swath(aim, meaning);
+    let swath = choice::swath(spec, meaning);
+    let mut motion_error = 0.0;
     let (choices, pixel_ns, way_error) = match collection.sweeps() {
         true => {
-            let (choices, error) = sweeping::choose(aim, error_db - MARGIN_DB, meaning);
-            (choices, aim.means.model.blurred_point_ns, error)
+            let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, meaning);
+            motion_error = errors[1];
+            let pixel_ns = spec.numerics.model.blurred_point_ns * choices.num_parts() as f64;
+            (choices, pixel_ns, libm::hypot(errors[0], errors[1]))
         }
         false => {
-            let (choices, pixel_ns) = choice::choose(aim, &shares, swath.as_ref());
-            (choices, pixel_ns, shares.of_way(aim, &choices))
+            let (choices, pixel_ns) = choice::choose(spec, &shares, swath.as_ref());
+            (choices, pixel_ns, shares.of_way(spec, &choices))
         }
     };
+    let parts = PulseParts::new(&spec.weights.fast, choices.num_parts());
+    // All parts have profiles of the same length.
     let profiler = RangeProfiler::new(
         choices.degree,
-        &aim.weights.fast,
+        parts.window(0),
         choices.oversampling,
-        aim.means.transforms,
+        spec.numerics.transforms,
     );
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
         profiler.error(),
         way_error,
         profiler.rounding(),
-        // Sums over some pulses, and over these sums.
-        rounding::sum(summed_pulses),
+        // Sums over blocks of pulses, and over these sums.
+        rounding::sum(summed_pulses * choices.num_parts()),
         rounding::sum(num_pulses.div_ceil(summed_pulses)),
-        rounding::path_phase_rad(aim.collection, aim.grid),
+        rounding::path_phase_rad(spec.collection, spec.grid),
     ]);
-    asked.check(planned_db, || {
-        Reason::new("float32 sums and profiles leave no less")
-            .helped_by(&[Remedy::OtherFormer(&["exact"])])
+    goal.check(planned_db, || {
+        let motion = 20.0 * libm::log10(motion_error) > planned_db - 3.0;
+        Reason::new(match motion {
+            true => "the antennas accelerate too much within a pulse",
+            false => "float32 sums and profiles leave no less",
+        })
+        .helped_by(&[Remedy::OtherFormer(&["exact"])])
     })?;
     let length = profiler.length();
     let pieces = choices.pieces(length, swath.as_ref());
     let (each, pulse_bytes) = match choices.way {
-        Way::Blurs(blurs) => (
-            blurs.count,
+        PixelPaths::Blurs(blurs) => (
+            blurs.count * blurs.parts,
             sweeping::pulse_bytes(num_samples, &blurs, length),
         ),
         _ => (1, pulse_bytes(num_samples, pieces.values())),
     };
     let side = match choices.way {
-        Way::Tiles { side, .. } => side,
+        PixelPaths::Tiles { side, .. } => side,
         _ => 1,
     };
-    Ok(Decision {
-        choices: json!(choices),
-        settings: json!({
+    let mut settings = json!({
             "profile_length": length,
-            "oversampling": length as f64 / num_samples as f64,
+            "oversampling": length as f64 / parts.width() as f64,
             "spline_degree": choices.degree,
             "profiles_each": each,
             "pulses_a_sum": summed_pulses,
             "tile_pixels": side,
-        }),
+            "stray_from": SWATH,
+    });
+    if let PixelPaths::Blurs(blurs) = choices.way {
+        settings["pulse_parts"] = blurs.parts.into();
+    }
+    Ok(Decision {
+        choices: json!(choices),
+        settings,
         planned_db,
-        grain: Patches::new(aim.grid, PatchSize::square(side)).size(),
-        cost: cost::cost(aim, &choices, &pieces, pixel_ns, pulse_bytes),
+        grain: Patches::new(spec.grid, PatchSize::square(side)).size(),
+        cost: cost::cost(spec, &choices, &pieces, pixel_ns, pulse_bytes),
     })
 }
 
-/// Ready to form by `choices`.
+/// Open a plan for forming.
 pub(crate) fn open<'a>(
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     choices: Choices,
     meaning: Meaning,
 ) -> Result<Box<dyn Forming + 'a>, FormError> {
-    choices.check(&aim)?;
-    // Normalised here, before the transform sums: large samples stay within float32.
-    let norm = aim.weights.normalisation();
-    let window: Vec<f64> = aim.weights.fast.iter().map(|w| w * norm).collect();
+    choices.check(&spec)?;
+    // Normalise before the transform sums, so that large samples stay within float32.
+    let norm = spec.weights.normalisation();
+    let window: Vec<f64> = spec.weights.fast.iter().map(|w| w * norm).collect();
+    if let PixelPaths::Blurs(blurs) = choices.way {
+        let opened = sweeping::Opened::new(spec, &choices, blurs, &window, meaning);
+        return Ok(Box::new(opened));
+    }
     let profiler = RangeProfiler::new(
         choices.degree,
         &window,
         choices.oversampling,
-        aim.means.transforms,
+        spec.numerics.transforms,
     );
-    Ok(match choices.way {
-        Way::Blurs(blurs) => Box::new(sweeping::Opened {
-            profiler,
-            aim,
-            summed_pulses: choices.summed_pulses,
-            blurs,
-            meaning,
-        }),
-        _ => Box::new(tiles::Opened::new(aim, profiler, choices, meaning)),
-    })
+    Ok(Box::new(tiles::Opened::new(
+        spec, profiler, choices, meaning,
+    )))
 }
 
 impl Choices {
-    /// Refuses what no decision came to.
-    fn check(&self, aim: &Aim) -> Result<(), FormError> {
-        let num_samples = aim.collection.num_samples;
-        let profiles = (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling)
-            && (1..=MOST_DEGREE).contains(&self.degree)
-            && (1..=MOST_MARGIN).contains(&self.margin);
+    /// Parts of a pulse.
+    fn num_parts(&self) -> usize {
+        match self.way {
+            PixelPaths::Blurs(blurs) => blurs.parts,
+            _ => 1,
+        }
+    }
+
+    /// Refuse choices that no decision can have made.
+    fn check(&self, spec: &ImageSpec) -> Result<(), FormError> {
+        let num_samples = spec.collection.num_samples;
+        let profiles = (1.0..=MAX_OVERSAMPLING).contains(&self.oversampling)
+            && (1..=MAX_DEGREE).contains(&self.degree)
+            && (1..=MAX_MARGIN).contains(&self.margin);
         let way = match self.way {
             _ if !profiles => false,
-            Way::Points => true,
-            Way::Tiles {
+            PixelPaths::Points => true,
+            PixelPaths::Tiles {
                 side, phase_rad, ..
             } => {
                 let length = RangeProfiler::length_for(num_samples, self.oversampling);
-                aim.grid.is_raster()
+                spec.grid.is_raster()
                     && tile::DEGREES.contains(&self.degree)
                     && (1..=1024).contains(&side)
                     && phase_rad.is_finite()
-                    && self.margin >= choice::margin(aim, side, length)
+                    && self.margin >= choice::margin(spec, side, length)
             }
-            Way::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
+            PixelPaths::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
         };
         let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
         match way && sums {
@@ -320,7 +347,7 @@ impl Choices {
         }
     }
 
-    /// How the polynomials of profiles of `length` bins are laid out, for paths within a swath, if it is known.
+    /// Layout of the spline intervals of profiles of `length` bins, for paths within an optional swath.
     fn pieces(&self, length: usize, swath: Option<&Range<f64>>) -> Pieces {
         choice::pieces(self.degree, length, self.margin, swath)
     }

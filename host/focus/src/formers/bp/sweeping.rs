@@ -1,4 +1,4 @@
-//! Samples taken one after another in motion: several profiles a pulse, and paths with their rates.
+//! Backprojection with intra-pulse motion: several profiles per pulse or part of one, and paths with their range rates.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -6,78 +6,122 @@ use rayon::prelude::*;
 
 use super::blurs::Blurs;
 use super::cost::{PIXELS, PROFILES};
-use super::{Choices, MOST_OVERSAMPLING, MOST_PARTS, Meaning, SUMMED_BLURRED, Way};
+use super::parts::{MAX_PARTS as MAX_PULSE_PARTS, PulseParts};
+use super::{Choices, MAX_OVERSAMPLING, MAX_PARTS, Meaning, PixelPaths, SUMMED_BLURRED};
 use crate::budget::Budget;
 use crate::pixels::for_each_run;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
-use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
-use subaperture_kernels::blurred::{self, Blurred, Scale};
+use crate::{FormError, Forming, ImageSpec, Remedy, Tile, Work};
 use subaperture_kernels::paths::Points;
+use subaperture_kernels::range_migration_blur::{self, Scale, SmearedPosition};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::{PathTerms, Pulse};
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Bytes of a pulse and its upsampled profiles.
+/// Bytes for a pulse and its upsampled profiles.
 pub(super) fn pulse_bytes(num_samples: usize, blurs: &Blurs, length: usize) -> u64 {
-    8 * (BLOCKS_HELD * num_samples + blurs.count * (length + 1)) as u64
+    8 * (BLOCKS_HELD * num_samples + blurs.parts * blurs.count * (length + 1)) as u64
 }
 
-/// Chooses for a relative RMS error of `error_db`; and the error of the steps between profiles.
-pub(super) fn choose(aim: &Aim, error_db: f64, meaning: Meaning) -> (Choices, f64) {
-    let num_samples = aim.collection.num_samples;
-    // Half of the error's power for either interpolation.
+/// Share of the error power of the bound for neglected terms of the intra-pulse motion, and the error below which float32 is the limit.
+const NEGLECTED: f64 = 0.4;
+const MIN_NEGLECTED: f64 = 3e-7;
+
+/// Choose parameters for a relative RMS error of `error_db`. Return them with the errors of the steps between profiles and of the neglected terms of
+/// the motion.
+pub(super) fn choose(spec: &ImageSpec, error_db: f64, meaning: Meaning) -> (Choices, [f64; 2]) {
+    let num_samples = spec.collection.num_samples;
+    // Half of the error power for each of the two interpolations.
     let share_db = error_db - 10.0 * libm::log10(2.0);
+    let allowed = libm::pow(10.0, error_db / 20.0) * NEGLECTED.sqrt();
+    let allowed = allowed.max(MIN_NEGLECTED);
     let oversampling = RangeProfiler::oversampling_for(1, share_db);
-    let oversampling = oversampling.min(MOST_OVERSAMPLING);
-    let (blurs, blurs_error) = Blurs::new(aim, share_db, meaning);
-    let length = RangeProfiler::length_for(num_samples, oversampling);
-    let fit = aim.scratch_bytes / pulse_bytes(num_samples, &blurs, length);
+    let oversampling = oversampling.min(MAX_OVERSAMPLING);
+    let (blurs, errors) = divide(spec, share_db, meaning, allowed);
+    let length = RangeProfiler::length_for(blurs.width(), oversampling);
+    let fit = spec.scratch_bytes / pulse_bytes(num_samples, &blurs, length);
     let choices = Choices {
         degree: 1,
         oversampling,
         margin: 1,
-        summed_pulses: fit.clamp(1, SUMMED_BLURRED as u64) as usize,
-        way: Way::Blurs(blurs),
+        summed_pulses: fit.clamp(1, (SUMMED_BLURRED / blurs.parts).max(1) as u64) as usize,
+        way: PixelPaths::Blurs(blurs),
     };
-    (choices, blurs_error)
+    (choices, errors)
 }
 
-/// What one pulse contributes with, beside its profiles.
-struct Source<'a> {
-    pulse: &'a Pulse,
+/// Divide pulses into the fewest parts whose neglected terms are at most `allowed`. They decrease with the cube of the number of parts.
+fn divide(spec: &ImageSpec, share_db: f64, meaning: Meaning, allowed: f64) -> (Blurs, [f64; 2]) {
+    let most = MAX_PULSE_PARTS.min(spec.collection.num_samples.max(1));
+    let mut count = 1;
+    loop {
+        let parts = PulseParts::new(&spec.weights.fast, count);
+        let (blurs, errors) = Blurs::new(spec, &parts, share_db, meaning);
+        let times = libm::cbrt(errors[1] / allowed);
+        if times <= 1.0 || !times.is_finite() || count >= most {
+            return (blurs, errors);
+        }
+        let next = (count as f64 * times).ceil().min(most as f64) as usize;
+        count = next.max(count + 1);
+    }
+}
+
+/// Profilers of the parts of a pulse.
+pub(super) fn profilers(
+    spec: &ImageSpec,
+    parts: &PulseParts,
+    choices: &Choices,
+) -> Vec<RangeProfiler> {
+    let of = |part| {
+        let window = parts.window(part);
+        let transforms = spec.numerics.transforms;
+        RangeProfiler::new(choices.degree, window, choices.oversampling, transforms)
+    };
+    (0..parts.count()).map(of).collect()
+}
+
+/// Data of a part of a pulse except its profiles.
+struct Source {
+    pulse: Pulse,
     scale: Scale,
-    /// What phases are referred to, and how that changes from sample to sample.
+    /// Reference path of the phases and its change from sample to sample.
     reference: PathTerms,
-    /// `f_c / step`: samples by which a rate of a metre a sample shifts range, in metres.
+    /// Factor `f_c / step` from range rate, metres per sample, to apparent range shift, metres.
     coupling: f64,
+    /// Factor from range acceleration, metres per sample squared, to apparent range shift, metres.
+    bend: f64,
 }
 
-/// One thread's buffers, for a run of pixels.
+/// Buffers of one thread for a row of pixels.
 #[derive(Default)]
 struct Scratch {
     sums: Vec<Complex32>,
-    blurred: Vec<Blurred>,
+    blurred: Vec<SmearedPosition>,
 }
 
 pub(super) struct Opened<'a> {
-    pub(super) aim: Aim<'a>,
+    pub(super) spec: ImageSpec<'a>,
     pub(super) summed_pulses: usize,
     pub(super) blurs: Blurs,
-    pub(super) profiler: RangeProfiler,
+    pub(super) parts: PulseParts,
+    /// Profiler of each part.
+    pub(super) profilers: Vec<RangeProfiler>,
     pub(super) meaning: Meaning,
 }
 
 impl Forming for Opened<'_> {
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let collection = self.aim.collection;
+        let collection = self.spec.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-        let (length, each) = (self.profiler.length(), self.blurs.count);
+        let length = self.length();
+        // Profiles, and profiles of all parts, of a pulse.
+        let each = self.parts.count() * self.blurs.count;
         let summed = self.summed_pulses;
         let parts = Budget::new(work.memory_bytes).take_block(
             "range profiles of some pulses",
             pulse_bytes(num_samples, &self.blurs, length) * summed.min(num_pulses) as u64,
-            num_pulses.div_ceil(summed).min(MOST_PARTS),
+            num_pulses.div_ceil(summed).min(MAX_PARTS),
             &[Remedy::MoreMemory],
         )?;
         let block = (parts * summed).min(num_pulses);
@@ -88,16 +132,19 @@ impl Forming for Opened<'_> {
             |pulses, samples| {
                 let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
                 self.profiles(samples, profiles, work.monitor);
-                let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
+                let sources = pulses.clone().flat_map(|n| self.sources(n));
+                let sources: Vec<Source> = sources.collect();
                 let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
                     let profiles = profiles.chunks(summed * each * (length + 1));
-                    for (sources, profiles) in sources.chunks(summed).zip(profiles) {
+                    for (sources, profiles) in
+                        sources.chunks(summed * self.parts.count()).zip(profiles)
+                    {
                         self.sum(sources, profiles, points, scratch);
                         let sums = pixels.iter_mut().zip(&scratch.sums);
                         sums.for_each(|(pixel, sum)| *pixel += sum);
                     }
                 };
-                let (grid, monitor) = (self.aim.grid, work.monitor);
+                let (grid, monitor) = (self.spec.grid, work.monitor);
                 for_each_run(grid, tiles, monitor, PIXELS, Scratch::default, add);
                 if work.monitor.cancelled() {
                     return Err(FormError::Cancelled);
@@ -109,44 +156,72 @@ impl Forming for Opened<'_> {
     }
 }
 
-impl Opened<'_> {
-    /// The profiles of `samples`, pulse by pulse.
-    fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32], monitor: &dyn Monitor) {
-        let num_samples = self.aim.collection.num_samples;
-        let (profiler, each) = (&self.profiler, self.blurs.count);
-        let scratch = || {
-            let row = vec![Complex32::ZERO; num_samples];
-            let fft = vec![Complex32::ZERO; profiler.scratch_length()];
-            (row, fft, during(monitor, PROFILES))
-        };
-        profiles
-            .par_chunks_exact_mut(profiler.length() + 1)
-            .enumerate()
-            .for_each_init(scratch, |(row, scratch, _), (i, profile)| {
-                let first = i / each * num_samples;
-                let pulse = &samples[first..first + num_samples];
-                self.blurs.sharpen(i % each, pulse, row);
-                profiler.profile(row, profile, scratch);
-            });
-    }
-
-    /// What pulse `n` contributes with.
-    fn source(&self, n: usize) -> Source<'_> {
-        let collection = self.aim.collection;
-        let pulse = &collection.pulses[n];
-        let centre_hz = pulse.frequency_hz(collection.num_samples / 2);
-        Source {
-            pulse,
-            scale: Scale {
-                cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
-                weight: self.aim.weights.slow[n] as f32,
-            },
-            reference: pulse.reference_terms(),
-            coupling: centre_hz / pulse.step_hz,
+impl<'a> Opened<'a> {
+    pub(super) fn new(
+        spec: ImageSpec<'a>,
+        choices: &Choices,
+        blurs: Blurs,
+        window: &[f64],
+        meaning: Meaning,
+    ) -> Self {
+        let parts = PulseParts::new(window, blurs.parts);
+        let profilers = profilers(&spec, &parts, choices);
+        Self {
+            summed_pulses: choices.summed_pulses,
+            spec,
+            blurs,
+            parts,
+            profilers,
+            meaning,
         }
     }
 
-    /// Sums what some pulses add to a run of pixels, into the scratch.
+    /// Length of the range profile of a part, samples.
+    fn length(&self) -> usize {
+        self.profilers[0].length()
+    }
+
+    /// Compute the profiles of `samples` pulse by pulse.
+    fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32], monitor: &dyn Monitor) {
+        let num_samples = self.spec.collection.num_samples;
+        let (levels, num_parts) = (self.blurs.count, self.parts.count());
+        let scratch = || {
+            let row = vec![Complex32::ZERO; self.parts.width()];
+            let fft = vec![Complex32::ZERO; self.profilers[0].scratch_length()];
+            (row, fft, during(monitor, PROFILES))
+        };
+        profiles
+            .par_chunks_exact_mut(self.length() + 1)
+            .enumerate()
+            .for_each_init(scratch, |(row, scratch, _), (i, profile)| {
+                let (part, level) = (i / levels % num_parts, i % levels);
+                let first = i / (levels * num_parts) * num_samples;
+                let pulse = &samples[first..first + num_samples];
+                self.blurs
+                    .sharpen(level, &pulse[self.parts.samples(part)], row);
+                self.profilers[part].profile(row, profile, scratch);
+            });
+    }
+
+    /// Data of the parts of pulse `n`.
+    fn sources(&self, n: usize) -> impl Iterator<Item = Source> + '_ {
+        (0..self.parts.count()).map(move |part| {
+            let pulse = self.parts.of(&self.spec.collection.pulses[n], part);
+            let centre_hz = pulse.frequency_hz(self.parts.width() / 2);
+            Source {
+                scale: Scale {
+                    cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
+                    weight: self.spec.weights.slow[n] as f32,
+                },
+                reference: pulse.reference_terms(),
+                coupling: centre_hz / pulse.step_hz,
+                bend: 0.5 * self.parts.regression(part),
+                pulse,
+            }
+        })
+    }
+
+    /// Sum the contributions of a block of pulses to a row of pixels in the scratch buffer.
     fn sum(
         &self,
         sources: &[Source],
@@ -154,7 +229,7 @@ impl Opened<'_> {
         points: &Points,
         scratch: &mut Scratch,
     ) {
-        let length = self.profiler.length();
+        let length = self.length();
         let Scratch { sums, blurred } = scratch;
         sums.clear();
         sums.resize(points.len(), Complex32::ZERO);
@@ -163,20 +238,21 @@ impl Opened<'_> {
             blurred.clear();
             let places = points.iter().map(DVec3::from);
             blurred.extend(places.map(|point| self.blurred(source, point)));
-            blurred::add(profiles, length, &source.scale, blurred, sums);
+            range_migration_blur::add(profiles, length, &source.scale, blurred, sums);
         }
     }
 
-    /// Where a point reads the profiles of a pulse.
+    /// Fractional index in the profiles of a pulse for a point.
     #[inline(always)]
-    fn blurred(&self, source: &Source, point: DVec3) -> Blurred {
-        let (at, velocity_m_s) = self.meaning.target(source.pulse, point);
+    fn blurred(&self, source: &Source, point: DVec3) -> SmearedPosition {
+        let (at, velocity_m_s) = self.meaning.target(&source.pulse, point);
         let terms = source.pulse.path_terms(at, velocity_m_s) - source.reference;
         let turns_m = source.pulse.step_hz / SPEED_OF_LIGHT_M_S;
-        Blurred {
+        SmearedPosition {
             path_m: terms.path_m,
-            turns: (terms.path_m + terms.rate_m * source.coupling) * turns_m,
-            level: self.blurs.level(self.blurs.turns(source.pulse, &terms)),
+            turns: (terms.path_m + terms.rate_m * source.coupling + terms.bend_m * source.bend)
+                * turns_m,
+            level: self.blurs.level(self.blurs.turns(&source.pulse, &terms)),
         }
     }
 }

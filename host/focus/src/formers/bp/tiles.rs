@@ -1,4 +1,4 @@
-//! Pixels by tiles, and what of them must be done by its own paths.
+//! Backprojection of pixels in tiles, with exact paths where the tile polynomials are too inexact.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -8,12 +8,12 @@ use rayon::prelude::*;
 
 use super::choice::{swath, tile_pulse};
 use super::cost::{PIXELS, PROFILES};
-use super::{Choices, MOST_PARTS, Meaning, Way, pulse_bytes};
+use super::{Choices, MAX_PARTS, Meaning, PixelPaths, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
 use crate::path_tile::{self, raster};
 use crate::read_ahead::{blocks_of, read_ahead};
-use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
+use crate::{FormError, Forming, ImageSpec, Remedy, Tile, Work, rounding};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Points;
 use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
@@ -21,64 +21,64 @@ use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Pixels a side of the patches that threads take where each pixel has its own path.
+/// Side of the patches formed by one thread where each pixel has its own path, pixels.
 const PATCH: usize = 64;
 
 pub(super) struct Opened<'a> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     profiler: RangeProfiler,
     pieces: Pieces,
     summed_pulses: usize,
-    way: Way,
+    way: PixelPaths,
     meaning: Meaning,
     patches: Patches,
     highest_hz: f64,
     instructions: Instructions,
 }
 
-/// Pulses in hand, those that are summed together.
+/// Block of pulses that are summed together.
 struct Batch<'a> {
     pulses: &'a [Pulse],
     tile_pulses: Vec<TilePulse>,
     pieces: &'a [f32],
 }
 
-/// One thread's buffers.
+/// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
     tile: TileScratch,
     points: Points,
-    /// Places at a pulse of what moves.
+    /// Positions of a moving target's points at a pulse.
     moved: Points,
     sums: Vec<Complex32>,
 }
 
 impl<'a> Opened<'a> {
     pub(super) fn new(
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         profiler: RangeProfiler,
         choices: Choices,
         meaning: Meaning,
     ) -> Self {
         let side = match choices.way {
-            Way::Tiles { side, .. } => side,
+            PixelPaths::Tiles { side, .. } => side,
             _ => PATCH,
         };
-        let swath = swath(&aim, meaning);
+        let swath = swath(&spec, meaning);
         Self {
             pieces: choices.pieces(profiler.length(), swath.as_ref()),
             summed_pulses: choices.summed_pulses,
             way: choices.way,
-            patches: Patches::new(aim.grid, PatchSize::square(side)),
-            highest_hz: rounding::highest_hz(&aim),
+            patches: Patches::new(spec.grid, PatchSize::square(side)),
+            highest_hz: rounding::highest_hz(&spec),
             instructions: Instructions::best(),
-            aim,
+            spec,
             profiler,
             meaning,
         }
     }
 
-    /// The pieces of pulses from `first` on, pulse by pulse.
+    /// Compute the spline intervals of pulses from `first` on.
     fn make_pieces(
         &self,
         first: usize,
@@ -86,7 +86,7 @@ impl<'a> Opened<'a> {
         pieces: &mut [f32],
         monitor: &dyn Monitor,
     ) {
-        let num_samples = self.aim.collection.num_samples;
+        let num_samples = self.spec.collection.num_samples;
         let length = self.profiler.length();
         let scratch = || {
             let profile = vec![Complex32::ZERO; length + 1];
@@ -103,13 +103,13 @@ impl<'a> Opened<'a> {
                 self.pieces.make(
                     self.instructions,
                     &profile[..length],
-                    self.aim.weights.slow[n] as f32,
+                    self.spec.weights.slow[n] as f32,
                     pieces,
                 );
             });
     }
 
-    /// Adds a batch to what is wanted of a patch.
+    /// Add a batch of pulses to the requested pixels of a patch.
     fn add(
         &self,
         batch: &Batch,
@@ -117,8 +117,8 @@ impl<'a> Opened<'a> {
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
-        if let Way::Tiles { phase_rad, .. } = self.way {
-            let raster = raster(self.aim.grid, rectangle);
+        if let PixelPaths::Tiles { phase_rad, .. } = self.way {
+            let raster = raster(self.spec.grid, rectangle);
             let (tile, length, pulses) =
                 (&mut scratch.tile, self.pieces.length(), &batch.tile_pulses);
             if path_tile::fits(tile, length, pulses, &raster, self.highest_hz, phase_rad) {
@@ -142,7 +142,7 @@ impl<'a> Opened<'a> {
         }
     }
 
-    /// Adds a batch to pixels of a row, by the paths of each.
+    /// Add a batch of pulses to pixels of a row with exact paths.
     fn add_points(&self, batch: &Batch, segment: &mut Segment, scratch: &mut Scratch) {
         let Scratch {
             points,
@@ -152,7 +152,7 @@ impl<'a> Opened<'a> {
         } = scratch;
         points.clear();
         for column in (segment.column..).take(segment.pixels.len()) {
-            points.push(self.aim.grid.position_m(segment.row, column).to_array());
+            points.push(self.spec.grid.position_m(segment.row, column).to_array());
         }
         sums.clear();
         sums.resize(points.len(), Complex32::ZERO);
@@ -186,7 +186,7 @@ impl<'a> Opened<'a> {
 
 impl Forming for Opened<'_> {
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let collection = self.aim.collection;
+        let collection = self.spec.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let (length, summed) = (self.profiler.length(), self.summed_pulses);
         let mut budget = Budget::new(work.memory_bytes);
@@ -195,7 +195,7 @@ impl Forming for Opened<'_> {
         let parts = budget.take_block(
             "range profiles of some pulses",
             pulse_bytes(num_samples, self.pieces.values()) * summed.min(num_pulses) as u64,
-            num_pulses.div_ceil(summed).min(MOST_PARTS),
+            num_pulses.div_ceil(summed).min(MAX_PARTS),
             &[Remedy::MoreMemory],
         )?;
         let block = (parts * summed).min(num_pulses);
@@ -216,7 +216,7 @@ impl Forming for Opened<'_> {
                     .map(|(pulses, pieces)| Batch {
                         tile_pulses: pulses
                             .iter()
-                            .map(|p| tile_pulse(&self.aim, p, length))
+                            .map(|p| tile_pulse(&self.spec, p, length))
                             .collect(),
                         pulses,
                         pieces,

@@ -1,30 +1,30 @@
-//! What the sum takes.
+//! Cost of the exact sum.
 //!
 //! ```text
 //! a pixel, pulse and frequency: a multiplication and an addition, complex                              8
 //! where the antennas move meanwhile: two antennas moved 24, path 21, phasor 20, sum 8                 73
 //! ```
 //!
-//! Neglected of the first: what Horner's rule begins with, some 50 a pixel and pulse.
+//! Neglected for antennas at rest: the setup of Horner's rule, about 50 operations per pixel and pulse.
 
 use super::BLOCK_PULSES;
-use crate::Aim;
-use crate::cost::{Cost, Each, StageCost};
+use crate::ImageSpec;
+use crate::cost::{Copies, Cost, StageCost};
 use crate::read_ahead::BLOCKS_HELD;
 
-/// The stage.
+/// Name of the only stage.
 pub(super) const SUM: &str = "sum";
 
-/// Operations a pixel, pulse and frequency.
+/// Operations per pixel, pulse and frequency.
 const AT_ONCE: f64 = 8.0;
 const IN_MOTION: f64 = 73.0;
 
-/// Of all of `aim`; a pixel in hand takes `pixel_bytes`.
-pub(super) fn cost(aim: &Aim, pixel_bytes: u64) -> Cost {
-    let (num_samples, num_pulses) = (aim.collection.num_samples, aim.collection.pulses.len());
-    let pixels = aim.grid.num_pixels() as f64;
-    let model = aim.means.model;
-    let (each, each_ns) = match aim.collection.sweeps() {
+/// Cost for `spec`, with `pixel_bytes` per pixel being formed.
+pub(super) fn cost(spec: &ImageSpec, pixel_bytes: u64) -> Cost {
+    let (num_samples, num_pulses) = (spec.collection.num_samples, spec.collection.pulses.len());
+    let pixels = spec.grid.num_pixels() as f64;
+    let model = spec.numerics.model;
+    let (each, each_ns) = match spec.collection.sweeps() {
         true => (IN_MOTION, model.swept_sum_ns),
         false => (AT_ONCE, model.sum_ns),
     };
@@ -32,6 +32,10 @@ pub(super) fn cost(aim: &Aim, pixel_bytes: u64) -> Cost {
     let held = (num_samples * num_pulses.min(BLOCK_PULSES)) as f64;
     let pairs = pixels * samples;
     Cost::of([StageCost::new(SUM, each * pairs, each_ns * pairs)])
-        .holding("points and sums", Each::Pixels, pixel_bytes as f64 * pixels)
-        .holding("pulses", Each::Pass, (8 * BLOCKS_HELD) as f64 * held)
+        .holding(
+            "points and sums",
+            Copies::Pixels,
+            pixel_bytes as f64 * pixels,
+        )
+        .holding("pulses", Copies::Pass, (8 * BLOCKS_HELD) as f64 * held)
 }

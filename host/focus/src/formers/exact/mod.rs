@@ -1,24 +1,27 @@
-//! The matched filter as a plain sum: the slow oracle of every other former.
+//! Reference former: the matched filter as a direct sum over all pulses and frequencies.
 //!
 //! ```text
 //! I(p) = sum_n sum_k w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c)
 //! ```
 //!
-//! (Schone 2020, section 1.2), normalised as in [`super`], in float64, with each pulse's own positions
-//! and frequencies, and each sample's own if they move meanwhile. Nothing is neglected: no interpolation, no
+//! (Schone 2020, section 1.2), normalised as in [`super`], in float64, with the positions and frequencies of each pulse,
+//! and of each sample for intra-pulse motion. There is no approximation: no interpolation, no
 //! expansion of range. The sum over `k` is a polynomial in `exp(j 2 pi step path / c)`, evaluated by Horner's rule; its rounding error
 //! grows as `num_samples * 1e-16`, far below float32 samples.
 //!
-//! Where samples of a pulse are taken one after another in motion, each has a path of its own, and no such polynomial
-//! is there: a square root or two, a sine and a cosine for each.
+//! With intra-pulse motion each sample has its own path and the sum is not a polynomial: it takes one or two square
+//! roots, a sine and a cosine per sample.
 //!
-//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency; with motion between samples some 9
-//! times as much, and 20 times the time (`cost`). Memory: 16 bytes a pixel beside the image, and a block of pulses.
+//! Cost: one complex multiply-add (8 operations) per pixel, pulse and frequency; with intra-pulse motion about 9
+//! times as much, and 20 times the time (`cost`). Memory: 16 bytes per pixel in addition to the image, and a block of pulses.
 //!
-//! Accuracy: tests compare it with closed forms; everything else is compared with it. Predicted is the
-//! rounding of the pixels to float32, and of paths in float64, which counts from a million kilometres on at 10 GHz.
+//! Accuracy: images of other formers are compared with this sum when they are formed ([`crate::accuracy`]). It shares kernels and geometry
+//! with them, so tests compare all of them with a plain float64 sum without library code (`tests/src/plain_sum.rs`) and with closed
+//! forms. The prediction covers the rounding of pixels to float32, and of paths in float64, which matters beyond a million kilometres at 10 GHz.
 
 mod cost;
+
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -28,28 +31,30 @@ use super::Entry;
 use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
-use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Remedy, Tile, Work, rounding};
+use crate::{
+    Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Remedy, Tile, Work, rounding,
+};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
-use subaperture_model::phase_history::{PhaseHistory, Pulse, Weights};
+use subaperture_model::phase_history::{PhaseHistory, Pulse, Stretch, Weights};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
-/// The exact sum.
+/// Former that evaluates the exact sum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exact;
 
-/// Pixels summed side by side.
+/// Number of pixels summed together.
 pub(crate) const LANES: usize = horner::TOGETHER;
 
-/// Pulses in hand at most, so that the progress bar keeps moving and Ctrl-C is prompt.
+/// Largest number of buffered pulses, so that progress and cancellation are prompt.
 const BLOCK_PULSES: usize = 16;
 
-/// A place and a float64 sum.
+/// Position and float64 sum of a pixel.
 const PIXEL_BYTES: u64 = 24 + 16;
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "exact",
     summary: "the sum itself, in float64: slow, and the measure of all others",
@@ -78,30 +83,35 @@ impl ImageFormer for Exact {
         true
     }
 
-    fn decide(&self, aim: &Aim, _: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        _: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
         Ok(Decision {
             choices: serde_json::json!({}),
             settings: serde_json::json!({}),
             planned_db: rounding::total_db(&[
                 rounding::LARGEST_FLOAT32,
-                rounding::path_phase_rad(aim.collection, aim.grid),
+                rounding::path_phase_rad(spec.collection, spec.grid),
             ]),
             grain: PatchSize::PIXEL,
-            cost: cost::cost(aim, PIXEL_BYTES),
+            cost: cost::cost(spec, PIXEL_BYTES),
         })
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         _: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened { aim }))
+        Ok(Box::new(Opened { spec }))
     }
 }
 
 struct Opened<'a> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
 }
 
 impl Forming for Opened<'_> {
@@ -119,9 +129,9 @@ impl Forming for Opened<'_> {
         )?;
         let points: Vec<DVec3> = tiles
             .iter()
-            .flat_map(|tile| tile.points(self.aim.grid))
+            .flat_map(|tile| tile.points(self.spec.grid))
             .collect();
-        let weights = self.aim.weights;
+        let weights = self.spec.weights;
         let sums = sum_at(work.history, weights, &points, budget, work.monitor)?;
         let pixels = tiles.iter_mut().flat_map(|tile| &mut tile.pixels);
         pixels
@@ -132,10 +142,10 @@ impl Forming for Opened<'_> {
 }
 
 impl Exact {
-    /// The image's value at each of `points` (scene frame, metres), in float64.
+    /// Exact values of the image at `points` (scene frame, metres), in float64.
     ///
     /// # Errors
-    /// As [`ImageFormer::form`].
+    /// Errors of [`ImageFormer::form`].
     pub fn at_points(
         history: &dyn PhaseHistory,
         weights: &Weights,
@@ -144,6 +154,52 @@ impl Exact {
         monitor: &dyn Monitor,
     ) -> Result<Vec<Complex64>, FormError> {
         sum_at(history, weights, points, Budget::new(memory_bytes), monitor)
+    }
+}
+
+impl Exact {
+    /// Exact values at pixels of a grid (ascending row-major indices). With beam weights each pixel uses the pulses that illuminate it.
+    ///
+    /// # Errors
+    /// Errors of [`Self::at_points`].
+    pub fn at_pixels(
+        history: &dyn PhaseHistory,
+        weights: &Weights,
+        grid: &ImageGrid,
+        pixels: &[usize],
+        memory_bytes: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Complex64>, FormError> {
+        let columns = grid.columns.count;
+        let place = |i: &usize| grid.position_m(i / columns, i % columns);
+        let points: Vec<DVec3> = pixels.iter().map(place).collect();
+        let Some(lit) = &weights.lit else {
+            return Self::at_points(history, weights, &points, memory_bytes, monitor);
+        };
+        let mut values = vec![Complex64::ZERO; pixels.len()];
+        let mut of_block: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (at, i) in pixels.iter().enumerate() {
+            let block = lit.block_of(i / columns, i % columns);
+            of_block.entry(block).or_default().push(at);
+        }
+        for (block, own) in of_block {
+            let pulses = lit.pulses(block);
+            if pulses.is_empty() {
+                continue;
+            }
+            let part = Stretch::new(history, pulses);
+            let weights = Weights {
+                fast: weights.fast.clone(),
+                slow: lit.slow(block).0.to_vec(),
+                lit: None,
+            };
+            let places: Vec<DVec3> = own.iter().map(|&at| points[at]).collect();
+            let sums = Self::at_points(&part, &weights, &places, memory_bytes, monitor)?;
+            for (at, sum) in own.into_iter().zip(sums) {
+                values[at] = sum;
+            }
+        }
+        Ok(values)
     }
 }
 
@@ -196,7 +252,7 @@ fn sum_at(
     Ok(sums)
 }
 
-/// Adds one pulse to at most [`LANES`] pixels.
+/// Add one pulse to at most [`LANES`] pixels.
 pub(crate) fn add_pulse(
     pulse: &Pulse,
     slow: f64,
@@ -220,7 +276,7 @@ pub(crate) fn add_pulse(
     }
 }
 
-/// Adds one pulse whose samples were taken one after another.
+/// Add one pulse with intra-pulse motion.
 fn add_sweep(
     pulse: &Pulse,
     slow: f64,
@@ -249,10 +305,10 @@ mod tests {
     use subaperture_model::phase_history::{Collection, InMemory, Sweep};
     use subaperture_signal::window::Window;
 
-    /// Radar at 100 m on the x axis, pulses repeated in place: the image along x is the transform of
-    /// the fast-time window, a Dirichlet kernel, with the carrier's phase.
+    /// Radar at 100 m on the x axis, pulses repeated at one position: the image along x is the transform of
+    /// the fast-time window, a Dirichlet kernel, with the phase of the carrier.
     #[test]
-    fn a_still_radar_sees_a_dirichlet_kernel() {
+    fn stationary_radar_gives_dirichlet_kernel() {
         let (num_samples, num_pulses, start_hz, step_hz) = (32usize, 3usize, 1e9, 2e6);
         let pulse = Pulse {
             time_s: 0.0,

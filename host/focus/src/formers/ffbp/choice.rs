@@ -1,42 +1,42 @@
-//! What a plan fixes: stretches of pulses, and how the grid is cut.
+//! Choice of pulse blocks and patch sizes for a factorisation.
 //!
-//! Of leaves of all [`SIDES`], in both directions, that is taken which makes the way down the fastest, by the account of [`super::cost`] on the
-//! way to the pixel in the middle. First patches are as large as the image, or as the scratch allows; where shorter stretches of pulses, whose
-//! histories are smaller, are faster, they are taken. Stretches are cut where antennas jump, too.
+//! All leaf sides in [`SIDES`] are tried in both directions; the fastest descent by the cost model of [`super::cost`] along the
+//! path to the centre pixel is selected. First patches are as large as the image, or as scratch memory allows. Shorter blocks of pulses, whose
+//! histories are smaller, are used where they are faster. Blocks also end at gaps in the track.
 
 use std::ops::{Range, RangeInclusive};
 
-use super::cost::Way;
+use super::cost::DecimationChain;
 use super::refine::Refiner;
 use super::thinned::Stretch;
 use super::tree::Tree;
-use crate::Aim;
+use crate::ImageSpec;
 use crate::sub_cpi;
 
-/// Sides of leaves, pixels.
+/// Candidate leaf sides, pixels.
 const SIDES: [usize; 5] = [16, 24, 32, 48, 64];
-/// Pixels a side of first patches at most, so that tiles of a large image need no larger patch's work.
+/// Largest side of a first patch, pixels, so that a tile of a large image does not need the work of a larger patch.
 const LARGEST_FIRST: usize = 1024;
-/// Pulses that a stretch has at least, if it is short for want of scratch.
+/// Minimum pulses of a block shortened for lack of scratch memory.
 const SHORTEST: usize = 64;
 
-/// Most levels that a plan may ask for.
-const MOST_LEVELS: usize = 32;
+/// Largest number of levels accepted in a plan.
+const MAX_LEVELS: usize = 32;
 
-/// What a plan fixes: the rest follows from it.
+/// Parameters fixed by a plan; everything else follows from them.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Choices {
     pub(super) error_db: f64,
-    /// Pulses of each stretch, one after another.
+    /// Number of pulses of each block, in order.
     pub(super) stretches: Vec<usize>,
     pub(super) tree: Tree,
 }
 
 impl Choices {
-    /// The fastest, by the account of time, of a bound that `refiner` shares out.
-    pub(super) fn of(error_db: f64, aim: &Aim, refiner: &Refiner) -> Self {
-        let num_pulses = aim.collection.pulses.len();
-        let breaks = sub_cpi::breaks(aim.collection);
+    /// Choose the fastest parameters by the cost model, with the bound shared out by `refiner`.
+    pub(super) fn of(error_db: f64, spec: &ImageSpec, refiner: &Refiner) -> Self {
+        let num_pulses = spec.collection.pulses.len();
+        let breaks = sub_cpi::breaks(spec.collection);
         let choices = |stretches: &[Range<usize>], tree| Self {
             error_db,
             stretches: stretches.iter().map(|range| range.len()).collect(),
@@ -46,19 +46,19 @@ impl Choices {
         let mut longest = num_pulses;
         loop {
             let stretches = sub_cpi::cut(num_pulses, &breaks, longest);
-            // The longest stands for all.
+            // The longest block represents all.
             let range = stretches.iter().max_by_key(|range| range.len());
             let range = range.cloned().unwrap_or(0..0);
             let share = num_pulses as f64 / range.len().max(1) as f64;
-            let stretch = Stretch::new(&aim.collection.pulses, range, refiner.taps());
-            let found = fastest(aim, refiner, &stretch);
+            let stretch = Stretch::new(&spec.collection.pulses, range, refiner.taps());
+            let found = fastest(spec, refiner, &stretch);
             let found = found.map(|(time_ns, tree)| (share * time_ns, tree));
             match (found, &best) {
                 (Some((time_ns, tree)), None) => best = Some((time_ns, choices(&stretches, tree))),
                 (Some((time_ns, tree)), Some((least_ns, _))) if time_ns < *least_ns => {
                     best = Some((time_ns, choices(&stretches, tree)));
                 }
-                // Shorter ones first make room for larger patches, then only for more ends.
+                // Shorter blocks first make room for larger patches; beyond that they only add edges.
                 (_, Some(_)) => break,
                 (None, None) => {}
             }
@@ -68,60 +68,60 @@ impl Choices {
             longest = longest.div_ceil(2);
         }
         best.map_or_else(
-            || choices(&sub_cpi::cut(num_pulses, &breaks, longest), smallest(aim)),
+            || choices(&sub_cpi::cut(num_pulses, &breaks, longest), smallest(spec)),
             |(_, choices)| choices,
         )
     }
 
-    /// Whether a plan may have made them for `aim`.
-    pub(super) fn are_of(&self, aim: &Aim) -> bool {
-        let sides = [aim.grid.rows.count, aim.grid.columns.count].map(leaf_sides);
+    /// Whether a plan for `spec` can contain these parameters.
+    pub(super) fn are_of(&self, spec: &ImageSpec) -> bool {
+        let sides = [spec.grid.rows.count, spec.grid.columns.count].map(leaf_sides);
         let mut counts = self.stretches.iter();
         let total = counts.try_fold(0usize, |sum, count| sum.checked_add(*count));
         [0, 1].map(|i| sides[i].contains(&self.tree.leaf[i])) == [true; 2]
-            && self.tree.levels <= MOST_LEVELS
+            && self.tree.levels <= MAX_LEVELS
             && !self.stretches.contains(&0)
-            && total == Some(aim.collection.pulses.len())
+            && total == Some(spec.collection.pulses.len())
             && (-300.0..=0.0).contains(&self.error_db)
     }
 
-    /// The stretches, halved by `taps`.
-    pub(super) fn stretches(&self, aim: &Aim, taps: &[f32]) -> Vec<Stretch> {
+    /// Pulse blocks, decimated with the filter `taps`.
+    pub(super) fn stretches(&self, spec: &ImageSpec, taps: &[f32]) -> Vec<Stretch> {
         let mut first = 0;
         let each = self.stretches.iter().map(|count| {
             let pulses = first..first + count;
             first = pulses.end;
-            Stretch::new(&aim.collection.pulses, pulses, taps)
+            Stretch::new(&spec.collection.pulses, pulses, taps)
         });
         each.collect()
     }
 }
 
-/// The sides that leaves may have along `count` pixels, from the least to the largest.
+/// Valid leaf sides for `count` pixels.
 fn leaf_sides(count: usize) -> RangeInclusive<usize> {
     SIDES[0].min(count)..=SIDES[SIDES.len() - 1]
 }
 
-/// Those that are tried.
+/// Candidate leaf sides for `count` pixels.
 fn sides(count: usize) -> Vec<usize> {
     let mut sides: Vec<usize> = SIDES.iter().map(|&side| side.min(count)).collect();
     sides.dedup();
     sides
 }
 
-/// Leaves alone.
-fn smallest(aim: &Aim) -> Tree {
-    let counts = [aim.grid.rows.count, aim.grid.columns.count];
+/// Tree of leaves only.
+fn smallest(spec: &ImageSpec) -> Tree {
+    let counts = [spec.grid.rows.count, spec.grid.columns.count];
     Tree {
         leaf: counts.map(|count| count.min(SIDES[2])),
         levels: 0,
     }
 }
 
-/// The fastest tree whose histories fit into the scratch, and its time; none if that leaves first patches of a few leaves, where
-/// larger ones would be of use.
-fn fastest(aim: &Aim, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree)> {
-    let counts = [aim.grid.rows.count, aim.grid.columns.count];
+/// Fastest tree with histories that fit the scratch memory, and its time. `None` if first patches would have only a few leaves although
+/// larger ones would be faster.
+fn fastest(spec: &ImageSpec, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree)> {
+    let counts = [spec.grid.rows.count, spec.grid.columns.count];
     let mut best: Option<(f64, Tree)> = None;
     for rows in sides(counts[0]) {
         for columns in sides(counts[1]) {
@@ -134,12 +134,12 @@ fn fastest(aim: &Aim, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree
                 if levels > 0 && largest > LARGEST_FIRST {
                     continue;
                 }
-                let way = Way::new(aim, refiner, stretch, &tree);
+                let way = DecimationChain::new(spec, refiner, stretch, &tree);
                 let few = levels < whole.min(3);
                 if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {
                     break;
                 }
-                if way.held_bytes() > aim.scratch_bytes {
+                if way.held_bytes() > spec.scratch_bytes {
                     continue;
                 }
                 let time_ns = way.time_ns();

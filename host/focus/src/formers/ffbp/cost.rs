@@ -1,15 +1,15 @@
-//! What factorisation takes: of each patch on the way down to the pixel in the middle, as often as there are such patches.
+//! Cost of the factorisation: each patch on the path down to the centre pixel, times the number of such patches.
 //!
 //! ```text
 //! a patch's history, of N pulses and K samples before and N', K' after, with W taps:
-//!     a sample before: turned 18
-//!     if halved over pulses: (4 W + 2) N' K;   over samples: (4 W + 2) N' K'
+//!     phase rotation of a sample before: 18
+//!     if decimated over pulses: (4 W + 2) N' K;   over samples: (4 W + 2) N' K'
 //! a leaf: a pulse a transform of its profile of L bins, of each piece 72, and as in backprojection 35 a pixel
 //! ```
 //!
-//! First patches read all pulses once each. A tile takes what its first patches take: nothing is shared.
+//! Each first patch reads all pulses once. The cost of a tile is that of its first patches; tiles share no work.
 //!
-//! **Times** are of one core, by the time model.
+//! **Times** are single-core times by the timing model.
 
 use super::descent::task_level;
 use super::history::Axes;
@@ -19,59 +19,59 @@ use super::refine::{HISTORIES, Refiner};
 use super::shares::DEGREE;
 use super::thinned::Stretch;
 use super::tree::Tree;
-use crate::Aim;
-use crate::cost::{Cost, Each, StageCost, transform};
+use crate::ImageSpec;
+use crate::cost::{Copies, Cost, StageCost, transform};
 use crate::path_tile::raster;
 use subaperture_kernels::lanes::GROUP;
 use subaperture_kernels::tile::Pieces;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Operations to turn a sample.
+/// Operations of the phase rotation of a sample.
 const TURN: f64 = 18.0;
-/// Operations a piece of a profile.
+/// Operations per interval of a profile.
 const PIECE: f64 = 72.0;
-/// Operations a pixel and pulse of a leaf.
+/// Operations per pixel and pulse of a leaf.
 const PIXEL_AND_PULSE: f64 = 35.0;
 
-/// A history made.
+/// Computation of one patch history.
 struct Step {
     level: usize,
     before: Axes,
     after: Axes,
 }
 
-/// The way down to a leaf.
-pub(super) struct Way<'a> {
-    aim: &'a Aim<'a>,
+/// Sequence of patch histories from the recording down to one leaf.
+pub(super) struct DecimationChain<'a> {
+    spec: &'a ImageSpec<'a>,
     refiner: &'a Refiner<'a>,
     stretch: &'a Stretch,
     tree: &'a Tree,
     steps: Vec<Step>,
-    /// The leaf's.
+    /// Axes of the leaf's history.
     last: Axes,
-    /// Whether that is its own.
+    /// Whether the leaf has its own history.
     own: bool,
 }
 
-impl<'a> Way<'a> {
+impl<'a> DecimationChain<'a> {
     pub(super) fn new(
-        aim: &'a Aim<'a>,
+        spec: &'a ImageSpec<'a>,
         refiner: &'a Refiner<'a>,
         stretch: &'a Stretch,
         tree: &'a Tree,
     ) -> Self {
         let taps = refiner.taps().len();
-        let middle = [aim.grid.rows.count / 2, aim.grid.columns.count / 2];
+        let middle = [spec.grid.rows.count / 2, spec.grid.columns.count / 2];
         let mut axes = refiner.recorded();
         let mut steps = Vec::new();
         let mut own = false;
         for level in (0..=tree.levels).rev() {
             let node = tree.around(level, middle);
-            let Some(rectangle) = tree.rectangle(aim.grid, node) else {
+            let Some(rectangle) = tree.rectangle(spec.grid, node) else {
                 continue;
             };
-            let patch = Patch::new(aim.grid, rectangle);
+            let patch = Patch::new(spec.grid, rectangle);
             own = false;
             loop {
                 let halves = refiner.halves(stretch, &axes, &patch);
@@ -87,14 +87,14 @@ impl<'a> Way<'a> {
                     after: axes,
                 });
                 own = true;
-                // First patches go on as long as they can.
+                // First patches are refined as long as possible.
                 if level < tree.levels {
                     break;
                 }
             }
         }
         Self {
-            aim,
+            spec,
             refiner,
             stretch,
             tree,
@@ -104,11 +104,13 @@ impl<'a> Way<'a> {
         }
     }
 
-    /// Bytes of all histories of the way down that are held at once, of the first patch for which they are most.
+    /// Memory of all histories held at once along the descent, bytes, for the first patch with the largest demand.
     pub(super) fn held_bytes(&self) -> u64 {
-        let (grid, taps) = (self.aim.grid, self.refiner.taps().len());
+        let (grid, taps) = (self.spec.grid, self.refiner.taps().len());
         let recorded = self.refiner.recorded();
-        let firsts = self.tree.roots(grid).into_iter().map(|node| {
+        let roots = self.tree.roots(grid);
+        let every = roots.len().div_ceil(MAX_FIRSTS).max(1);
+        let firsts = roots.into_iter().step_by(every).map(|node| {
             let rectangle = self
                 .tree
                 .rectangle(grid, node)
@@ -129,14 +131,14 @@ impl<'a> Way<'a> {
         self.stretch.thinned[axes.thinning].antennas.len() as f64
     }
 
-    /// How many patches there are of a level.
+    /// Number of patches of a level.
     fn patches(&self, level: usize) -> f64 {
-        let grid = self.aim.grid;
+        let grid = self.spec.grid;
         let [rows, columns] = self.tree.size(level);
         (grid.rows.count.div_ceil(rows) * grid.columns.count.div_ceil(columns)) as f64
     }
 
-    /// Of all patches: what `of` says of a step, by samples before, those between (half the pulses), those after, pulses before.
+    /// Sum of `of` over the steps of all patches. Its arguments are samples before, samples in between (half the pulses), samples after, and pulses before.
     fn over_steps(&self, of: impl Fn([f64; 4]) -> f64) -> f64 {
         let each = self.steps.iter().map(|step| {
             let Step {
@@ -161,7 +163,7 @@ impl<'a> Way<'a> {
         each.sum()
     }
 
-    /// Bins of a leaf's profile, pieces of it, and groups and pixels of a leaf.
+    /// Profile bins, profile intervals, pixel groups and pixels of a leaf.
     fn leaf(&self) -> [f64; 4] {
         let [rows, columns] = self.tree.leaf;
         let axes = &self.last;
@@ -170,16 +172,16 @@ impl<'a> Way<'a> {
         let node = self.tree.around(0, [0, 0]);
         let rectangle = self
             .tree
-            .rectangle(self.aim.grid, node)
+            .rectangle(self.spec.grid, node)
             .expect("a leaf has pixels");
         let bins_m = axes.step_hz.abs() / SPEED_OF_LIGHT_M_S * length as f64;
-        let margin = Pieces::margin_for(&raster(self.aim.grid, &rectangle), bins_m);
-        let layout = match self.aim.grid.relief {
+        let margin = Pieces::margin_for(&raster(self.spec.grid, &rectangle), bins_m);
+        let layout = match self.spec.grid.relief {
             None => tile_layout(length, self.own, margin),
             Some(_) => None,
         };
         let layout = layout.unwrap_or_else(|| points_layout(length));
-        // Along whichever side fits better.
+        // Groups are laid along the side that fits better.
         let along = |a: usize, b: usize| (a.div_ceil(GROUP) * b) as f64;
         let groups = along(rows, columns).min(along(columns, rows));
         [
@@ -190,13 +192,13 @@ impl<'a> Way<'a> {
         ]
     }
 
-    /// Nanoseconds of one core for the stretch.
+    /// Single-core time for the block of pulses, ns.
     pub(super) fn time_ns(&self) -> f64 {
         self.histories_ns() + self.leaves_ns()
     }
 
     fn histories_ns(&self) -> f64 {
-        let model = self.aim.means.model;
+        let model = self.spec.numerics.model;
         let taps = self.refiner.taps().len() as f64 + 1.0;
         self.over_steps(|[before, over_pulses, over_samples, pulses]| {
             let sums_ns = over_pulses * model.pulse_tap_ns + over_samples * model.sample_tap_ns;
@@ -208,9 +210,9 @@ impl<'a> Way<'a> {
     }
 
     fn leaves_ns(&self) -> f64 {
-        let model = self.aim.means.model;
+        let model = self.spec.numerics.model;
         let [length, pieces, groups, pixels] = self.leaf();
-        let imaged_ns = match self.aim.grid.relief {
+        let imaged_ns = match self.spec.grid.relief {
             None => model.leaf_group_ns * groups,
             Some(_) => model.point_ns * pixels,
         };
@@ -221,7 +223,7 @@ impl<'a> Way<'a> {
         self.patches(0) * self.pulses(&self.last) * pulse
     }
 
-    /// Operations for the stretch, of histories and of leaves.
+    /// Operations for the block of pulses: histories, leaves.
     fn operations(&self) -> [f64; 2] {
         let taps = 4.0 * self.refiner.taps().len() as f64 + 2.0;
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
@@ -232,18 +234,18 @@ impl<'a> Way<'a> {
         [steps, self.patches(0) * self.pulses(&self.last) * pulse]
     }
 
-    /// Bytes of a thread that takes a patch of this level by itself.
+    /// Memory of a thread that processes a patch of this level alone, bytes.
     pub(super) fn thread_bytes(&self, level: usize) -> u64 {
         2 * self.bytes_at(level) + self.leaf_bytes()
     }
 
-    /// Bytes of the history of a patch of this level.
+    /// Size of the history of a patch of this level, bytes.
     fn bytes_at(&self, level: usize) -> u64 {
         let step = self.steps.iter().rev().find(|step| step.level >= level);
         step.map_or(0, |step| step.after.bytes(self.stretch))
     }
 
-    /// Bytes of a thread's leaf.
+    /// Leaf buffers of a thread, bytes.
     fn leaf_bytes(&self) -> u64 {
         let [length, pieces, _, pixels] = self.leaf();
         let pieces = SUMMED_PULSES as f64 * pieces * 8.0 * (DEGREE as f64 + 1.0);
@@ -251,37 +253,40 @@ impl<'a> Way<'a> {
     }
 }
 
-/// The ways through all stretches.
+/// Largest number of first patches evaluated; of more patches every n-th is evaluated.
+const MAX_FIRSTS: usize = 16_384;
+
+/// Descents through all blocks of pulses.
 pub(super) fn ways<'a>(
-    aim: &'a Aim<'a>,
+    spec: &'a ImageSpec<'a>,
     refiner: &'a Refiner<'a>,
     stretches: &'a [Stretch],
     tree: &'a Tree,
-) -> Vec<Way<'a>> {
+) -> Vec<DecimationChain<'a>> {
     let each = stretches.iter();
-    each.map(|stretch| Way::new(aim, refiner, stretch, tree))
+    each.map(|stretch| DecimationChain::new(spec, refiner, stretch, tree))
         .collect()
 }
 
-/// Bytes that forming takes.
+/// Memory demand of forming.
 pub(super) struct Demand {
-    /// Histories on the way to where threads go on by themselves.
+    /// Histories down to the level where threads continue alone, bytes.
     pub(super) held_bytes: u64,
-    /// Of each thread.
+    /// Buffers of each thread, bytes.
     pub(super) thread_bytes: u64,
 }
 
-/// What the most demanding of these ways takes.
-pub(super) fn demand(ways: &[Way]) -> Demand {
-    let most = |of: fn(&Way) -> u64| ways.iter().map(of).max().unwrap_or(0);
+/// Largest memory demand of the given descents.
+pub(super) fn demand(ways: &[DecimationChain]) -> Demand {
+    let most = |of: fn(&DecimationChain) -> u64| ways.iter().map(of).max().unwrap_or(0);
     Demand {
         held_bytes: most(|way| way.held_bytes()),
         thread_bytes: most(|way| way.thread_bytes(task_level(way.tree))),
     }
 }
 
-/// Of all of these ways.
-pub(super) fn cost(ways: &[Way], refiner: &Refiner) -> Cost {
+/// Total cost of the given descents.
+pub(super) fn cost(ways: &[DecimationChain], refiner: &Refiner) -> Cost {
     let (mut operations, mut times_ns) = ([0.0; 2], [0.0; 2]);
     for way in ways {
         let own = (way.operations(), [way.histories_ns(), way.leaves_ns()]);
@@ -297,6 +302,10 @@ pub(super) fn cost(ways: &[Way], refiner: &Refiner) -> Cost {
         .zip(operations)
         .zip(times_ns);
     Cost::of(stages.map(|((name, operations), ns)| StageCost::new(name, operations, ns)))
-        .holding("pulses", Each::Pass, pulses as f64)
-        .holding("patches' pulses", Each::Thread, demand.thread_bytes as f64)
+        .holding("pulses", Copies::Pass, pulses as f64)
+        .holding(
+            "patches' pulses",
+            Copies::Thread,
+            demand.thread_bytes as f64,
+        )
 }

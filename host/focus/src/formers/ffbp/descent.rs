@@ -1,4 +1,4 @@
-//! The way from the first patches to the leaves of which an image is made.
+//! Descent from the first patches to the leaves that form the image.
 //!
 //! ```text
 //! recorded pulses -> first patch -> ... -> tasks' patches -> ... -> leaves -> pixels
@@ -6,9 +6,9 @@
 //!                   all threads on each     its own buffers
 //! ```
 //!
-//! Each patch's history is made from that of the patch around it, whoever makes it and when: a pixel's bits are those of its way down.
-//! Large histories are made one at a time, depth first, by all threads together; from [`Descent::breadth_bytes`] on those of a
-//! level side by side, until there are [`TASK_LEVEL`] levels left for a thread alone.
+//! The history of each patch is computed from that of its parent patch, independent of thread and time; a pixel depends only on its own descent.
+//! Large histories are computed one at a time, depth first, by all threads together. Histories below [`Descent::breadth_bytes`] are computed
+//! in parallel per level, until [`TASK_LEVEL`] levels remain for a single thread.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -28,29 +28,29 @@ use crate::patch::{Rectangle, Segment};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, during};
 
-/// Levels above the leaves that a thread takes by itself.
+/// Levels above the leaves that one thread processes alone.
 const TASK_LEVEL: usize = 2;
 
-/// The level of a tree whose patches threads take by themselves.
+/// Level of the patches that threads process alone.
 pub(super) fn task_level(tree: &Tree) -> usize {
     tree.levels.min(TASK_LEVEL)
 }
 
-/// Tasks' patches by row and column, with what is wanted of them.
+/// Requested pixels of the task patches, by patch row and column.
 pub(super) type Wanted<'a> = BTreeMap<[usize; 2], Mutex<Vec<Segment<'a>>>>;
 
-/// Buffers that are free.
+/// Pool of free buffers.
 #[derive(Default)]
 pub(super) struct Pool(Mutex<Vec<PatchHistory>>);
 
-/// A history whose buffers go back to the pool.
+/// History that returns its buffers to the pool.
 struct Held<'a> {
     history: PatchHistory,
     pool: &'a Pool,
 }
 
 impl Pool {
-    /// Buffers with room for `count` numbers if there are such, the smallest of them.
+    /// Take the smallest free buffers with room for `count` values, or new ones.
     fn take(&self, count: usize) -> Held<'_> {
         let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let room = |history: &PatchHistory| history.values.capacity();
@@ -72,7 +72,7 @@ impl Drop for Held<'_> {
     }
 }
 
-/// One thread's buffers: a history a level, and a leaf's.
+/// Buffers of one thread: one history per level, and a leaf.
 #[derive(Default)]
 struct Scratch {
     levels: Vec<PatchHistory>,
@@ -80,7 +80,7 @@ struct Scratch {
     leaf: Leaf,
 }
 
-/// The way down for a stretch of pulses.
+/// Descent for one block of pulses.
 pub(super) struct Descent<'a, 'b> {
     pub(super) monitor: &'a dyn Monitor,
     pub(super) grid: &'a ImageGrid,
@@ -90,19 +90,19 @@ pub(super) struct Descent<'a, 'b> {
     pub(super) stretch: &'a Stretch,
     pub(super) wanted: &'a Wanted<'b>,
     pub(super) pool: &'a Pool,
-    /// A history up to this is halved together with others of its level.
+    /// Largest history decimated in parallel with others of its level, bytes.
     pub(super) breadth_bytes: u64,
-    /// Tasks done, and how many there will be.
+    /// Number of finished tasks, and total number.
     pub(super) done: &'a AtomicUsize,
     pub(super) tasks: usize,
 }
 
 impl Descent<'_, '_> {
-    /// Adds what recorded pulses say of first patches, one after another; `ahead`, the next one's history is made while patches within
-    /// the one before are worked on.
+    /// Add recorded pulses to the images of first patches, one after another. With `ahead`, the history of the next first patch is computed while
+    /// the current one is processed.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub(super) fn all(
         &self,
         recorded: &Recorded,
@@ -131,14 +131,14 @@ impl Descent<'_, '_> {
         Ok(())
     }
 
-    /// The history of a first patch.
+    /// Compute the history of a first patch.
     fn first(&self, recorded: &Recorded, patch: &Patch) -> Result<Held<'_>, FormError> {
         let (refiner, stretch) = (self.refiner, self.stretch);
         let axes = refiner.recorded();
         let mut halves = refiner.halves(stretch, &axes, patch);
         let mut held = self.pool.take(self.room(&axes, halves));
         refiner.read(stretch, recorded, patch, halves, &mut held.history)?;
-        // As long as a patch of this size allows it.
+        // Repeat while the patch size permits decimation.
         loop {
             halves = refiner.halves(stretch, &held.history.axes, patch);
             if halves == [false; 2] {
@@ -152,7 +152,7 @@ impl Descent<'_, '_> {
         }
     }
 
-    /// Numbers of a history that is made so.
+    /// Number of values of a history with the given decimations.
     fn room(&self, before: &Axes, halves: [bool; 2]) -> usize {
         let axes = before.after(halves, self.refiner.taps().len());
         self.stretch.thinned[axes.thinning].antennas.len() * axes.layout().values()
@@ -163,7 +163,7 @@ impl Descent<'_, '_> {
         self.wants(node).then(|| Patch::new(self.grid, rectangle))
     }
 
-    /// Whether any of its pixels is wanted.
+    /// Whether any pixel of the patch is requested.
     fn wants(&self, node: Node) -> bool {
         let above = node.level.saturating_sub(task_level(self.tree));
         let [rows, columns] = node.at.map(|i| i << above..(i + 1) << above);
@@ -173,7 +173,7 @@ impl Descent<'_, '_> {
         })
     }
 
-    /// All patches within one, with its history.
+    /// Process all patches within one, given its history.
     fn down(&self, node: Node, history: Arc<Held>) {
         let tasks = task_level(self.tree);
         if self.monitor.cancelled() {
@@ -222,8 +222,8 @@ impl Descent<'_, '_> {
             });
     }
 
-    /// A patch's own history, or that of the patch around it if it would not be smaller; made by this thread with its buffers,
-    /// else by all.
+    /// History of a patch, or of its parent patch if the own one would not be smaller. It is computed in the buffers of this thread, if given,
+    /// or by all threads.
     fn own<'c>(
         &'c self,
         parent: &Arc<Held<'c>>,
@@ -241,7 +241,7 @@ impl Descent<'_, '_> {
         Arc::new(held)
     }
 
-    /// What a thread does by itself: a patch, whose history is there, and all in it. `segments` are what is wanted of it.
+    /// Work of one thread: a patch with a given history, and all patches within it. `segments` are its requested pixels.
     fn task(
         &self,
         node: Node,
@@ -295,7 +295,7 @@ impl Descent<'_, '_> {
     }
 }
 
-/// What of some segments lies in a rectangle.
+/// Parts of segments inside a rectangle.
 fn part<'a>(segments: &'a mut [Segment], rectangle: &Rectangle) -> Vec<Segment<'a>> {
     let [rows, columns] = rectangle.place();
     let each = segments.iter_mut().filter_map(|segment| {

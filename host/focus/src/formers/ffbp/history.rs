@@ -1,16 +1,16 @@
-//! A patch's own phase history.
+//! Phase history of a patch.
 
 use glam::DVec3;
 use num_complex::Complex32;
 
 use super::thinned::Stretch;
-use subaperture_kernels::halving::{Layout, halved};
+use subaperture_kernels::decimation::{Layout, halved};
 use subaperture_model::phase_history::Collection;
 
-/// What a history is of: pulses after some halvings, and frequencies.
+/// Axes of a history: decimated pulses and frequencies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Axes {
-    /// Halvings over pulses.
+    /// Number of decimations by two over pulses.
     pub(super) thinning: usize,
     pub(super) start_hz: f64,
     pub(super) step_hz: f64,
@@ -18,7 +18,7 @@ pub(super) struct Axes {
 }
 
 impl Axes {
-    /// As recorded.
+    /// Axes of the recorded samples.
     pub(super) fn recorded(collection: &Collection) -> Self {
         let first = &collection.pulses[0];
         Self {
@@ -29,7 +29,7 @@ impl Axes {
         }
     }
 
-    /// Halved over pulses, over samples, by so many taps.
+    /// Axes after decimation by two over pulses and over samples with the given number of taps.
     pub(super) fn after(&self, [pulses, samples]: [bool; 2], taps: usize) -> Self {
         let mut after = *self;
         after.thinning += usize::from(pulses);
@@ -54,26 +54,26 @@ impl Axes {
         Layout::new(self.num_samples)
     }
 
-    /// Bytes of such a history.
+    /// Size of such a history, bytes.
     pub(super) fn bytes(&self, stretch: &Stretch) -> u64 {
         let pulses = stretch.thinned[self.thinning].antennas.len() as u64;
         pulses * (4 * self.layout().values() as u64 + size_of::<f64>() as u64)
     }
 }
 
-/// Samples of some pulses and frequencies, their phases referred to a point.
+/// Samples with phases referred to a point.
 pub(super) struct PatchHistory {
     pub(super) axes: Axes,
-    /// The point.
+    /// Reference point of the phases, scene frame, metres.
     pub(super) centre: DVec3,
-    /// The path from each pulse's antennas to it, metres.
+    /// Path from the antennas of each pulse to the reference point, metres.
     pub(super) data_m: Vec<f64>,
-    /// Pulse by pulse, as [`Layout`] says.
+    /// Samples pulse by pulse, in the order of [`Layout`].
     pub(super) values: Vec<f32>,
 }
 
 impl PatchHistory {
-    /// With room for nothing yet.
+    /// Make a history without samples.
     pub(super) fn empty() -> Self {
         Self {
             axes: Axes {
@@ -92,7 +92,7 @@ impl PatchHistory {
         self.data_m.len()
     }
 
-    /// The samples of a pulse.
+    /// Copy the samples of a pulse.
     pub(super) fn pulse(&self, n: usize, samples: &mut [Complex32]) {
         let layout = self.axes.layout();
         let size = layout.values();

@@ -1,4 +1,4 @@
-//! The image of a patch that is not cut further: backprojection of its own history, by tiles where paths allow it.
+//! Image of a leaf patch: backprojection of its history, in tiles where paths permit.
 
 use std::collections::BTreeMap;
 
@@ -17,19 +17,19 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// The stage.
+/// Stage name.
 pub(super) const LEAVES: &str = "leaves";
 
-/// Pulses whose terms are summed before they are added to a pixel.
+/// Pulses summed before they are added to a pixel.
 pub(super) const SUMMED_PULSES: usize = 64;
 
-/// Bins that a tile may reach past profiles of `length` bins: a row of pieces for a coarse grid's would be mostly repetition.
+/// Largest extent of a tile past profiles of `length` bins; on coarse grids a longer margin would be mostly repetition.
 fn furthest(length: usize) -> usize {
     2 * length + 500
 }
 
-/// Which pieces of a profile of `length` bins a tile reads that reaches `margin` bins, from its own centre or past the profile;
-/// none if that is too far.
+/// Profile intervals read by a tile with a margin of `margin` bins, relative to its own centre or to the profile;
+/// `None` if the margin is too long.
 pub(super) fn tile_layout(length: usize, own: bool, margin: usize) -> Option<Pieces> {
     let layout = match own {
         true => Pieces::around,
@@ -38,12 +38,12 @@ pub(super) fn tile_layout(length: usize, own: bool, margin: usize) -> Option<Pie
     (margin <= furthest(length)).then(|| layout(DEGREE, length, margin))
 }
 
-/// Which pieces points read, wherever they are.
+/// Profile intervals for points at any position.
 pub(super) fn points_layout(length: usize) -> Pieces {
     Pieces::new(DEGREE, length, 1)
 }
 
-/// What imaging a small patch needs, for one thread.
+/// Buffers of one thread for imaging a leaf.
 #[derive(Default)]
 pub(super) struct Leaf {
     transforms: Transforms,
@@ -59,7 +59,7 @@ pub(super) struct Leaf {
 }
 
 impl Leaf {
-    /// By these transforms.
+    /// Prepare with the given transforms.
     pub(super) fn new(transforms: Transforms) -> Self {
         Self {
             transforms,
@@ -67,7 +67,7 @@ impl Leaf {
         }
     }
 
-    /// Adds the image of `rectangle` to what is wanted of it.
+    /// Add the image of `rectangle` to its requested pixels.
     pub(super) fn image(
         &mut self,
         grid: &ImageGrid,
@@ -93,7 +93,7 @@ impl Leaf {
         let axes = &history.axes;
         let count = axes.num_samples;
         let profiler = profilers.entry(count).or_insert_with_key(|&count| {
-            // Samples are weighted.
+            // Samples are already weighted.
             RangeProfiler::new(
                 DEGREE,
                 &vec![1.0; count],
@@ -113,7 +113,7 @@ impl Leaf {
         let by_tiles =
             grid.is_raster() && path_tile::arithmetic(highest_hz, bins_m) <= shares.arithmetic;
         let own = history.centre == rectangle.centre_m(grid);
-        // Places are for those pulses only that no tile will do for.
+        // Points are needed only for pulses that no tile can use.
         points.clear();
         for (batch, antennas) in antennas.chunks(SUMMED_PULSES).enumerate() {
             let first = batch * SUMMED_PULSES;
@@ -154,7 +154,7 @@ impl Leaf {
             for (n, pieces) in (first..).zip(pieces.chunks_exact_mut(values)) {
                 history.pulse(n, samples);
                 profiler.profile(samples, profile, fft);
-                // Samples are weighted.
+                // Samples are already weighted.
                 layout.make(instructions, &profile[..length], 1.0, pieces);
             }
             sums.clear();

@@ -1,45 +1,45 @@
-//! Fast factorised backprojection: patches within patches, each with no more pulses and frequencies
-//! than it needs.
+//! Fast factorised backprojection: nested patches, each with only the pulses and frequencies
+//! that it needs.
 //!
-//! Compensated to a patch's centre `q`, the phase history of the patch's own pixels varies slowly: by
-//! `2 pi f (path_n(p) - path_n(q)) / c`, over frequency as the patch is deep, over slow time as it is
-//! wide. Of a patch half as large, half of the pulses and half of the frequencies say all. So
+//! After motion compensation to a patch centre `q`, the phase history of the patch's pixels varies slowly: by
+//! `2 pi f (path_n(p) - path_n(q)) / c`. Its bandwidth over frequency is proportional to the depth of the patch, over slow time to its
+//! width. A patch of half the size therefore needs half of the pulses and half of the frequencies:
 //!
 //! ```text
 //! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)            compensate to q
-//! y'[i][l]  = y[2 i'][2 l'] + what of odd pulses and frequencies goes there         halve
+//! y'[i][l]  = y[2 i'][2 l'] + interpolation from odd pulses and frequencies         decimate by two
 //! ```
 //!
-//! and the same again from each patch to its four quarters, with their own centres, until a patch is a small
-//! one of few pulses; there plain backprojection ends it (`leaf`). Odd places go to the even ones about them by an
-//! interpolation kernel of the pixels' own phase, `exp(j phase(n)) = sum_i h[i] exp(j phase(2 i))`
-//! ([`subaperture_signal::halfway`], [`subaperture_kernels::halving`]), which is all that the sum over pulses and frequencies needs; it
-//! makes no matter what lies outside the patch. At the ends, `h` reaches past the data: halved histories are by `W - 1` longer than
-//! half, and there the antennas go on smoothly (`thinned`). Pulses that are kept are where they were.
+//! The step is repeated from each patch to its four quarters, each with its own centre, down to small patches
+//! with few pulses, which plain backprojection images (`leaf`). Odd samples are transferred to the even ones around them by an
+//! interpolation kernel of the pixels' phase, `exp(j phase(n)) = sum_i h[i] exp(j phase(2 i))`
+//! ([`subaperture_signal::halfway`], [`subaperture_kernels::decimation`]). The sum over pulses and frequencies needs no more, and
+//! scatterers outside the patch do not matter. At the ends `h` extends past the data: decimated histories are `W - 1` samples longer than
+//! half, and the antenna track is extrapolated smoothly there (`thinned`). Retained pulses keep their positions.
 //!
 //! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
-//! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge
-//! interpolates complex images in two dimensions, `W^2` operations a value, where halving is
-//! separable, `2 W`, and its error is the kernel's alone. It is also [`crate::rdbp`]'s patch compensation,
+//! rather than the merging of sub-aperture images (Ulander, Hellsten and Stenstroem, 2003). Merging
+//! interpolates complex images in two dimensions, `W^2` operations a value, whereas decimation is
+//! separable, `2 W`, and its only error is that of the kernel. It is equivalent to the patch compensation of [`crate::rdbp`]
 //! over several levels.
 //!
-//! Neglected: the kernel's error, once a halving and direction; the range profiles' ([`crate::bp`]); what of the antennas' way from
-//! pulse to pulse is not smooth, so far as it differs across the patch; and what becomes of the phase beyond the data's
-//! ends and of antennas that turn quickly. Each has its share of the bound, and every halving is held to
-//! them on the patch and the pulses it is made of, before it is made (`refine`): one that would cost more is
-//! not made. A track on which slow time cannot be halved (jitter, antennas in turn, a patch around the
-//! antennas) so costs what plain backprojection does, and errs no more.
+//! Neglected: the kernel error per decimation and direction; the range profile error ([`crate::bp`]); the part of the track that is
+//! not smooth from pulse to pulse, as far as it differs across the patch; and the phase beyond the ends of the data
+//! where antennas turn quickly. Each has a share of the bound. Every decimation is checked against
+//! its share for the actual patch and pulses in advance (`refine`) and omitted if it exceeds
+//! it. A track that does not permit decimation in slow time (jitter, alternating antennas, a patch around the
+//! antennas) therefore costs as much as plain backprojection and has no larger error.
 //!
-//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `18 + 6 W` real operations a sample and level (a sample of a patch
-//! is looked at by each of its quarters), `log2(N / 64)` levels of `N^2` samples or more, and some 100 pulses a pixel at the end:
-//! `N^2 log N` where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
-//! hundreds of pixels and pulses on. Sizes of leaves and first patches, and stretches of pulses, are chosen by an account of time
+//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `18 + 6 W` real operations per sample and level (each of the four
+//! quarters processes the samples of a patch), `log2(N / 64)` levels of `N^2` samples or more, and about 100 pulses per pixel at the leaves:
+//! `N^2 log N` compared with `N^3` of backprojection. The length of the kernel enlarges small histories, so the factorisation is profitable from some
+//! hundreds of pixels and pulses on. Sizes of leaves, first patches and pulse blocks are chosen by a cost model
 //! (`choice`, `cost`).
 //!
-//! Memory: the histories on the way to one leaf, of which the first patch's is the largest; a few megabytes a thread; the image.
-//! First patches and stretches are chosen such that this fits the plan's scratch.
+//! Memory: the histories along the descent to one leaf, the first patch's being the largest; a few megabytes per thread; the image.
+//! First patches and pulse blocks are chosen to fit the scratch memory of the plan.
 //!
-//! Accuracy: the bound asked for, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
+//! Accuracy: the requested bound, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
 
 mod choice;
 mod cost;
@@ -65,8 +65,8 @@ use crate::former::{chosen, misfit};
 use crate::patch::Patches;
 use crate::sub_cpi::shared_band;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy, Tile,
-    Work, rounding,
+    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason,
+    Remedy, Tile, Work, rounding,
 };
 use subaperture_model::monitor::Monitor;
 
@@ -94,14 +94,13 @@ impl Default for FastFactorised {
 }
 
 impl FastFactorised {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db }
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "ffbp",
     summary: "fast factorised backprojection: patches within patches, any track",
@@ -130,24 +129,29 @@ impl ImageFormer for FastFactorised {
         Some(Box::new(Self { error_db }))
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        shared_band(aim.collection)?;
-        let refiner = Refiner::of(aim.collection, self.error_db);
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        shared_band(spec.collection)?;
+        let refiner = Refiner::of(spec.collection, self.error_db);
         let phases = [
-            rounding::path_phase_rad(aim.collection, aim.grid),
-            rounding::band_phase_rad(aim),
+            rounding::path_phase_rad(spec.collection, spec.grid),
+            rounding::band_phase_rad(spec),
         ];
         let arithmetic = libm::hypot(phases[0], phases[1]);
-        let num_pulses = aim.collection.pulses.len();
+        let num_pulses = spec.collection.pulses.len();
         let planned_db = refiner.shares().planned_db(num_pulses, arithmetic);
-        asked.check(planned_db, || {
+        goal.check(planned_db, || {
             Reason::new("kernels and float32 sums leave no less")
                 .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
         })?;
-        let choices = Choices::of(self.error_db, aim, &refiner);
-        let stretches = choices.stretches(aim, refiner.taps());
+        let choices = Choices::of(self.error_db, spec, &refiner);
+        let stretches = choices.stretches(spec, refiner.taps());
         let tree = choices.tree;
-        let ways = cost::ways(aim, &refiner, &stretches, &tree);
+        let ways = cost::ways(spec, &refiner, &stretches, &tree);
         Ok(Decision {
             settings: json!({
                 "stretches": stretches.len(),
@@ -165,16 +169,16 @@ impl ImageFormer for FastFactorised {
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened::new(aim, chosen(ENTRY.name, choices)?)?))
+        Ok(Box::new(Opened::new(spec, chosen(ENTRY.name, choices)?)?))
     }
 }
 
-/// Ready to form.
+/// Plan opened for forming.
 struct Opened<'a> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     choices: Choices,
     refiner: Refiner<'a>,
     stretches: Vec<Stretch>,
@@ -183,22 +187,22 @@ struct Opened<'a> {
 }
 
 impl<'a> Opened<'a> {
-    fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
-        shared_band(aim.collection)?;
-        if !choices.are_of(&aim) {
+    fn new(spec: ImageSpec<'a>, choices: Choices) -> Result<Self, FormError> {
+        shared_band(spec.collection)?;
+        if !choices.are_of(&spec) {
             let what = "its stretches are not of these pulses, its leaves are of no size that there is, or its bound is none";
             return Err(misfit(ENTRY.name, what));
         }
-        let refiner = Refiner::of(aim.collection, choices.error_db);
-        let stretches = choices.stretches(&aim, refiner.taps());
+        let refiner = Refiner::of(spec.collection, choices.error_db);
+        let stretches = choices.stretches(&spec, refiner.taps());
         let tree = choices.tree;
         Ok(Self {
-            demand: cost::demand(&cost::ways(&aim, &refiner, &stretches, &tree)),
-            tasks: Patches::of_size(aim.grid, tree.patch_size(task_level(&tree))),
+            demand: cost::demand(&cost::ways(&spec, &refiner, &stretches, &tree)),
+            tasks: Patches::of_size(spec.grid, tree.patch_size(task_level(&tree))),
             stretches,
             refiner,
             choices,
-            aim,
+            spec,
         })
     }
 
@@ -212,7 +216,7 @@ impl<'a> Opened<'a> {
             true => Some(self.refiner.hold(stretch, work.history, at_once)?),
             false => None,
         };
-        let weights = self.aim.weights;
+        let weights = self.spec.weights;
         let norm = weights.normalisation();
         let slow = &weights.slow[stretch.pulses.clone()];
         Ok(Recorded {
@@ -239,10 +243,10 @@ impl<'a> Opened<'a> {
             let recorded = self.recorded(work, reading, stretch)?;
             let descent = Descent {
                 monitor: work.monitor,
-                grid: self.aim.grid,
+                grid: self.spec.grid,
                 tree: &self.choices.tree,
                 refiner: &self.refiner,
-                transforms: self.aim.means.transforms,
+                transforms: self.spec.numerics.transforms,
                 stretch,
                 wanted: &wanted,
                 pool: &pool,
@@ -259,20 +263,20 @@ impl<'a> Opened<'a> {
     }
 }
 
-/// How recorded pulses are read.
+/// Reading strategy for recorded pulses.
 #[derive(Clone, Copy)]
 struct Reading {
-    /// So many together.
+    /// Pulses read together.
     at_once: usize,
-    /// All of a stretch, once for all first patches.
+    /// Whether the samples of a block are held for all first patches.
     hold: bool,
-    /// For a first patch while there is another one's work to do.
+    /// Whether a first patch is read while another one is processed.
     ahead: bool,
 }
 
-/// Levels that are made side by side, each of four histories of up to half of one before.
+/// Levels computed in parallel, each with four histories of up to half the size of the parent.
 const BREADTH: u64 = 8;
-/// A history larger than as much for each thread is halved by all threads together.
+/// Size per thread, bytes, above which all threads decimate a history together.
 const LARGEST_BREADTH: u64 = 5 << 20;
 
 impl Forming for Opened<'_> {
@@ -292,7 +296,7 @@ impl Forming for Opened<'_> {
         let stretches = self.stretches.iter();
         let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
         let held = held.unwrap_or(0);
-        let roots = self.choices.tree.roots_of(self.aim.grid, tiles);
+        let roots = self.choices.tree.roots_of(self.spec.grid, tiles);
         let several = roots.len() > 1;
         let ahead = several && threads > 1 && self.demand.held_bytes <= budget.left_bytes() / 4;
         if ahead {

@@ -1,4 +1,4 @@
-//! A patch as a pulse's antennas see it.
+//! Geometry of a patch relative to the antennas of a pulse.
 
 use glam::DVec3;
 
@@ -6,12 +6,12 @@ use super::thinned::Antennas;
 use crate::patch::Rectangle;
 use subaperture_model::geometry::{Axis, ImageGrid};
 
-/// Allowance for what lies between the places at which paths are looked at.
+/// Margin for extremes between the sampled path positions.
 pub(super) const MARGIN: f64 = 1.05;
-/// A polar patch that spans more, radians, is not flat enough for its corners to stand for it.
+/// Largest angle of a polar patch, radians, for which its corners represent it.
 const WIDEST_SECTOR_RAD: f64 = 0.5;
 
-/// Path from a transmitter to a point and to a receiver, metres.
+/// Path from the transmitter to a point and on to the receiver, metres.
 pub(super) fn path_m([transmitter, receiver]: &Antennas, point: DVec3) -> f64 {
     let out_m = point.distance(*transmitter);
     if transmitter == receiver {
@@ -21,14 +21,14 @@ pub(super) fn path_m([transmitter, receiver]: &Antennas, point: DVec3) -> f64 {
     }
 }
 
-/// A rectangle as the antennas see it.
+/// Extent of a rectangle of pixels.
 pub(super) struct Patch {
     pub(super) centre: DVec3,
-    /// Four in the grid's plane; on a surface the eight of a box over them that holds it, for paths are convex there as in a plane.
+    /// Four corners in the grid plane, or the eight corners of an enclosing box on a surface; paths are convex in both cases.
     pub(super) corners: Vec<DVec3>,
-    /// Farthest from the centre that a pixel lies, metres.
+    /// Largest distance of a pixel from the centre, metres.
     pub(super) radius_m: f64,
-    /// Whether it is a parallelogram, or so small a sector that it nearly is.
+    /// Whether the patch is a parallelogram, or a sector small enough to be treated as one.
     pub(super) flat: bool,
 }
 
@@ -67,16 +67,16 @@ impl Patch {
         }
     }
 
-    /// Paths from one pulse to the corners against that to the centre, metres.
+    /// Path differences between the corners and the centre for one pulse, metres.
     pub(super) fn offsets_m(&self, antennas: &Antennas) -> impl Iterator<Item = f64> {
         let centre_m = path_m(antennas, self.centre);
         let corners = self.corners.iter();
         corners.map(move |&corner| path_m(antennas, corner) - centre_m)
     }
 
-    /// Largest difference of paths from one pulse to a pixel and to the centre, metres.
+    /// Largest path difference between a pixel and the centre for one pulse, metres.
     pub(super) fn depth_m(&self, antennas: &Antennas) -> f64 {
-        // By the triangle inequality, out and back.
+        // Triangle inequality, for both directions of the path.
         let most_m = 2.0 * self.radius_m;
         if !self.flat {
             return most_m;
@@ -95,7 +95,7 @@ impl Patch {
     }
 }
 
-/// Between which heights over the grid's plane the surface of a rectangle lies, metres; none of a plane.
+/// Range of surface heights above the grid plane in a rectangle, metres; `None` for a plane.
 fn heights_m(grid: &ImageGrid, rectangle: &Rectangle) -> Option<[f64; 2]> {
     let relief = grid.relief.as_ref()?;
     if grid.polar {

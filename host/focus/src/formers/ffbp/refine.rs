@@ -1,16 +1,16 @@
-//! From a patch's history to that of a smaller patch in it.
+//! Computation of a patch history from that of a larger patch.
 //!
-//! **What a halving costs is measured before it is made.** Over pulses the kernel interpolates `exp(j phase_p(u))` of each pixel `p` from the
-//! antennas that are kept to those between. That is evaluated for the corner whose path changes the fastest, at the highest frequency, on runs of
-//! pulses at both ends, where the kernel reaches past the data, and between, and weighted by what each pulse holds
-//! ([`Thinned::weights`](super::thinned::Thinned): a pulse beyond the data's end has the kernel's tails only). Where it costs more than is
-//! allowed, or where antennas are too rough for a patch of this size ([`super::thinned`]), pulses stay as they are, for this patch.
+//! **Error of a decimation.** It is evaluated in advance. Over pulses the kernel interpolates `exp(j phase_p(u))` of each pixel `p` from the
+//! retained antenna positions to those between. This is evaluated for the corner with the fastest path change, at the highest frequency, on segments of
+//! pulses at both ends, where the kernel extends past the data, and in between. Errors are weighted by the power of each pulse
+//! ([`Thinned::weights`](super::thinned::Thinned): a pulse beyond the data has only the kernel's tails). Where the error exceeds its
+//! share, or where the antenna track is too rough for a patch of this size ([`super::thinned`]), the pulses of the patch are not decimated.
 //!
-//! Over frequency it is a tone, of `step (path_p - path_q) / c` cycles a sample: paths are convex in `p`, so over a
-//! patch of a plane, or the box that holds one of a surface, they lie between the tangent at its centre and the largest at its corners, and the kernel's
-//! error is that of its band.
+//! Over frequency the signal is a tone of `step (path_p - path_q) / c` cycles per sample. Paths are convex in `p`: over a plane
+//! patch, or the box around a curved one, they lie between the tangent at the centre and the maximum at the corners. The kernel
+//! error is that for the resulting band.
 //!
-//! A patch as large as half its distance from the antennas is seen in all directions: its pulses are not halved.
+//! A patch larger than half its distance from the antennas is seen in all directions; its pulses are not decimated.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -24,53 +24,53 @@ use super::patch_view::{MARGIN, Patch, path_m};
 use super::shares::Shares;
 use super::thinned::{Antennas, Stretch, pays};
 use crate::FormError;
-use subaperture_kernels::halving::{self, Halving, HalvingScratch, Rows, Turning};
+use subaperture_kernels::decimation::{self, Decimation, DecimationScratch, PhaseRamp, Rows};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::{Collection, PhaseHistory};
 use subaperture_signal::phase::phasor;
 
-/// The stage.
+/// Stage name.
 pub(super) const HISTORIES: &str = "histories of patches";
 
-/// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
+/// Ratio of patch radius to antenna distance above which a patch counts as near.
 const NEAR: f64 = 0.5;
-/// Pulses kept at which paths are looked at.
+/// Retained pulses at which paths are sampled.
 const PLACES: usize = 17;
-/// Pulses left out in each run on which a halving is measured.
+/// Omitted pulses in each segment on which the decimation error is measured.
 const RUN: usize = 4;
-/// Runs between the ends.
+/// Segments between the two ends.
 const INNER_RUNS: usize = 2;
-/// Largest phase from pulse to pulse, cycles, whatever the kernel makes of it.
+/// Largest phase increment between pulses, cycles, for any kernel.
 const FASTEST: f64 = 0.3;
-/// Pulses, at least, that a thread makes at a time.
+/// Minimum pulses computed by a thread at a time.
 const BLOCK: usize = 16;
-/// Bytes of recorded pulses that are read together, for each thread: what stays in caches.
+/// Recorded pulses read together per thread, bytes; sized to stay in cache.
 const READ_BYTES: usize = 1 << 20;
 
-/// Pulses as recorded.
+/// Recorded pulses of a block.
 pub(super) struct Recorded<'a> {
     pub(super) history: &'a dyn PhaseHistory,
-    /// Pulses that are read together.
+    /// Pulses read together.
     pub(super) at_once: usize,
-    /// Asked whether to read on.
+    /// Source of cancellation while reading.
     pub(super) monitor: &'a dyn Monitor,
     pub(super) fast: Vec<f32>,
-    /// One a pulse of the stretch.
+    /// Slow-time weight of each pulse of the block.
     pub(super) slow: Vec<f32>,
-    /// Samples of the whole stretch, if they are held for all first patches.
+    /// Samples of the whole block, if held for all first patches.
     pub(super) held: Option<Vec<Complex32>>,
 }
 
 impl Recorded<'_> {
-    /// All samples of the stretch, where they are held, here or by the history.
+    /// All samples of the block, where held here or by the phase history.
     fn at_hand(&self, stretch: &Stretch) -> Option<&[Complex32]> {
         let held = self.held.as_deref();
         held.or_else(|| self.history.at_hand(stretch.pulses.clone()))
     }
 
-    /// These pulses of the stretch, of which the samples are.
+    /// Given pulses of the block with their samples.
     fn before<'a>(&'a self, samples: &'a [Complex32], pulses: Range<usize>) -> Before<'a> {
         Before::Recorded {
             samples,
@@ -81,10 +81,10 @@ impl Recorded<'_> {
     }
 }
 
-/// Pulses before.
+/// Input pulses of a decimation.
 #[derive(Clone, Copy)]
 enum Before<'a> {
-    /// Some recorded ones, from this of the stretch on.
+    /// Recorded pulses, from this index of the block on.
     Recorded {
         samples: &'a [Complex32],
         first: usize,
@@ -94,14 +94,14 @@ enum Before<'a> {
     History(&'a PatchHistory),
 }
 
-/// One thread's buffers.
+/// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct RefineScratch {
-    halving: HalvingScratch,
-    turnings: Vec<Turning>,
+    halving: DecimationScratch,
+    phase_ramps: Vec<PhaseRamp>,
 }
 
-/// Makes smaller histories.
+/// Computation of decimated histories.
 pub(super) struct Refiner<'a> {
     collection: &'a Collection,
     taps: Vec<f32>,
@@ -110,7 +110,7 @@ pub(super) struct Refiner<'a> {
 }
 
 impl<'a> Refiner<'a> {
-    /// For a bound on the error, dB, of histories of these pulses.
+    /// Prepare for an error bound, dB, and the recorded pulses.
     pub(super) fn of(collection: &'a Collection, error_db: f64) -> Self {
         let counts = [collection.pulses.len(), collection.num_samples];
         let shares = Shares::of(error_db.clamp(-300.0, 0.0), counts);
@@ -122,22 +122,22 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// The kernel at the fraction 1/2.
+    /// Kernel taps at the fraction 1/2.
     pub(super) fn taps(&self) -> &[f32] {
         &self.taps
     }
 
-    /// What recorded pulses are of.
+    /// Axes of the recorded samples.
     pub(super) fn recorded(&self) -> Axes {
         Axes::recorded(self.collection)
     }
 
-    /// How the bound is shared out.
+    /// Shares of the error bound.
     pub(super) fn shares(&self) -> &Shares {
         &self.shares
     }
 
-    /// Whether a history may be halved for a patch, over pulses and over samples.
+    /// Whether a history may be decimated for a patch, over pulses and over samples.
     pub(super) fn halves(&self, stretch: &Stretch, axes: &Axes, patch: &Patch) -> [bool; 2] {
         if !self.shares.decimate {
             return [false; 2];
@@ -175,7 +175,7 @@ impl<'a> Refiner<'a> {
         if rough_rad > self.shares.rough {
             return false;
         }
-        // The fastest corner stands for all.
+        // The corner with the fastest path change represents all.
         let (mut rate_m, mut fastest) = (0.0f64, patch.corners[0]);
         for n in looked_at() {
             let [early, late] = [n, n + 1].map(|n| patch.offsets_m(&kept[n]));
@@ -189,14 +189,14 @@ impl<'a> Refiner<'a> {
             && self.is_faithful(stretch, axes, patch.centre, fastest)
     }
 
-    /// Whether a halving over pulses costs no more than is allowed, for a pixel against the centre, on each of some runs of pulses.
+    /// Whether decimation over pulses keeps its share of the error for a pixel relative to the centre, on each of several segments of pulses.
     fn is_faithful(&self, stretch: &Stretch, axes: &Axes, centre: DVec3, pixel: DVec3) -> bool {
         let [before, after] = [0, 1].map(|more| &stretch.thinned[axes.thinning + more]);
         let cycles_m = axes.highest_hz() / SPEED_OF_LIGHT_M_S;
         let phase = |antennas: &Antennas| {
             phasor((path_m(antennas, pixel) - path_m(antennas, centre)) * cycles_m)
         };
-        // Odd pulses; beyond the data there are as many as the kernel before reached, and more than in a run.
+        // Odd pulses; beyond the data there are as many as the length of the preceding kernel, more than in a segment.
         let (count, width) = (before.antennas.len() / 2, self.taps.len());
         let end = RUN + width / 4;
         let inner = (1..=INNER_RUNS).map(|i| i * count / (INNER_RUNS + 1));
@@ -212,10 +212,10 @@ impl<'a> Refiner<'a> {
                 let got: Complex64 = terms.map(|(z, &h)| z * f64::from(h)).sum();
                 let weight = before.weights[2 * m + 1];
                 error += weight * (got - expected).norm_sqr();
-                // With the even pulse beside it, which stays as it is.
+                // Includes the neighbouring even pulse, which is retained unchanged.
                 weights += 2.0 * weight;
             }
-            // A run of no weight has nothing to lose.
+            // A segment without weight has no error.
             if error.is_nan() || error > self.shares.slow.powi(2) * weights {
                 return false;
             }
@@ -223,12 +223,12 @@ impl<'a> Refiner<'a> {
         true
     }
 
-    /// Makes `own`, the history of a first patch, from recorded pulses, halved as `halves` says.
+    /// Compute `own`, the history of a first patch, from recorded pulses, decimated as given by `halves`.
     ///
-    /// Where they are not at hand they are read in order and once, some at a time while those before are halved.
+    /// Pulses that are not held are read in order and once, block by block while the preceding ones are decimated.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub(super) fn read(
         &self,
         stretch: &Stretch,
@@ -258,7 +258,7 @@ impl<'a> Refiner<'a> {
         let at_once = recorded.at_once.min(num_pulses);
         let room = self.room(at_once);
         let [mut samples, mut ahead] = [(); 2].map(|()| vec![Complex32::ZERO; room]);
-        // Pulses of the stretch in hand.
+        // Pulses of the block currently buffered.
         let mut here = 0..at_once;
         let reading = |range: Range<usize>, to: &mut [Complex32]| {
             let pulses = stretch.pulses.start + range.start..stretch.pulses.start + range.end;
@@ -269,7 +269,7 @@ impl<'a> Refiner<'a> {
         reading(here.clone(), &mut samples)?;
         let mut made = 0;
         loop {
-            // What needs no more than is here.
+            // Outputs that need only the buffered pulses.
             let until = match (here.end == num_pulses, halves[0]) {
                 (true, _) => num_after,
                 (false, true) => here.end / 2,
@@ -297,10 +297,10 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Reads all pulses of a stretch, for more than one first patch.
+    /// Read all pulses of a block for use by several first patches.
     ///
     /// # Errors
-    /// Those of reading.
+    /// Errors of reading.
     pub(super) fn hold(
         &self,
         stretch: &Stretch,
@@ -318,12 +318,12 @@ impl<'a> Refiner<'a> {
         Ok(samples)
     }
 
-    /// Bytes of the samples of a stretch.
+    /// Size of the samples of a block, bytes.
     pub(super) fn held_bytes(&self, stretch: &Stretch) -> u64 {
         8 * (stretch.pulses.len() * self.collection.num_samples) as u64
     }
 
-    /// Recorded pulses that are read together: whole blocks, so that whoever sums pulses as they are read does it in the same order
+    /// Number of recorded pulses read together: whole blocks, so that sums over pulses as they are read have the same order
     /// for any number of threads.
     pub(super) fn read_together(&self, threads: usize) -> usize {
         let pulse_bytes = 8 * self.collection.num_samples;
@@ -332,17 +332,17 @@ impl<'a> Refiner<'a> {
         whole.min(self.collection.pulses.len())
     }
 
-    /// Samples that are held of so many pulses, beside them what is kept of those before.
+    /// Number of buffered samples for the given pulses, including those kept from the preceding ones.
     fn room(&self, at_once: usize) -> usize {
         (at_once + 2 * self.taps.len()) * self.collection.num_samples
     }
 
-    /// Bytes of the pulses in hand and of those being read.
+    /// Memory of buffered pulses and of those being read, bytes.
     pub(super) fn read_bytes(&self, threads: usize) -> u64 {
         2 * 8 * self.room(self.read_together(threads)) as u64
     }
 
-    /// Makes `own`, the history of a patch, from one around it, halved as `halves` says: on this thread with its buffers, else on all.
+    /// Compute `own`, the history of a patch, from a larger one, decimated as given by `halves`: in the given thread's buffers, or on all threads.
     pub(super) fn refine(
         &self,
         stretch: &Stretch,
@@ -367,10 +367,10 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Pulses of a history from `first` on, some of them on each thread.
+    /// Compute pulses of a history from `first` on, divided among threads.
     fn make_together(&self, step: &Step, before: Before, first: usize, out: &mut [f32]) {
         let count = out.len() / step.size;
-        // Of many, several parts a thread: threads are not equally fast.
+        // Several parts per thread balance threads of unequal speed.
         let even = count.div_ceil(rayon::current_num_threads());
         let block = even.min(even.div_ceil(4).max(8 * BLOCK)).max(BLOCK);
         let blocks = out.par_chunks_mut(block * step.size).enumerate();
@@ -379,7 +379,7 @@ impl<'a> Refiner<'a> {
         });
     }
 
-    /// Everything but the values; numbers a pulse.
+    /// Prepare everything except the values; return the number of values per pulse.
     fn prepare(
         &self,
         stretch: &Stretch,
@@ -399,7 +399,7 @@ impl<'a> Refiner<'a> {
         size
     }
 
-    /// Pulses of a history from `first` on.
+    /// Compute pulses of a history from `first` on.
     fn make(
         &self,
         step: &Step,
@@ -425,12 +425,15 @@ impl<'a> Refiner<'a> {
         out: &mut [f32],
         scratch: &mut RefineScratch,
     ) {
-        let RefineScratch { halving, turnings } = scratch;
+        let RefineScratch {
+            halving,
+            phase_ramps,
+        } = scratch;
         let centre = step.patch.centre;
         let taps: &[f32; W] = self.taps.as_slice().try_into().expect("as many taps");
         let range = first..first + out.len() / step.size;
-        turnings.clear();
-        let turning = |axes: &Axes, path_m: f64| Turning {
+        phase_ramps.clear();
+        let turning = |axes: &Axes, path_m: f64| PhaseRamp {
             start: axes.start_hz * (path_m / SPEED_OF_LIGHT_M_S),
             step: axes.step_hz * (path_m / SPEED_OF_LIGHT_M_S),
         };
@@ -445,7 +448,7 @@ impl<'a> Refiner<'a> {
                 let needed = step.needed(W, &range, step.stretch.pulses.len());
                 let start = step.stretch.pulses.start;
                 let pulses = &self.collection.pulses[start + needed.start..start + needed.end];
-                turnings.extend(
+                phase_ramps.extend(
                     pulses
                         .iter()
                         .map(|p| turning(&axes, p.relative_path_m(centre))),
@@ -467,7 +470,7 @@ impl<'a> Refiner<'a> {
                     let antennas = &step.stretch.thinned[axes.thinning].antennas[needed.clone()];
                     let each = antennas.iter().zip(&parent.data_m[needed.clone()]);
                     let paths_m = each.map(|(a, datum_m)| path_m(a, centre) - datum_m);
-                    turnings.extend(paths_m.map(|path_m| turning(axes, path_m)));
+                    phase_ramps.extend(paths_m.map(|path_m| turning(axes, path_m)));
                 }
                 let size = axes.layout().values();
                 let values = &parent.values[needed.start * size..needed.end * size];
@@ -475,13 +478,13 @@ impl<'a> Refiner<'a> {
             }
         };
         let [pulses, samples] = step.halves;
-        let halving_of = Halving {
+        let halving_of = Decimation {
             pulses,
             samples,
             layout,
             rows,
             first: needed.start,
-            turnings,
+            phase_ramps,
         };
         #[cfg(test)]
         {
@@ -497,28 +500,28 @@ impl<'a> Refiner<'a> {
     }
 }
 
-/// A history in the making.
+/// Parameters of a history being computed.
 struct Step<'a> {
     stretch: &'a Stretch,
     patch: &'a Patch,
     halves: [bool; 2],
-    /// Numbers a pulse.
+    /// Values per pulse.
     size: usize,
-    /// Told of it.
+    /// Receiver of progress.
     monitor: &'a dyn Monitor,
 }
 
 impl Step<'_> {
-    /// The pulses before that those of `range` are made of, of `count`.
+    /// Input pulses, of `count`, needed for the output pulses of `range`.
     fn needed(&self, taps: usize, range: &Range<usize>, count: usize) -> Range<usize> {
         match self.halves[0] {
-            true => halving::needed(taps, range, count),
+            true => decimation::needed(taps, range, count),
             false => range.clone(),
         }
     }
 }
 
-/// Some of `count` pulses, from the first to the last.
+/// Evenly spaced indices of `count` pulses, from first to last.
 fn places(count: usize) -> impl Iterator<Item = usize> {
     crate::patch::spread(count, PLACES)
 }

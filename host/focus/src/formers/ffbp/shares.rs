@@ -1,40 +1,40 @@
-//! How the bound on the error is shared out.
+//! Division of the error bound among its causes.
 
 use super::thinned::pays;
 use crate::{MARGIN_DB, rounding};
-use subaperture_kernels::halving::halved;
-use subaperture_signal::halfway::{Halfway, TAPS};
+use subaperture_kernels::decimation::halved;
+use subaperture_signal::halfway::{MidpointKernel, TAPS};
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// The relative RMS errors that the bound allows each cause.
+/// Relative RMS errors allowed for each cause.
 #[derive(Clone, Debug)]
 pub(super) struct Shares {
-    /// Interpolates halfway.
-    kernel: Halfway,
-    /// One halving over pulses.
+    /// Interpolator at the midpoint between samples.
+    kernel: MidpointKernel,
+    /// Error of one decimation over pulses.
     pub(super) slow: f64,
-    /// One halving over samples.
+    /// Error of one decimation over samples.
     fast: f64,
-    /// Antennas that are not smooth.
+    /// Error from antenna tracks that are not smooth.
     pub(super) rough: f64,
-    /// Range profiles.
+    /// Error of range profiles.
     pub(super) profile: f64,
-    /// Polynomials of tiles' paths.
+    /// Error of the path polynomials of tiles.
     pub(super) tiles: f64,
-    /// Phasors and places of tiles in float32, or there are none.
+    /// Error of float32 phasors and positions in tiles; tiles are not used where it is exceeded.
     pub(super) arithmetic: f64,
-    /// Widest band over which the kernel errs by no more than a halving over samples may, cycles a sample.
+    /// Widest band, cycles per sample, with a kernel error within `fast`.
     pub(super) band: f64,
-    /// Most halvings, over pulses and over samples.
+    /// Largest number of decimations over pulses and over samples.
     halvings: [usize; 2],
-    /// Whether kernels are good enough to halve at all.
+    /// Whether the bound permits decimation at all.
     pub(super) decimate: bool,
 }
 
-/// Of the splines that range profiles are read as.
+/// Degree of the splines that interpolate range profiles.
 pub(super) const DEGREE: usize = 3;
 
-/// Shares of the error's power.
+/// Share of the error power.
 const SLOW: f64 = 0.35;
 const FAST: f64 = 0.3;
 const ROUGH: f64 = 0.1;
@@ -42,10 +42,10 @@ const PROFILE: f64 = 0.15;
 const TILES: f64 = 0.05;
 const ARITHMETIC: f64 = 0.05;
 
-/// Relative RMS error of the phases of a halving, and of its sums, in float32.
+/// Relative RMS error of phases and sums of one decimation in float32.
 const HALVING: f64 = 2e-6;
 
-/// How often so many places can be halved by so many taps.
+/// Number of profitable decimations of `count` samples with the given taps.
 fn most_halvings(mut count: usize, taps: usize) -> usize {
     let mut times = 0;
     while pays(count, taps) {
@@ -56,14 +56,14 @@ fn most_halvings(mut count: usize, taps: usize) -> usize {
 }
 
 impl Shares {
-    /// The shares of a bound for so many pulses and samples.
+    /// Divide a bound for the given numbers of pulses and samples.
     pub(super) fn of(error_db: f64, counts: [usize; 2]) -> Self {
         let target = libm::pow(10.0, (error_db - MARGIN_DB) / 20.0);
         let each = TAPS.into_iter().map(|taps| {
             let halvings = counts.map(|count| most_halvings(count, taps).max(1));
-            (Halfway::new(taps), halvings)
+            (MidpointKernel::new(taps), halvings)
         });
-        let good = |(kernel, [slow, fast]): &(Halfway, [usize; 2])| {
+        let good = |(kernel, [slow, fast]): &(MidpointKernel, [usize; 2])| {
             let error = libm::hypot(kernel.error(), HALVING);
             error <= target * (SLOW / *slow as f64).sqrt()
                 && error <= target * (FAST / *fast as f64).sqrt()
@@ -86,17 +86,17 @@ impl Shares {
         }
     }
 
-    /// The kernel at the fraction 1/2.
+    /// Kernel taps at the fraction 1/2.
     pub(super) fn taps(&self) -> Vec<f32> {
         self.kernel.taps().iter().map(|&h| h as f32).collect()
     }
 
-    /// Upsampling of range profiles.
+    /// Upsampling factor of range profiles.
     pub(super) fn oversampling(&self) -> f64 {
         RangeProfiler::oversampling_for(DEGREE, 20.0 * libm::log10(self.profile))
     }
 
-    /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
+    /// Planned error, dB, for `num_pulses` pulses and the given arithmetic error.
     pub(super) fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
         let [slow, fast] = self.halvings.map(|times| times as f64);
         let decimations = match self.decimate {
@@ -111,7 +111,7 @@ impl Shares {
             self.profile,
             libm::hypot(self.tiles, self.arithmetic),
             rounding::sum(num_pulses),
-            // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
+            // Rounding of transforms and profile phases, `RangeProfiler::rounding` for the longest profile.
             4e-7,
             arithmetic,
         ])

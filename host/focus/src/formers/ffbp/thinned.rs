@@ -1,57 +1,57 @@
-//! The antennas of a stretch of pulses, and those of half as many, and of half of these.
+//! Antenna tracks of a block of pulses after repeated decimation by two.
 //!
-//! A halving keeps every other pulse where it is, and `W - 2` places of the old pulses beyond either end, where the kernel reaches past
-//! the data, there are none: the antennas go on there on a polynomial through those at the end, in least squares
-//! (Forsythe's orthogonal polynomials on evenly spaced places). Of all degrees that fit about as well, the lowest is taken: it goes on
-//! the most tamely. Nothing was recorded there; it matters only that paths go on smoothly.
+//! Decimation keeps every other pulse at its position. At `W - 2` output positions beyond each end the kernel extends past
+//! the data, and no antenna position exists: the track is extrapolated by a least-squares polynomial through the pulses near the end
+//! (Forsythe's orthogonal polynomials on evenly spaced nodes). Among degrees that fit about equally well, the lowest is used, since it
+//! extrapolates with the least growth. No echoes were recorded there; only smoothness of the paths matters.
 //!
-//! **Roughness.** What the kernel makes of the pulses between is exact as far as paths to a patch's pixels, against that to its centre, change
-//! smoothly from pulse to pulse. What does not is measured by how far each antenna lies from the polynomial of fifth degree through
-//! the six kept about it (Lagrange's, weights 3, -25, 150, 150, -25, 3 of 256), `m` metres: it turns a term by at most
+//! **Roughness.** Interpolation of the omitted pulses is exact as far as paths to the pixels of a patch, relative to the path to its centre, change
+//! smoothly from pulse to pulse. The deviation from smoothness is measured as the distance `m`, metres, of each antenna from the fifth-degree polynomial through
+//! the six retained positions around it (Lagrange weights 3, -25, 150, 150, -25, 3 over 256). It rotates the phase of a term by at most
 //!
 //! ```text
 //! 2 pi f / c (|m(transmitter)| / d + |m(receiver)| / d) |p - q|
 //! ```
 //!
-//! for a pixel `p` of a patch about `q` as far as `d` from the antennas: the angle between the lines of sight to both is at most
+//! for a pixel `p` of a patch about `q` at a distance `d` from the antennas: the angle between the lines of sight to both is at most
 //! `|p - q| / d`.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use subaperture_kernels::halving::halved;
+use subaperture_kernels::decimation::halved;
 use subaperture_model::phase_history::Pulse;
 
-/// Highest degree of the polynomials.
+/// Highest degree of the extrapolation polynomials.
 const DEGREE: usize = 5;
-/// Pulses for each degree, at least: fewer are followed, not averaged.
+/// Minimum pulses per degree; fewer pulses would be interpolated rather than smoothed.
 const PULSES_A_DEGREE: usize = 6;
-/// How much worse a polynomial of a lower degree may fit.
+/// Largest ratio of fit errors for which the lower degree is used.
 const ABOUT_AS_WELL: f64 = 1.3;
-/// Pulses that a polynomial goes through, in parts of the kernel's taps.
+/// Number of pulses fitted by a polynomial, in multiples of the kernel taps.
 const FITTED: usize = 3;
 
-/// Transmitter and receiver, metres.
+/// Positions of transmitter and receiver, metres.
 pub(super) type Antennas = [DVec3; 2];
 
-/// Pulses left after some halvings.
+/// Antennas and weights after a number of decimations.
 pub(super) struct Thinned {
     pub(super) antennas: Vec<Antennas>,
-    /// Power of a pulse's share of the recorded pulses: 1 of these, the kernels' squares' sum of others.
+    /// Power of a pulse relative to a recorded one: 1 for recorded pulses, the sum of squared kernel weights otherwise.
     pub(super) weights: Vec<f64>,
-    /// Root of the mean square of what the last halving took for smooth and is not, metres, both antennas together.
+    /// RMS deviation from smoothness of the pulses omitted by the last decimation, metres, both antennas together.
     pub(super) roughness_m: f64,
 }
 
-/// A stretch of pulses, and what is left of it after 0, 1, 2, ... halvings.
+/// Block of pulses and its decimations by 1, 2, 4, ...
 pub(super) struct Stretch {
     pub(super) pulses: Range<usize>,
     pub(super) thinned: Vec<Thinned>,
 }
 
 impl Stretch {
-    /// Of `pulses` of those recorded, halved by these taps as long as it pays.
+    /// Decimate `pulses` of the recorded ones with these taps while it is profitable.
     pub(super) fn new(recorded: &[Pulse], pulses: Range<usize>, taps: &[f32]) -> Self {
         let antennas = recorded[pulses.clone()].iter();
         let first = Thinned {
@@ -69,10 +69,10 @@ impl Stretch {
     }
 }
 
-/// A halved history must be at most this much of the one before, or is not made.
+/// Largest ratio of output to input length for a profitable decimation.
 const WORTHWHILE: f64 = 0.8;
 
-/// Whether halving `count` places makes fewer of them.
+/// Whether decimating `count` samples reduces their number enough.
 pub(super) fn pays(count: usize, taps: usize) -> bool {
     halved(count, taps) as f64 <= WORTHWHILE * count as f64
 }
@@ -111,7 +111,7 @@ impl Thinned {
         }
     }
 
-    /// Of the odd pulses about even ones.
+    /// RMS deviation of the odd pulses from the interpolation of even ones, metres.
     fn roughness_m(&self) -> f64 {
         let (mut squares, mut count) = (0.0, 0usize);
         for around in self.antennas.windows(11).step_by(2) {
@@ -128,11 +128,11 @@ impl Thinned {
     }
 }
 
-/// How antennas go on beyond an end.
+/// Extrapolation of the antenna track beyond an end.
 struct Ending([Polynomial; 2]);
 
 impl Ending {
-    /// Through those of some pulses, and exactly through that of pulse `end`.
+    /// Fit a polynomial to the given pulses that passes exactly through pulse `end`.
     fn new(antennas: &[Antennas], end: usize) -> Self {
         Self([0, 1].map(|leg| {
             let positions: Vec<DVec3> = antennas.iter().map(|a| a[leg]).collect();
@@ -157,7 +157,7 @@ struct Polynomial {
 }
 
 impl Polynomial {
-    /// The lowest degree that fits about as well as any.
+    /// Fit of the lowest degree that is about as good as any.
     fn best(positions: &[DVec3]) -> Self {
         let most = (positions.len() / PULSES_A_DEGREE).clamp(1, DEGREE);
         let misfit_m = |fit: &Self| {
@@ -171,7 +171,7 @@ impl Polynomial {
             .map(|(m, f)| (f, m))
             .collect();
         let best_m = fits.iter().map(|(_, m)| *m).fold(f64::INFINITY, f64::min);
-        // A hundredth of a micrometre is nothing at any frequency.
+        // Deviations of a hundredth of a micrometre are negligible at any frequency.
         let enough_m = best_m * ABOUT_AS_WELL + 1e-8;
         let good = fits.into_iter().find(|(_, m)| *m <= enough_m);
         good.map_or_else(|| Self::new(positions, 0), |(fit, _)| fit)
@@ -179,7 +179,7 @@ impl Polynomial {
 
     fn new(positions: &[DVec3], most: usize) -> Self {
         let mut fit = Self {
-            // Relative to one position, so that sums keep their digits far from the scene's origin.
+            // Positions are relative to one of them, to keep digits far from the scene origin.
             origin: positions[0],
             count: positions.len() as f64,
             recurrence: [0.0; DEGREE + 1],
@@ -202,7 +202,7 @@ impl Polynomial {
         fit
     }
 
-    /// All polynomials at `u`, as far as the recurrence is known: `p_(j+1)` needs `b_j`.
+    /// All polynomials at `u` for which the recurrence is known: `p_(j+1)` needs `b_j`.
     fn basis(&self, u: f64) -> [f64; DEGREE + 1] {
         let s = (2.0 * u - self.count + 1.0) / self.count;
         let mut basis = [1.0; DEGREE + 1];
@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quintic_is_fitted_and_continued() {
+    fn quintic_is_fitted_and_extrapolated() {
         let curve = |u: f64| {
             let s = u / 100.0 - 0.7;
             DVec3::new(1e4 + s.powi(5), 3.0 * s * s, -s.powi(3) + s)
@@ -234,13 +234,13 @@ mod tests {
         for u in [-40.0, 0.0, 33.3, 149.0, 190.0] {
             assert!(fit.at(u).distance(curve(u)) < 1e-8, "{u}");
         }
-        // Few pulses: through all of them.
+        // Few pulses: interpolate all of them.
         let few = Polynomial::new(&positions[..3], DEGREE);
         assert!(few.at(2.0).distance(curve(2.0)) < 1e-8);
     }
 
     #[test]
-    fn half_of_the_antennas_stay_and_go_on_smoothly() {
+    fn decimated_antennas_are_retained_and_extrapolated_smoothly() {
         let curve = |u: f64| {
             let s = u / 100.0;
             DVec3::new(20.0 * s, (3.0 * s).sin(), 100.0 + s * s)
@@ -256,7 +256,7 @@ mod tests {
         assert_eq!(half.antennas.len(), 107);
         for (i, [at, _]) in half.antennas.iter().enumerate() {
             let u = 2.0 * i as f64 - 6.0;
-            // Beyond the ends: as a polynomial through 24 pulses goes on.
+            // Beyond the ends: extrapolation by a polynomial through 24 pulses.
             let allowed = if (0.0..=200.0).contains(&u) {
                 0.0
             } else {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_smooth_is_rough() {
+    fn roughness_measures_deviation_from_smooth_track() {
         let jitter_m = 1e-3;
         let antennas = (0..300).map(|n| {
             let off_m = if n % 2 == 0 { 0.0 } else { jitter_m };

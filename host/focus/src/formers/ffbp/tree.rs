@@ -1,23 +1,23 @@
-//! Patches within patches: how a grid is cut.
+//! Division of a grid into nested patches.
 //!
-//! Leaves, all of one size but for those at the grid's ends, from its first pixel on; patches of the next level are of two by two leaves, and
-//! so on up to the first patches. So where a pixel's patches lie follows from the sizes alone, and not from the part of the image that
+//! Leaves have one size, except at the ends of the grid, and start at its first pixel. A patch of the next level consists of two by two leaves,
+//! and so on up to the first patches. The position of a pixel's patches depends on these sizes only, independent of the part of the image that
 //! is formed.
 
 use crate::Tile;
 use crate::patch::{PatchSize, Rectangle};
 use subaperture_model::geometry::ImageGrid;
 
-/// Sizes of patches.
+/// Patch sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Tree {
     /// Rows and columns of a leaf.
     pub(super) leaf: [usize; 2],
-    /// Levels above the leaves.
+    /// Number of levels above the leaves.
     pub(super) levels: usize,
 }
 
-/// A patch: how many levels above the leaves, row and column of such patches.
+/// Patch: level above the leaves, and row and column among the patches of that level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Node {
     pub(super) level: usize,
@@ -35,7 +35,7 @@ impl Tree {
         PatchSize { rows, columns }
     }
 
-    /// The pixels of a patch; none if it is beyond the grid.
+    /// Pixels of a patch; `None` beyond the grid.
     pub(super) fn rectangle(&self, grid: &ImageGrid, node: Node) -> Option<Rectangle> {
         let image = [grid.rows.count, grid.columns.count];
         let size = self.size(node.level);
@@ -47,7 +47,7 @@ impl Tree {
         there.then(|| Rectangle::of(&[rows, columns]))
     }
 
-    /// The patch of a level that has a pixel.
+    /// Patch of a level that contains a pixel.
     pub(super) fn around(&self, level: usize, [row, column]: [usize; 2]) -> Node {
         let [rows, columns] = self.size(level);
         Node {
@@ -56,7 +56,7 @@ impl Tree {
         }
     }
 
-    /// The first patches, row by row.
+    /// First patches in row-major order.
     pub(super) fn roots(&self, grid: &ImageGrid) -> Vec<Node> {
         let [rows, columns] = self.size(self.levels);
         let (down, across) = (
@@ -74,7 +74,7 @@ impl Tree {
             .collect()
     }
 
-    /// Those first patches that have pixels of these tiles.
+    /// First patches that contain pixels of the given tiles.
     pub(super) fn roots_of(&self, grid: &ImageGrid, tiles: &[Tile]) -> Vec<Node> {
         let meet = |own: &Rectangle, tile: &Tile| {
             let mut each = own.place().into_iter().zip(tile.place.place());
@@ -90,7 +90,7 @@ impl Tree {
 }
 
 impl Node {
-    /// The four patches of the level below.
+    /// Four patches of the level below.
     pub(super) fn quarters(self) -> impl Iterator<Item = Self> {
         let Self {
             level,
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn leaves_are_the_grid_s_pixels_once_each() {
+    fn leaves_cover_every_pixel_once() {
         let grid: ImageGrid = "x=0:100:1,y=0:37:1".parse().unwrap();
         let tree = Tree {
             leaf: [8, 12],

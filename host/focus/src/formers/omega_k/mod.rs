@@ -1,31 +1,31 @@
-//! The range migration algorithm, omega-K: the two-dimensional spectrum moved from `(kappa, kx)` to `(kr,
+//! Range migration algorithm (omega-K): mapping of the two-dimensional spectrum from `(kappa, kx)` to `(kr,
 //! kx)`.
 //!
 //! ```text
 //! I(x, r) = sum over kx of exp(j kx x) sum_k F[k][kx] exp(j r kr),   kr = sqrt(kappa_k^2 - kx^2)
 //! ```
 //!
-//! with `F` the spectrum times the reference's amplitude ([`crate::strip`]; Cumming and Wong 2005,
+//! where `F` is the spectrum times the amplitude of the reference ([`crate::frequency_domain`]; Cumming and Wong 2005,
 //! chapter 8; Chim 2018, 3.1.2). In Chim (3.8) to (3.10) the root has `c fx / 4`; it is `c^2 fx^2 / 4`,
 //! and its sign is that of his receiver, opposite to ours.
 //!
-//! **Stolt mapping.** The sum over `k` is one over unevenly spaced `kr`. It is not interpolated, which
-//! would take the spectrum for smooth and need the Jacobian, but spread: each sample, turned to the
-//! reference range at the swath's middle by `exp(j r_ref (kr - kr_0))`, is added to an even grid of `kr`
-//! with a Kaiser-Bessel kernel of 6 taps, and the kernel's roll-off is divided out of the image over
-//! range. That is the sum itself to -107 dB: samples count as they do in `exact`, range side lobes and
-//! the periods of a sampled band included.
+//! **Stolt mapping.** The sum over `k` has unevenly spaced `kr`. Interpolation would assume a smooth spectrum
+//! and need the Jacobian. Instead each sample is gridded: it is phase-rotated to the
+//! reference range at the swath centre by `exp(j r_ref (kr - kr_0))`, added to an even grid of `kr`
+//! with a Kaiser-Bessel kernel of 6 taps, and the roll-off of the kernel is divided out of the image over
+//! range. This evaluates the sum to -107 dB: samples count as in `exact`, including range side lobes and
+//! the periodicity of a sampled band.
 //!
-//! **Assumes** a track near a straight line ([`crate::straight_track`]; [`crate::strip`] says what is compensated) and one band for all pulses; what deviations leave is
-//! in the prediction ([`crate::strip`]). Squint and aperture are not limited but by 80 degrees off broadside, less where the
-//! nearest range is few wavelengths: the ends of the band of directions take `8.5 / sqrt(kappa r)` in sine.
+//! **Assumptions**: a track near a straight line (compensation: [`crate::straight_track`], [`crate::frequency_domain`]) and one band for all pulses; the residual error of deviations is
+//! included in the prediction ([`crate::frequency_domain`]). Squint and aperture are limited to 80 degrees off broadside, less where the
+//! nearest range is a few wavelengths: the tapers of the band of directions take `8.5 / sqrt(kappa r)` in sine.
 //! The swath is not limited; memory and padding grow with the farthest range times the tangent of the
 //! steepest angle.
 //!
-//! **Neglected**: terms of the stationary phase's error from the fourth on ([`crate::strip`]). Rounding
-//! of float32 sums: -110 dB or so.
+//! **Neglected**: terms of the stationary-phase correction from the fourth on ([`crate::frequency_domain`]). Rounding
+//! of float32 sums: about -110 dB.
 //!
-//! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q`
+//! Cost in addition to the common stages: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q`
 //! transforms of `2 R`.
 //!
 //! Accuracy, against [`crate::exact`] without windows (`tests/formers/frequency_domain.rs`):
@@ -39,7 +39,7 @@
 //! | 40 degrees ahead, X band, 200 MHz, 2 km off the track | -109 |
 //! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -89 |
 //!
-//! Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and
+//! Point positions are accurate to 1e-5 of the resolution; widths agree with `exact` to 2e-5 and
 //! side lobes to 0.002 dB.
 
 use std::f64::consts::TAU;
@@ -52,10 +52,12 @@ use subaperture_fft::{Fft, Transforms};
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::cost::transform;
-use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
+use crate::frequency_domain::{
+    self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
+};
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
-    Reason, Remedy, Task, TimeModel, accuracy,
+    BoundPolicy, DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer,
+    ImageSpec, Reason, Remedy, Task, TimeModel, accuracy,
 };
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -63,7 +65,7 @@ use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
-/// The range migration algorithm.
+/// Former by the range migration algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct OmegaK {
@@ -80,14 +82,13 @@ impl Default for OmegaK {
 }
 
 impl OmegaK {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db }
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "omega-k",
     summary: "omega-k: nearly straight tracks",
@@ -108,51 +109,60 @@ impl ImageFormer for OmegaK {
         Some(self.error_db)
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db }))
+    }
+
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
         let settings = json!({});
         let limit = Reason::new(
             "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions ring",
         );
         let limit = limit.helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::FartherGrid]);
-        strip::decide(aim, &Stolt, asked, &limit, settings)
+        frequency_domain::decide(spec, &Stolt, goal, &limit, settings)
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Strip::new(ENTRY.name, aim, Stolt, choices)?))
+        Ok(Box::new(Strip::new(ENTRY.name, spec, Stolt, choices)?))
     }
 }
 
 impl OmegaK {
-    /// How large its arrays are for the pixels of `grid`.
+    /// Array sizes for the pixels of `grid`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] as [`ImageFormer::form`].
+    /// [`FormError::Unsuited`], as for [`ImageFormer::form`].
     pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
-        strip::sizes(collection, grid, &Stolt, self.error_db)
+        frequency_domain::sizes(collection, grid, &Stolt, self.error_db)
     }
 
-    /// [`ImageFormer::form_best`], showing `observe` every array on the way.
+    /// Form the image as [`ImageFormer::form_best`], and pass every intermediate array to `observe`.
     ///
     /// # Errors
-    /// As [`ImageFormer::form_best`].
+    /// Errors of [`ImageFormer::form_best`].
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |decision, work, tiles| {
-            let aim = task.aim();
-            Strip::new(ENTRY.name, aim, Stolt, &decision.choices)?
+        accuracy::keep(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
+            let spec = task.spec();
+            Strip::new(ENTRY.name, spec, Stolt, &decision.choices)?
                 .form_observed(work, tiles, observe)
         })
     }
 }
 
-/// The range wavenumber of a sample as it is.
+/// Exact range wavenumber of a sample.
 struct Stolt;
 
 impl RangeMethod for Stolt {
@@ -164,7 +174,7 @@ impl RangeMethod for Stolt {
         range_m * self.range_wavenumber(kappa, kx)
     }
 
-    /// Each sample spread over 6 cells, weights and a phasor; transforms of `2 R`.
+    /// Each sample is gridded onto 6 cells with weights and a phasor; transforms of `2 R`.
     fn operations(&self, samples: usize, sizes: &Sizes) -> f64 {
         let wavenumbers = sizes.along_wavenumbers as f64;
         wavenumbers * (transform(2.0 * sizes.ranges as f64) + 44.0 * samples as f64)
@@ -181,14 +191,14 @@ impl RangeMethod for Stolt {
     }
 }
 
-/// Spreads samples over an even grid of range wavenumbers.
+/// Gridding of samples onto evenly spaced range wavenumbers.
 struct Spreader {
     wavenumbers: Vec<f64>,
     range: ImageAxis,
     /// Step of the grid, rad/m.
     step: f64,
     kernel: KaiserBessel,
-    /// `1 / Phi` of each range bin.
+    /// Inverse roll-off `1 / Phi` of each range bin.
     roll_off: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
 }

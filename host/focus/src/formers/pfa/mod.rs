@@ -1,6 +1,6 @@
-//! Polar format: the whole aperture as samples of the scene's two-dimensional spectrum.
+//! Polar format algorithm: the aperture as samples of the scene's two-dimensional spectrum.
 //!
-//! With every pulse referred to a centre `q`, the path to a nearby point is linear in its place,
+//! With every pulse referred to a centre `q`, the path to a nearby point is linear in its position,
 //! `path_n(p) - path_n(q) = g_n . (p - q)`, `g_n = u_t + u_r` (unit vectors from the antennas to `q`),
 //! and the matched filter becomes
 //!
@@ -9,36 +9,36 @@
 //! I(p)    = sum_n sum_k a[n][k] exp(+j 2 pi K_nk . p'),      K_nk = f_k g_n / c
 //! ```
 //!
-//! a Fourier sum over samples that lie on a polar raster (hence the name), `K` projected onto the
-//! grid's plane. The textbook's way resamples that raster to a rectangular one; it then needs the
+//! a Fourier sum over samples on a polar raster (hence the name), where `K` is projected onto the
+//! grid plane. The textbook method resamples that raster to a rectangular one. It then needs the
 //! density of the samples as a weight, and approximates a filter with a *uniform* spectrum. The exact
-//! sum that all formers here are held to weighs every *sample* alike, and spreading each sample onto
+//! sum that is the reference here weighs every *sample* equally. Gridding each sample onto
 //! the rectangular raster with a kernel whose transform is divided out of the image (`raster`)
-//! computes just that, with no density to estimate. So that is done.
+//! computes that sum without a density estimate, and is therefore used.
 //!
-//! **Distortion.** `p' = p - q` only at the centre. Elsewhere the curved wave front displaces and
-//! defocuses. The displacement is corrected: `p'` is the place at which the linear paths fit the true
-//! ones best over the aperture, in least squares over 16 pulses.
+//! **Distortion.** `p' = p - q` holds only at the centre. Elsewhere the curved wave front displaces and
+//! defocuses. The displacement is corrected: `p'` is the position at which the linear paths fit the true
+//! ones best over the aperture, by least squares over 16 pulses.
 //!
-//! **Residual.** What the fit leaves cannot be corrected. At offsets `x` across and `y` along the line
+//! **Residual.** The remaining path error cannot be corrected. At offsets `x` across and `y` along the line
 //! of sight, range `R`, half angle `theta_m`, monostatic, straight track: a two-way path of
 //!
 //! ```text
 //! e(theta) = (y^2 - x^2) theta^2 / R
 //! ```
 //!
-//! less its mean, so an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
-//! is the relative RMS error. A quadratic phase of `pi / 2` at the aperture's ends, the usual limit, is
-//! reached at a radius of `2 rho sqrt(R / lambda)` with `rho` the resolution across range (Carrara, Goodman and
-//! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] predicts
-//! what the worst of its pixels has to expect, evaluated with the true paths.
+//! less its mean, with an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
+//! is the relative RMS error. A quadratic phase of `pi / 2` at the ends of the aperture, the usual limit, is
+//! reached at a radius of `2 rho sqrt(R / lambda)`, where `rho` is the cross-range resolution (Carrara, Goodman and
+//! Majewski 1995, chapter 3); -60 dB is reached at 1/22 of it. [`PolarFormat`] predicts the error of
+//! its worst pixel with the true paths.
 //!
-//! Neglected: that residual; the kernels' images (below the bound asked). A grid around an antenna, whose pixels' places the raster does
-//! not hold, is refused.
+//! Neglected: that residual; periodic images of the kernels (below the requested bound). A grid around an antenna, whose pixel positions the raster cannot
+//! represent, is refused.
 //!
-//! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and 16 paths a pixel:
-//! it does not grow with pulses times pixels (`cost`). Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
-//! extent and `W_K` the spectrum's, in each direction.
+//! Cost: `W^2` complex multiply-adds per sample, two transforms, `W^2` and 16 paths per pixel;
+//! it does not grow with pulses times pixels (`cost`). Memory: three rasters of about `(2 D W_K)^2` values, where `D` is the extent of the
+//! grid and `W_K` that of the spectrum, in each direction.
 //!
 //! Accuracy: `tests/formers/pfa_ffbp.rs`, near the centre against the bound and far from it against the
 //! formula above.
@@ -57,14 +57,15 @@ use serde_json::json;
 
 use super::options::ERROR_DB;
 use super::{Entry, of};
+use crate::accuracy::misses;
 use crate::budget::Budget;
 use crate::former::{chosen, misfit};
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
-    Remedy, Tile, Work, rounding,
+    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
+    Reason, Remedy, Tile, Work, rounding,
 };
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -75,17 +76,17 @@ use subaperture_signal::phase::phasor32;
 use plane::{Extent, FIT_PULSES, Plane};
 use raster::{Raster, RasterSize, Readable, Track};
 
-/// Pulses spread at a time.
+/// Pulses gridded at a time.
 const BLOCK_PULSES: usize = 256;
 
-/// The polar format algorithm.
+/// Former by the polar format algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PolarFormat {
-    /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; whether the
-    /// wave front's curvature does depends on the grid.
+    /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; the
+    /// error from wave front curvature depends on the grid.
     pub error_db: f64,
-    /// Where the paths are linearised; the middle of the grid if not given.
+    /// Point about which paths are linearised, scene frame, metres; default: the grid centre.
     pub centre_m: Option<DVec3>,
 }
 
@@ -99,13 +100,13 @@ impl Default for PolarFormat {
 }
 
 impl PolarFormat {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db, ..self }
     }
 
-    /// With paths linearised at this point of the scene frame, metres.
+    /// Set the point about which paths are linearised, scene frame, metres.
     #[must_use]
     pub fn centre_m(self, centre_m: DVec3) -> Self {
         Self {
@@ -115,7 +116,6 @@ impl PolarFormat {
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "pfa",
     summary: "polar format: far scenes, small against their distance",
@@ -136,20 +136,30 @@ impl ImageFormer for PolarFormat {
         Some(self.error_db)
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        let collection = aim.collection;
-        let taps = self.taps();
-        let plane = Plane::new(collection, aim.grid, self.centre_m);
-        let extent = plane.image_extent(aim.grid);
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db, ..*self }))
+    }
+
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        let collection = spec.collection;
+        let plane = Plane::new(collection, spec.grid, self.centre_m);
+        let extent = plane.image_extent(spec.grid);
+        let [residual, rough] = plane.residual(collection, spec.weights, spec.grid);
+        let rounded = rounding::path_phase_rad(spec.collection, spec.grid);
+        let planned = |taps| rounding::total_db(&[residual, raster::error(taps), rounded]);
+        // Where curvature uses up the margin, longer kernels may keep the bound.
+        let taps = match self.taps() {
+            4 if misses(planned(4), Some(self.error_db)) => 6,
+            taps => taps,
+        };
         let size = RasterSize::new(plane.spectrum(collection), extent, taps)?;
-        let kernels = raster::error(taps);
-        let residual = plane.residual(collection, aim.weights, aim.grid);
-        let planned_db = rounding::total_db(&[
-            residual,
-            kernels,
-            rounding::path_phase_rad(aim.collection, aim.grid),
-        ]);
-        asked.check(planned_db, || {
+        let (kernels, planned_db) = (raster::error(taps), planned(taps));
+        goal.check(planned_db, || {
             if residual > kernels {
                 Reason::new("paths over so large a grid are not linear in the place")
                     .helped_by(&[Remedy::SmallerGrid, Remedy::OtherFormer(&["rdbp"])])
@@ -168,16 +178,17 @@ impl ImageFormer for PolarFormat {
                 "raster": size.cells,
                 "kernel_taps": taps,
                 "curvature_error_db": 20.0 * libm::log10(residual.max(1e-15)),
+                "stray_error_db": rounding::total_db(&[rough, kernels, rounded]),
             }),
             planned_db,
             grain: PatchSize::PIXEL,
-            cost: cost::cost(aim, &size),
+            cost: cost::cost(spec, &size),
         })
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("pfa", choices)?;
@@ -185,22 +196,22 @@ impl ImageFormer for PolarFormat {
             return Err(misfit(ENTRY.name, "its centre is no place"));
         }
         Ok(match choices.taps {
-            4 => Box::new(Opened::<4>::new(aim, choices)),
-            _ => Box::new(Opened::<6>::new(aim, choices)),
+            4 => Box::new(Opened::<4>::new(spec, choices)),
+            _ => Box::new(Opened::<6>::new(spec, choices)),
         })
     }
 }
 
-/// What a plan fixes.
+/// Parameters fixed by a plan.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Choices {
     taps: usize,
     centre_m: [f64; 3],
 }
 
-/// Ready to form. What tiles share, the transform, is made with the first and kept.
+/// Plan opened for forming. The transform, which all tiles share, is computed with the first tile and kept.
 struct Opened<'a, const W: usize> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     plane: Plane<'a>,
     extent: Extent,
     norm: f64,
@@ -208,21 +219,21 @@ struct Opened<'a, const W: usize> {
 }
 
 impl<'a, const W: usize> Opened<'a, W> {
-    fn new(aim: Aim<'a>, choices: Choices) -> Self {
+    fn new(spec: ImageSpec<'a>, choices: Choices) -> Self {
         let centre_m = DVec3::from(choices.centre_m);
-        let plane = Plane::new(aim.collection, aim.grid, Some(centre_m));
+        let plane = Plane::new(spec.collection, spec.grid, Some(centre_m));
         Self {
-            extent: plane.image_extent(aim.grid),
+            extent: plane.image_extent(spec.grid),
             plane,
-            norm: aim.weights.normalisation(),
-            aim,
+            norm: spec.weights.normalisation(),
+            spec,
             transform: Mutex::new(None),
         }
     }
 
-    /// The transform of all samples.
+    /// Compute the transform of all samples.
     fn transform(&self, work: &Work) -> Result<Readable<W>, FormError> {
-        let collection = self.aim.collection;
+        let collection = self.spec.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let mut budget = Budget::new(work.memory_bytes);
         let band = self.plane.spectrum(collection);
@@ -249,24 +260,24 @@ impl<'a, const W: usize> Opened<'a, W> {
                 if work.monitor.cancelled() {
                     return Err(FormError::Cancelled);
                 }
-                // The rest is transforms and reading.
+                // The remaining work is transforms and interpolation.
                 work.monitor
                     .progress(0.6 * pulses.end as f64 / num_pulses as f64);
                 Ok(())
             },
         )?;
-        let transform = raster.transform(self.aim.means.transforms, work.monitor);
+        let transform = raster.transform(self.spec.numerics.transforms, work.monitor);
         work.monitor.progress(0.8);
         Ok(transform)
     }
 
-    /// Refers the samples of pulse `n` to the middle of the image, weighted; says which spatial frequencies they are of.
+    /// Refer the weighted samples of pulse `n` to the image centre; return their spatial frequencies.
     fn refer(&self, n: usize, row: &mut [Complex32]) -> Track {
-        let Aim {
+        let ImageSpec {
             collection,
             weights,
             ..
-        } = self.aim;
+        } = self.spec;
         let pulse = &collection.pulses[n];
         let gradient = self.plane.gradient(pulse);
         let path_m =
@@ -296,17 +307,23 @@ impl<const W: usize> Forming for Opened<'_, W> {
         drop(kept);
         let beyond = AtomicBool::new(false);
         let stage = cost::PIXELS;
-        for_each(self.aim.grid, tiles, work.monitor, stage, |point, pixel| {
-            let place_m = self.plane.place(point) - self.extent.centre_m;
-            if !place_m.abs().cmple(self.extent.half_m).all() {
-                beyond.store(true, Ordering::Relaxed);
-            }
-            *pixel += transform.at(place_m) * phasor32(transform.carrier.dot(place_m));
-        });
+        for_each(
+            self.spec.grid,
+            tiles,
+            work.monitor,
+            stage,
+            |point, pixel| {
+                let place_m = self.plane.place(point) - self.extent.centre_m;
+                if !place_m.abs().cmple(self.extent.half_m).all() {
+                    beyond.store(true, Ordering::Relaxed);
+                }
+                *pixel += transform.at(place_m) * phasor32(transform.carrier.dot(place_m));
+            },
+        );
         if work.monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
-        // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
+        // The extent comes from sampled pixels. It contains all pixels where paths are approximately linear; near an antenna they have
         // a cusp.
         if beyond.into_inner() {
             let why =
@@ -320,9 +337,9 @@ impl<const W: usize> Forming for Opened<'_, W> {
 }
 
 impl PolarFormat {
-    /// Taps of the kernels within the error bound, 4 or 6.
+    /// Kernel taps that keep the error bound, 4 or 6.
     fn taps(&self) -> usize {
-        // Spreading and reading, in two directions each.
+        // Gridding and interpolation, in two directions each.
         let target = libm::pow(10.0, (self.error_db - MARGIN_DB) / 20.0);
         if 2.0 * KaiserBessel::new(4).error(0.25) <= target {
             4

@@ -1,46 +1,46 @@
-//! The grid's plane: spectral support of the collection in it, and where the linear model has a pixel.
+//! Grid plane of polar format: spectral support of the collection, and pixel positions in the linear path model.
 
 use std::f64::consts::TAU;
 
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::probes::{Shares, probes, turned};
+use crate::probes::{Shares, probes, rough, turned};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Pulse, Weights};
 
-/// Pulses over which a pixel's place is fitted.
+/// Number of pulses to which a pixel position is fitted.
 pub(super) const FIT_PULSES: usize = 16;
-/// Paths over which residuals are predicted, at most.
+/// Largest number of paths evaluated for the residual.
 const PROBED_PATHS: usize = 8_000_000;
-/// Points a side at which the grid's image is looked at: a circle bulges from a chord of a 32nd of it by
-/// half a percent of the radius.
+/// Points per side at which the grid's image is sampled: a circle exceeds a chord of a 32nd of it by
+/// half a per cent of the radius.
 const PROBE_POINTS: usize = 33;
-/// Margin about the places so found, as a fraction of their extent.
+/// Margin around the sampled positions, as a fraction of their extent.
 const MARGIN: f64 = 0.02;
-/// Least half extent, metres: a grid may be a single pixel.
-const LEAST_HALF_M: f64 = 1e-3;
+/// Smallest half extent, metres, for a grid of a single pixel.
+const MIN_HALF_M: f64 = 1e-3;
 
-/// A rectangle: middle and half extents.
+/// Rectangle by centre and half extents.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
-    /// Middle, metres.
+    /// Position of the centre, metres.
     pub(super) centre_m: DVec2,
-    /// Half of its sides, metres.
+    /// Half of each side, metres.
     pub(super) half_m: DVec2,
 }
 
-/// A rectangle of spatial frequency, cycles a metre.
+/// Rectangle of spatial frequency, cycles per metre.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Band {
-    /// Least.
+    /// Lowest spatial frequency per axis.
     pub(super) low: DVec2,
-    /// Greatest.
+    /// Highest spatial frequency per axis.
     pub(super) high: DVec2,
 }
 
-/// Coordinates in the grid's plane, along and across the mean line of sight, and the fit of places.
+/// Coordinates in the grid plane, along and across the mean line of sight, and the position fit.
 pub(super) struct Plane<'a> {
     pub(super) centre_m: DVec3,
     along: DVec3,
@@ -50,7 +50,7 @@ pub(super) struct Plane<'a> {
     inverse: DMat2,
 }
 
-/// A pulse that the fit uses.
+/// Pulse used by the position fit.
 struct FitPulse<'a> {
     pulse: &'a Pulse,
     gradient: DVec2,
@@ -70,7 +70,7 @@ impl<'a> Plane<'a> {
             .iter()
             .map(|pulse| path_gradient(pulse, centre_m))
             .sum();
-        // A full circle has no mean direction: any will do.
+        // A full circle has no mean direction; any direction is valid.
         let along = (mean - normal * mean.dot(normal))
             .try_normalize()
             .unwrap_or(grid.x_axis);
@@ -91,7 +91,7 @@ impl<'a> Plane<'a> {
         plane
     }
 
-    /// At most `count` pulses, each in the middle of its share of the aperture.
+    /// At most `count` pulses, each at the centre of its share of the aperture.
     fn some_pulses(&self, collection: &'a Collection, count: usize) -> Vec<FitPulse<'a>> {
         let pulses = &collection.pulses;
         let count = count.min(pulses.len());
@@ -107,7 +107,7 @@ impl<'a> Plane<'a> {
             .collect()
     }
 
-    /// `u_t + u_r` in the plane: how the path grows with the place.
+    /// Path gradient `u_t + u_r` in the plane.
     pub(super) fn gradient(&self, pulse: &Pulse) -> DVec2 {
         self.flat(path_gradient(pulse, self.centre_m))
     }
@@ -116,7 +116,7 @@ impl<'a> Plane<'a> {
         DVec2::new(v.dot(self.along), v.dot(self.across))
     }
 
-    /// The place at which the linear paths fit those to `point` best, metres from the centre.
+    /// Position at which the linear paths fit those to `point` best, metres from the centre.
     pub(super) fn place(&self, point: DVec3) -> DVec2 {
         let flat = self.flat(point - self.centre_m);
         let mut sum = DVec2::ZERO;
@@ -127,7 +127,7 @@ impl<'a> Plane<'a> {
         flat + self.inverse * sum
     }
 
-    /// Spatial frequencies of all samples.
+    /// Extent of the spatial frequencies of all samples.
     pub(super) fn spectrum(&self, collection: &Collection) -> Band {
         let mut band = Band {
             low: DVec2::INFINITY,
@@ -144,7 +144,7 @@ impl<'a> Plane<'a> {
         band
     }
 
-    /// Where the pixels' places lie.
+    /// Extent of the pixel positions.
     pub(super) fn image_extent(&self, grid: &ImageGrid) -> Extent {
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for point in probe_points(grid, PROBE_POINTS) {
@@ -155,22 +155,22 @@ impl<'a> Plane<'a> {
         let half_m = (high - low) / 2.0 * (1.0 + 2.0 * MARGIN);
         Extent {
             centre_m: (low + high) / 2.0,
-            half_m: half_m.max(DVec2::splat(LEAST_HALF_M)),
+            half_m: half_m.max(DVec2::splat(MIN_HALF_M)),
         }
     }
 
-    /// The relative RMS error to expect of the worst pixel: what turns the terms of its sum by the phase that
-    /// linear paths leave.
+    /// Predicted relative RMS error of the worst pixel from the phase error of linear paths,
+    /// and its part that varies fast from pulse to pulse.
     pub(super) fn residual(
         &self,
         collection: &Collection,
         weights: &Weights,
         grid: &ImageGrid,
-    ) -> f64 {
+    ) -> [f64; 2] {
         let points = probes(grid);
         let count = collection.pulses.len();
         let most = (PROBED_PATHS / points.len()).max(1);
-        // Evenly, but by a golden ratio off the beat of what repeats.
+        // Even sampling with a golden-ratio offset avoids aliasing with periodic errors.
         let chosen: Vec<usize> = if count <= most {
             (0..count).collect()
         } else {
@@ -194,16 +194,19 @@ impl<'a> Plane<'a> {
             .collect();
         let worst = points.par_iter().map(|&point| {
             let place = self.place(point);
-            slow.worst(
-                known
-                    .iter()
-                    .map(|(pulse, gradient, centre_path_m, rms_hz)| {
-                        let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
-                        turned(TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S)
-                    }),
-            )
+            let phase_rad =
+                |(pulse, gradient, centre_path_m, rms_hz): &(&Pulse, DVec2, f64, f64)| {
+                    let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
+                    TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S
+                };
+            let phases_rad: Vec<f64> = known.iter().map(phase_rad).collect();
+            [
+                slow.worst(phases_rad.iter().map(|&phase_rad| turned(phase_rad))),
+                slow.worst(rough(&phases_rad).map(turned)),
+            ]
         });
-        worst.reduce(|| 0.0, f64::max).sqrt()
+        let most = |a: [f64; 2], b: [f64; 2]| [a[0].max(b[0]), a[1].max(b[1])];
+        worst.reduce(|| [0.0; 2], most).map(f64::sqrt)
     }
 }
 
@@ -212,7 +215,7 @@ fn path_gradient(pulse: &Pulse, point: DVec3) -> DVec3 {
         + (point - pulse.receiver_m).normalize_or_zero()
 }
 
-/// The point of the plane in the middle of the grid; the pole of a polar one that goes far around it.
+/// Plane point at the grid centre, or the pole of a polar grid with a large angular extent.
 fn middle(grid: &ImageGrid) -> DVec3 {
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     for point in probe_points(grid, PROBE_POINTS) {
@@ -225,7 +228,7 @@ fn middle(grid: &ImageGrid) -> DVec3 {
     grid.origin_m + grid.x_axis * middle.x + grid.y_axis * middle.y
 }
 
-/// `side * side` points from the grid's first row and column to its last.
+/// Grid of `side * side` points from first to last row and column.
 fn probe_points(grid: &ImageGrid, side: usize) -> impl Iterator<Item = DVec3> {
     let at = move |axis: &subaperture_model::geometry::Axis, i: usize| {
         let fraction = i as f64 / (side - 1) as f64;
@@ -235,8 +238,8 @@ fn probe_points(grid: &ImageGrid, side: usize) -> impl Iterator<Item = DVec3> {
         .map(move |i| grid.point_m(at(&grid.rows, i / side), at(&grid.columns, i % side)))
 }
 
-/// Of a symmetric matrix without negative eigenvalues. A direction of which the aperture tells nothing
-/// (one pulse, or pulses from one place) is left alone.
+/// Pseudo-inverse of a positive semidefinite matrix. A direction that the aperture does not resolve
+/// (one pulse, or pulses from one position) is excluded.
 fn pseudo_inverse(m: DMat2) -> DMat2 {
     let (a, b, d) = (m.x_axis.x, m.x_axis.y, m.y_axis.y);
     let (mean, difference) = ((a + d) / 2.0, (a - d) / 2.0);
@@ -250,7 +253,7 @@ fn pseudo_inverse(m: DMat2) -> DMat2 {
     let (u, v) = (DVec2::new(cos, sin), DVec2::new(-sin, cos));
     let outer = |v: DVec2| DMat2::from_cols(v * v.x, v * v.y);
     let mut inverse = outer(u) * (1.0 / large);
-    // Below an aperture of a microradian, rounding is all there is.
+    // Below an aperture of a microradian, rounding dominates.
     if small > 1e-12 * large {
         inverse += outer(v) * (1.0 / small);
     }

@@ -1,17 +1,17 @@
-//! A Fourier sum over samples anywhere, at places anywhere: spreading, a transform, reading.
+//! Non-uniform Fourier sum from arbitrary samples to arbitrary positions: gridding, transform, interpolation.
 //!
 //! ```text
 //! F(x) = sum_s a_s exp(+j 2 pi (K_s - K_0) . x)
 //! ```
 //!
-//! Spectrum: a sample is spread onto `W x W` cells of a rectangular raster spaced by `dK = 1 / (2 D)`, `D` the
-//! image's extent, with the Kaiser-Bessel kernel; by the kernel's own interpolation property
+//! Spectrum: a sample is gridded onto `W x W` cells of a rectangular raster with spacing `dK = 1 / (2 D)`, where `D` is the extent of the
+//! image, by the Kaiser-Bessel kernel. By the interpolation property of the kernel
 //! ([`KaiserBessel`]) `sum_i phi(kappa - i) exp(j 2 pi i y) = Phi(y) exp(j 2 pi kappa y)`, `|y| <= 1/4`, so
-//! dividing by `Phi` at the place read gives the sum back. Image: the raster is padded to twice its
-//! size, transformed, and read with the same kernel, whose roll-off is divided out of the raster
-//! first. Only the half of the transform in which the image lies is kept.
+//! dividing by `Phi` at the interpolated position restores the sum. Image: the raster is padded to twice its
+//! size, transformed, and interpolated with the same kernel, whose roll-off is divided out of the raster
+//! first. Only the half of the transform that contains the image is kept.
 //!
-//! In float32; the errors are those of [`KaiserBessel::error`] in two directions, twice.
+//! Arithmetic is float32; the errors are those of [`KaiserBessel::error`] in two directions, twice.
 
 use glam::DVec2;
 use num_complex::Complex32;
@@ -21,25 +21,25 @@ use subaperture_fft::Transforms;
 use super::plane::{self, Extent};
 use crate::budget::Budget;
 use crate::{FormError, Reason, Remedy};
+use subaperture_kernels::gridding::{Band, Line};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::reading::weighted;
-use subaperture_kernels::spreading::{Band, Line};
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
-/// Its stages.
+/// Names of the stages.
 pub(super) const SPREADING: &str = "spreading";
 pub(super) const TRANSFORMS: &str = "transforms";
 
-/// Rows of the raster that one thread spreads onto at a time. Fixed, so that sums have one order.
+/// Raster rows gridded by one thread at a time; fixed, so that the summation order is fixed.
 const ROWS_A_TASK: usize = 32;
 /// Relative error of a kernel's table ([`KaiserBessel`]).
 const TABLE: f64 = 2e-6;
-/// Cells in one direction that no memory would hold in two.
-const MOST_CELLS: f64 = 1e8;
+/// Largest number of cells in one direction; more would not fit any memory in two.
+const MAX_CELLS: f64 = 1e8;
 
-/// Spatial frequencies of a pulse's samples: `start + k step`, cycles a metre.
+/// Spatial frequencies of a pulse's samples: `start + k step`, cycles per metre.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Track {
     pub(super) start: DVec2,
@@ -49,12 +49,12 @@ pub(super) struct Track {
 /// One direction of the raster.
 #[derive(Clone, Copy, Debug)]
 struct RasterAxis {
-    /// Spatial frequency of the cell `count / 2`.
+    /// Spatial frequency of the cell `count / 2`, cycles per metre.
     middle: f64,
-    /// Cells for a cycle a metre.
+    /// Number of cells per cycle per metre.
     cells: f64,
     count: usize,
-    /// Length of the transform.
+    /// Length of the transform, cells.
     length: usize,
 }
 
@@ -62,7 +62,7 @@ impl RasterAxis {
     fn new(low: f64, high: f64, half_m: f64, taps: usize) -> Result<Self, FormError> {
         let cells = 4.0 * half_m;
         let span = ((high - low) * cells).ceil();
-        if span.is_nan() || span > MOST_CELLS {
+        if span.is_nan() || span > MAX_CELLS {
             let why = format!(
                 "the grid, {:.3e} m wide with its distortion, takes {span:.1e} cells of the scene's \
                  spectrum",
@@ -84,27 +84,27 @@ impl RasterAxis {
         (cycles_m - self.middle) * self.cells + (self.count / 2) as f64
     }
 
-    /// Values kept of the transform: the image's half, and the kernel's reach at both ends.
+    /// Retained transform values: half of the transform, and the kernel half-width at both ends.
     fn kept(&self, taps: usize) -> usize {
         (self.length / 2 + 2 * taps).min(self.length)
     }
 
-    /// Roll-off of the reading kernel, divided out.
+    /// Inverse roll-off of the interpolation kernel.
     fn emphasis(&self, kernel: &KaiserBessel) -> Vec<f32> {
         kernel.emphasis(self.count, self.length)
     }
 }
 
-/// How large the raster is.
+/// Size of the raster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RasterSize {
-    /// Taps of the kernels.
+    /// Number of kernel taps.
     pub(super) taps: usize,
     /// Rows and columns of the spectrum.
     pub(super) cells: [usize; 2],
-    /// Lengths of the transforms over them.
+    /// Transform lengths over rows and columns.
     pub(super) lengths: [usize; 2],
-    /// Rows and columns that are kept of the image.
+    /// Retained rows and columns of the image.
     pub(super) kept: [usize; 2],
 }
 
@@ -119,7 +119,7 @@ impl RasterSize {
         })
     }
 
-    /// The most that is held at once: after the transform along one axis, or after both.
+    /// Peak memory, bytes: after the transform along one axis, or after both.
     pub(super) fn bytes(&self) -> u128 {
         let [rows, columns] = self.cells.map(|n| n as u128);
         let [kept_rows, kept_columns] = self.kept.map(|n| n as u128);
@@ -138,18 +138,18 @@ fn raster_axes(
     ])
 }
 
-/// Relative RMS error of spreading and reading together with `taps` taps, in two directions each, tables included: at the
-/// edge of the extent, where a grid of few pixels lies, by 3 dB above the mean.
+/// Relative RMS error of gridding and interpolation together with `taps` taps, in two directions each, including tables. At the
+/// edge of the extent, where a grid of few pixels lies, it is 3 dB above the mean.
 pub(super) fn error(taps: usize) -> f64 {
     2.0 * std::f64::consts::SQRT_2 * libm::hypot(KaiserBessel::new(taps).error(0.25), TABLE)
 }
 
-/// The spectrum, on a raster.
+/// Spectrum on a rectangular raster.
 pub(super) struct Raster<const W: usize> {
     kernel: KaiserBessel,
     rows: RasterAxis,
     columns: RasterAxis,
-    /// Row by row, real and imaginary parts.
+    /// Real and imaginary parts, row by row.
     values: Vec<f32>,
 }
 
@@ -177,7 +177,7 @@ impl<const W: usize> Raster<W> {
         })
     }
 
-    /// Adds the samples of some pulses, `samples` pulse by pulse.
+    /// Grid the samples of a block of pulses, `samples` pulse by pulse.
     pub(super) fn spread(
         &mut self,
         tracks: &[Track],
@@ -208,7 +208,7 @@ impl<const W: usize> Raster<W> {
             });
     }
 
-    /// The image that the spectrum is of.
+    /// Transform the spectrum to the image.
     pub(super) fn transform(self, transforms: Transforms, monitor: &dyn Monitor) -> Readable<W> {
         let Self {
             kernel,
@@ -217,7 +217,7 @@ impl<const W: usize> Raster<W> {
             values,
         } = self;
         let (kept_rows, kept_columns) = (rows.kept(W), columns.kept(W));
-        // Along rows, emphasised both ways.
+        // Transform along rows, with pre-emphasis in both directions.
         let fft = transforms.inverse(columns.length);
         let (row_emphasis, column_emphasis) = (rows.emphasis(&kernel), columns.emphasis(&kernel));
         let mut half = vec![Complex32::ZERO; rows.count * kept_columns];
@@ -245,7 +245,7 @@ impl<const W: usize> Raster<W> {
                 },
             );
         drop(values);
-        // Along columns; the result is stored column by column.
+        // Transform along columns; the result is stored column by column.
         let fft = transforms.inverse(rows.length);
         let mut image = vec![Complex32::ZERO; kept_columns * kept_rows];
         image
@@ -279,22 +279,22 @@ impl<const W: usize> Raster<W> {
     }
 }
 
-/// The image, to be read anywhere.
+/// Transformed image for interpolation at any position.
 pub(super) struct Readable<const W: usize> {
-    /// The spectrum's middle, cycles a metre: taken out of what [`Self::at`] returns.
+    /// Centre of the spectrum, cycles per metre; removed from the values of [`Self::at`].
     pub(super) carrier: DVec2,
     kernel: KaiserBessel,
     rows: RasterAxis,
     columns: RasterAxis,
-    /// Column by column.
+    /// Complex values, column by column.
     image: Vec<Complex32>,
 }
 
 impl<const W: usize> Readable<W> {
-    /// `F(place_m)`; 0 outside the extent, which linear paths have where they are no model at all.
+    /// Value `F(place_m)`; 0 outside the extent, which only occurs where the linear path model is invalid.
     pub(super) fn at(&self, place_m: DVec2) -> Complex32 {
         let (rows, columns) = (&self.rows, &self.columns);
-        // In cycles a cell, at most a quarter inside the extent.
+        // Cycles per cell, at most a quarter inside the extent.
         let y = DVec2::new(place_m.x / rows.cells, place_m.y / columns.cells);
         if !y.abs().cmple(DVec2::splat(0.25)).all() {
             return Complex32::ZERO;
@@ -325,8 +325,8 @@ mod tests {
     use subaperture_model::monitor::Silent;
 
     #[test]
-    fn the_sum_is_the_plain_sum() {
-        // Two tracks that cross cells at odd fractions, one of them backwards in rows.
+    fn raster_sum_equals_direct_sum() {
+        // Two tracks that cross cells at odd fractions, one of them in descending rows.
         let tracks = [
             Track {
                 start: DVec2::new(10.0, -1.0),
@@ -369,7 +369,7 @@ mod tests {
         }
         let error_db = 10.0 * (error / power).log10();
         println!("6 taps: {error_db:.1} dB");
-        // Kernels at -101 dB, their table twice in two directions at -108, float32 at -115.
+        // Kernels at -101 dB, their tables in two directions at -108, float32 at -115.
         assert!(error_db < -97.0, "{error_db}");
     }
 }

@@ -1,6 +1,6 @@
-//! The range-Doppler algorithm.
+//! Range-Doppler algorithm for straight tracks.
 //!
-//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`crate::strip`]) is expanded about the
+//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`crate::frequency_domain`]) is expanded about the
 //! carrier `kappa_c` (that of sample `K/2`), with `D = sqrt(1 - kx^2 / kappa_c^2)` the cosine of the
 //! angle off broadside:
 //!
@@ -10,27 +10,27 @@
 //! g(rho; kx) = sum_k F[k][kx] exp(j rho (kappa_k - kappa_c))
 //! ```
 //!
-//! (Cumming and Wong 2005, chapter 6.) In their order: samples are transformed over slow time, secondary
-//! range compression is applied, samples are transformed over frequency (range compression), read at `r /
-//! D` (range cell migration correction, hyperbolic), multiplied by the azimuth filter `exp(j r kappa_c
-//! D)` of their own range, and transformed back. Chim 2018 3.1.1 has the same with a parabola for `1 /
-//! D`, `1 + (lambda fx)^2 / 8`; his (3.5) gives that as phase with the wrong signs: `D = 1 - (lambda
+//! (Cumming and Wong 2005, chapter 6.) In that order: slow-time transform, secondary
+//! range compression, transform over frequency (range compression), interpolation at `r /
+//! D` (range cell migration correction, hyperbolic), azimuth filter `exp(j r kappa_c
+//! D)` at the range of each sample, and inverse transform. Chim 2018 3.1.1 replaces `1 /
+//! D` by the parabola `1 + (lambda fx)^2 / 8`; his (3.5) gives that as phase with the wrong signs: `D = 1 - (lambda
 //! fx)^2 / 8 - (lambda fx)^4 / 128 - ...`, and `fx` there is `2 x / (lambda R_0)`.
 //!
 //! **Secondary range compression** multiplies the two-dimensional spectrum by `exp(j r_ref (kr - kappa_c
-//! D - (kappa - kappa_c) / D))`: all terms from the second on, exact at the middle of the swath. Without
-//! it the second term defocuses range: by `2 r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians or so at
-//! the band's ends, which grows with the square of squint and bandwidth. With it `r - r_ref` stands for
+//! D - (kappa - kappa_c) / D))`: all terms from the second order on, exact at the centre of the swath. Without
+//! it the second-order term defocuses range by about `2 r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians at
+//! the band edges, which grows with the square of squint and bandwidth. With it, `r - r_ref` replaces
 //! `r`.
 //!
-//! **Neglected**: just that, `(r - r_ref)` times those terms. It is in the prediction ([`crate::strip`]), at
-//! the swath's ends and between. All else is common with [`crate::omega_k`], and as exact: amplitudes, the
-//! aperture's ends, interpolation (-107 dB).
+//! **Neglected**: these terms multiplied by `(r - r_ref)`. They are included in the prediction ([`crate::frequency_domain`]), at
+//! the ends of the swath and between. All other steps are those of [`crate::omega_k`] with the same accuracy: amplitudes, the
+//! ends of the aperture, interpolation (-107 dB).
 //!
-//! **Assumes** a track near a straight line ([`crate::straight_track`]; [`crate::strip`] says what is compensated), one band for all pulses, and a band so narrow that
+//! **Assumptions**: a track near a straight line (compensation: [`crate::straight_track`], [`crate::frequency_domain`]), one band for all pulses, and a band narrow enough that
 //! all directions propagate at `kappa_c`.
 //!
-//! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
+//! Cost in addition to the common stages: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
 //! range bins.
 //!
 //! Accuracy, against [`crate::exact`] without windows (`tests/formers/frequency_domain.rs`), dB:
@@ -42,8 +42,8 @@
 //! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -50 (-32) | not measured |
 //! | 40 degrees ahead, X band, 200 MHz, 2 km off the track, 32 x 32 m | -23 (-16) | +2 (+5): no image |
 //!
-//! Points of the first and third lie where they are to 4e-5 of the resolution; widths agree with
-//! `exact`'s to 2e-5, side lobes to 0.004 dB. For squint, take [`crate::omega_k`], which costs the same.
+//! Point positions of the first and third scene are accurate to 4e-5 of the resolution; widths agree with
+//! `exact` to 2e-5, side lobes to 0.004 dB. For squint, use [`crate::omega_k`] at the same cost.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -52,14 +52,16 @@ use num_complex::Complex32;
 use serde_json::json;
 use subaperture_fft::{Fft, Transforms};
 
-use super::options::{ERROR_DB, Opt, Takes};
+use super::options::{ERROR_DB, FormerOption, OptionType};
 use super::{Entry, of};
 use crate::cost::transform;
-use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
+use crate::frequency_domain::{
+    self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
+};
 use crate::sub_cpi::shared_band;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
-    Reason, Remedy, Task, TimeModel, accuracy,
+    BoundPolicy, DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer,
+    ImageSpec, Reason, Remedy, Task, TimeModel, accuracy,
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
@@ -69,13 +71,13 @@ use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
-/// The range-Doppler algorithm.
+/// Former by the range-Doppler algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RangeDopplerAlgorithm {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
-    /// Whether to compress the second time.
+    /// Whether secondary range compression is applied.
     pub secondary_compression: bool,
 }
 
@@ -89,13 +91,13 @@ impl Default for RangeDopplerAlgorithm {
 }
 
 impl RangeDopplerAlgorithm {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db, ..self }
     }
 
-    /// With secondary range compression or without.
+    /// Enable or disable secondary range compression.
     #[must_use]
     pub fn secondary_compression(self, secondary_compression: bool) -> Self {
         Self {
@@ -105,16 +107,15 @@ impl RangeDopplerAlgorithm {
     }
 }
 
-const NO_SRC: Opt = Opt {
+const NO_SRC: FormerOption = FormerOption {
     name: "no_src",
     summary: "Leave out secondary range compression",
-    takes: Takes::Switch(false),
+    takes: OptionType::Switch(false),
     default: "",
     at: &["secondary_compression"],
     with: None,
 };
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rda",
     summary: "range-Doppler algorithm: nearly straight tracks, little migration",
@@ -135,35 +136,44 @@ impl ImageFormer for RangeDopplerAlgorithm {
         Some(self.error_db)
     }
 
-    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        let method = self.expansion(aim.collection)?;
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db, ..*self }))
+    }
+
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        _: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        let method = self.expansion(spec.collection)?;
         let settings = json!({
             "secondary_range_compression": self.secondary_compression,
         });
         let limit =
             Reason::new("range cell migration is corrected to the first order in frequency only")
                 .helped_by(&[Remedy::OtherFormer(&["omega-k"]), Remedy::SmallerGrid]);
-        strip::decide(aim, &method, asked, &limit, settings)
+        frequency_domain::decide(spec, &method, goal, &limit, settings)
     }
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let method = self.expansion(aim.collection)?;
-        Ok(Box::new(Strip::new(ENTRY.name, aim, method, choices)?))
+        let method = self.expansion(spec.collection)?;
+        Ok(Box::new(Strip::new(ENTRY.name, spec, method, choices)?))
     }
 }
 
 impl RangeDopplerAlgorithm {
-    /// How large its arrays are for the pixels of `grid`.
+    /// Array sizes for the pixels of `grid`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] as [`ImageFormer::form`].
+    /// [`FormError::Unsuited`], as for [`ImageFormer::form`].
     pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
         let method = self.expansion(collection)?;
-        strip::sizes(collection, grid, &method, self.error_db)
+        frequency_domain::sizes(collection, grid, &method, self.error_db)
     }
 
     fn expansion(&self, collection: &Collection) -> Result<Expansion, FormError> {
@@ -173,19 +183,19 @@ impl RangeDopplerAlgorithm {
         })
     }
 
-    /// [`ImageFormer::form_best`], showing `observe` every array on the way.
+    /// Form the image as [`ImageFormer::form_best`], and pass every intermediate array to `observe`.
     ///
     /// # Errors
-    /// As [`ImageFormer::form_best`].
+    /// Errors of [`ImageFormer::form_best`].
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |decision, work, tiles| {
-            let aim = task.aim();
-            let method = self.expansion(aim.collection)?;
-            Strip::new(ENTRY.name, aim, method, &decision.choices)?
+        accuracy::keep(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
+            let spec = task.spec();
+            let method = self.expansion(spec.collection)?;
+            Strip::new(ENTRY.name, spec, method, &decision.choices)?
                 .form_observed(work, tiles, observe)
         })
     }
@@ -195,21 +205,21 @@ fn centre_wavenumber(band: &Band) -> f64 {
     2.0 * TAU * band.centre_hz() / SPEED_OF_LIGHT_M_S
 }
 
-/// The range wavenumber to the first order in frequency.
+/// Range wavenumber to first order in frequency.
 #[derive(Clone, Copy, Debug)]
 struct Expansion {
-    /// `kappa_c`, rad/m.
+    /// Carrier wavenumber `kappa_c`, rad/m.
     centre: f64,
     secondary_compression: bool,
 }
 
 impl Expansion {
-    /// `D`.
+    /// Cosine `D` of the angle off broadside.
     fn cosine(&self, kx: f64) -> f64 {
         (1.0 - (kx / self.centre).powi(2)).sqrt()
     }
 
-    /// The terms from the second order on, rad/m.
+    /// Terms from the second order on, rad/m.
     fn higher_terms(&self, kappa: f64, kx: f64) -> f64 {
         (kappa * kappa - kx * kx).sqrt() - self.range_wavenumber(kappa, kx)
     }
@@ -229,7 +239,7 @@ impl RangeMethod for Expansion {
         range_m * self.range_wavenumber(kappa, kx) + compressed_rad
     }
 
-    /// Range compression by transforms of `2 K`; of each bin's migration and filter 6 taps, weights and a phasor.
+    /// Range compression by transforms of `2 K`; migration correction and azimuth filter of each bin: 6 taps, weights and a phasor.
     fn operations(&self, samples: usize, sizes: &Sizes) -> f64 {
         let wavenumbers = sizes.along_wavenumbers as f64;
         wavenumbers * (transform(2.0 * samples as f64) + 44.0 * sizes.ranges as f64)
@@ -246,15 +256,15 @@ impl RangeMethod for Expansion {
     }
 }
 
-/// Range compression, migration correction and azimuth filter of one wavenumber along the track.
+/// Range compression, migration correction and azimuth filter for one along-track wavenumber.
 struct RangeDopplerStage {
     expansion: Expansion,
     reference_range_m: f64,
     range: ImageAxis,
-    /// Two-way range over which profiles repeat, as a step of `kappa`, rad/m.
+    /// Step of `kappa`, rad/m, which determines the period of the profiles in two-way range.
     step: f64,
     kernel: KaiserBessel,
-    /// `1 / Phi` of each frequency.
+    /// Inverse roll-off `1 / Phi` of each frequency.
     roll_off: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
 }
@@ -315,7 +325,7 @@ impl RangeStage for RangeDopplerStage {
 
         let cosine = self.expansion.cosine(kx);
         if cosine.is_nan() {
-            // No frequency at hand goes that way: the samples have no weight.
+            // No recorded frequency propagates in that direction: the samples have no weight.
             out.fill(Complex32::ZERO);
             return;
         }

@@ -1,4 +1,4 @@
-//! What sub-CPIs of `M` pulses take, of `K` frequencies each.
+//! Cost of sub-CPIs with `M` pulses of `K` frequencies each.
 //!
 //! ```text
 //! thesis   a pixel and sub-CPI: path and rate 34, place 5, bilinear 18, phasor 23, sum 8              88
@@ -7,39 +7,39 @@
 //!          a patch and sub-CPI: compensation 8 M K, Doppler 4 M D K or 2 K transforms of M + D, D transforms of 2 K
 //! ```
 //!
-//! with `D` Doppler bins and kernels of `W` taps. Where samples of a pulse are taken in motion each has a path and a phasor of
-//! its own: compensation takes 60 M K. The thesis's maps are of the whole scene, and made for any tile; the precise
-//! mode's are of a patch, and tiles share none where their edges are those of patches.
+//! with `D` Doppler bins and kernels of `W` taps. With intra-pulse motion each sample has its own path and phasor:
+//! compensation takes 60 M K. The thesis mode's maps cover the whole scene and are shared by all tiles; the precise
+//! mode's maps cover one patch, and tiles share none if their edges coincide with patch edges.
 
 use super::doppler::PULSE_BYTES;
 use super::layout::Layout;
 use super::mapper::{MAPS, PIXELS, Shapes};
 use super::times::{by_product, map_ns, pixel_ns, table_bytes};
-use crate::Aim;
-use crate::cost::{Cost, Each, StageCost, transform};
+use crate::ImageSpec;
+use crate::cost::{Copies, Cost, StageCost, transform};
 use crate::patch::Patches;
 use subaperture_kernels::map::row_length;
 
-/// Pixels by pulses' operations of the thesis's mode.
+/// Operations per pixel and sub-CPI of the thesis mode.
 const THESIS_PIXEL: f64 = 88.0;
-/// Those of the precise mode beside its kernel's.
+/// Operations per pixel and sub-CPI of the precise mode without the kernel.
 const PRECISE_PIXEL: f64 = 56.0;
-/// Compensating a sample to a patch's centre, taken with its pulse's others or at its own place.
+/// Operations of compensating a sample to a patch centre: without, and with intra-pulse motion.
 const COMPENSATION: [f64; 2] = [8.0, 60.0];
 
-/// Of the thesis's mode laid out as `layout`.
-pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {
+/// Cost of the thesis mode with the given layout.
+pub(super) fn thesis(spec: &ImageSpec, layout: &Layout, keystone: bool) -> Cost {
     let (k, m) = (layout.band.count as f64, layout.longest as f64);
     let (doppler, range) = (layout.doppler_length as f64, layout.range_length as f64);
     let resampling = if keystone { 4.0 * k * m * m } else { 0.0 };
     let map = resampling + k * transform(doppler) + doppler * transform(range);
     let sub_cpis = layout.sub_cpis.len() as f64;
-    let pixels = THESIS_PIXEL * aim.grid.num_pixels() as f64;
-    let model = aim.means.model;
+    let pixels = THESIS_PIXEL * spec.grid.num_pixels() as f64;
+    let model = spec.numerics.model;
     let maps_ns = k * model.transform(doppler) + doppler * model.transform(range);
-    let pixel_ns = model.map_pixel_ns * aim.grid.num_pixels() as f64;
+    let pixel_ns = model.map_pixel_ns * spec.grid.num_pixels() as f64;
     let cost = Cost::of([
-        // Of Keystone an operation is a fourth of a tap's.
+        // An operation of the Keystone transform takes a fourth of a tap's time.
         StageCost::shared(
             MAPS,
             sub_cpis * map,
@@ -47,29 +47,29 @@ pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {
         ),
         StageCost::new(PIXELS, sub_cpis * pixels, sub_cpis * pixel_ns),
     ]);
-    let cost = cost.holding("map", Each::Pass, 8.0 * doppler * (range + k));
+    let cost = cost.holding("map", Copies::Pass, 8.0 * doppler * (range + k));
     let cost = match keystone {
-        true => cost.holding("Keystone weights", Each::Pass, 4.0 * k * m * m),
+        true => cost.holding("Keystone weights", Copies::Pass, 4.0 * k * m * m),
         false => cost,
     };
-    cost.holding("a sub-CPI", Each::Pass, 8.0 * k * m)
+    cost.holding("a sub-CPI", Copies::Pass, 8.0 * k * m)
 }
 
-/// Of the precise mode: `sub_cpis` are their lengths, `held` the pulses in hand.
+/// Cost of the precise mode; `sub_cpis` are the lengths, `held` the buffered pulses.
 pub(super) fn precise(
-    aim: &Aim,
+    spec: &ImageSpec,
     sub_cpis: &[usize],
     shapes: &Shapes,
     patches: &Patches,
     taps: usize,
     held: usize,
 ) -> Cost {
-    let k = aim.collection.num_samples as f64;
-    let compensation = COMPENSATION[usize::from(aim.collection.sweeps())];
+    let k = spec.collection.num_samples as f64;
+    let compensation = COMPENSATION[usize::from(spec.collection.sweeps())];
     let taps = taps as f64;
     let pixel = PRECISE_PIXEL + 8.0 * taps + 4.0 * taps * taps;
-    let (num_pixels, sub_cpi_count) = (aim.grid.num_pixels() as f64, sub_cpis.len() as f64);
-    let model = aim.means.model;
+    let (num_pixels, sub_cpi_count) = (spec.grid.num_pixels() as f64, sub_cpis.len() as f64);
+    let model = spec.numerics.model;
     let count = patches.count() as f64;
     let (mut maps, mut maps_ns) = (0.0, 0.0);
     for length in sub_cpis {
@@ -85,17 +85,17 @@ pub(super) fn precise(
     }
     let read = sub_cpi_count * num_pixels;
     let shapes = || shapes.values().map(|(shape, _)| shape);
-    let tables = shapes().map(|shape| table_bytes(model, aim.collection.num_samples, shape));
+    let tables = shapes().map(|shape| table_bytes(model, spec.collection.num_samples, shape));
     let map = shapes().map(|shape| {
         let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
-        // A row more is in transform.
+        // One additional row is being transformed.
         8.0 * (bins + 1.0) * row_length((2.0 * k) as usize) as f64 + m * PULSE_BYTES as f64
     });
     Cost::of([
         StageCost::new(MAPS, maps, maps_ns),
         StageCost::new(PIXELS, read * pixel, read * pixel_ns(model, taps)),
     ])
-    .holding("Doppler tables", Each::Image, tables.sum::<u64>() as f64)
-    .holding("map", Each::Thread, map.fold(0.0, f64::max))
-    .holding("pulses", Each::Pass, 8.0 * k * held as f64)
+    .holding("Doppler tables", Copies::Image, tables.sum::<u64>() as f64)
+    .holding("map", Copies::Thread, map.fold(0.0, f64::max))
+    .holding("pulses", Copies::Pass, 8.0 * k * held as f64)
 }

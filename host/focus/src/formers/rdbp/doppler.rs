@@ -1,8 +1,8 @@
-//! A patch's samples from slow time to Doppler: compensated to its centre, Keystone and Doppler in one.
+//! Transform of a patch's samples from slow time to Doppler: motion compensation to the centre, then Keystone and Doppler in one step.
 //!
-//! Two ways to the same transform, whichever takes less time by the model ([`super::times`]): the sum itself as a product of matrices
-//! ([`subaperture_kernels::doppler`]) where bins are few, as they mostly are, chirp-z ([`subaperture_signal::scaled_dft`]) where pulses and bins are many.
-//! Either goes by blocks of frequencies, whose samples of all pulses stay in cache.
+//! Two algorithms compute the same transform; the faster by the timing model ([`super::times`]) is used: a matrix product
+//! ([`subaperture_kernels::doppler`]) for few bins, the usual case, and chirp-z ([`subaperture_signal::scaled_dft`]) for many pulses and bins.
+//! Both process blocks of frequencies, whose samples of all pulses stay in cache.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -19,34 +19,34 @@ use subaperture_model::phase_history::Collection;
 use subaperture_signal::phase::{narrow, phasor};
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
-/// The transform of sub-CPIs of one length.
+/// Doppler transform of sub-CPIs of one length.
 pub(super) enum Doppler {
     Product(DopplerProduct),
     Chirp(ScaledDft),
 }
 
-/// What is done with every sample before.
+/// Compensation and weighting of every sample before the transform.
 pub(super) struct Compensation<'a> {
     pub(super) collection: &'a Collection,
-    /// Weights of samples, with what range transforms need.
+    /// Weights of the frequency samples, including the pre-emphasis for range interpolation.
     pub(super) fast: &'a [f32],
-    /// Those of pulses.
+    /// Slow-time weights of the pulses.
     pub(super) slow: &'a [f64],
-    /// And of all.
+    /// Common factor of all weights.
     pub(super) norm: f64,
     pub(super) instructions: Instructions,
 }
 
-/// Bytes of one thread's buffers for each pulse of the longest sub-CPI: a block of its samples, and its ramp.
+/// Buffer size per pulse of the longest sub-CPI for one thread, bytes: a block of its samples, and its phase ramp.
 pub(super) const PULSE_BYTES: usize = 8 * BLOCK + size_of::<GroupRamp>();
 
-/// One thread's buffers.
+/// Scratch buffers of one thread.
 pub(super) struct DopplerScratch {
     /// Compensated samples of a block, `[pulse][real, imaginary][BLOCK]`.
     planes: Vec<f32>,
     ramps: Vec<GroupRamp>,
     sums: Vec<f32>,
-    /// Slow time of one frequency, and what its transforms need.
+    /// Slow-time samples of one frequency, and scratch of its transform.
     row: Vec<Complex32>,
     chirp: Vec<Complex32>,
 }
@@ -65,7 +65,7 @@ impl Doppler {
         }
     }
 
-    /// Doppler bins.
+    /// Number of Doppler bins.
     pub(super) fn outputs(&self) -> usize {
         match self {
             Self::Product(product) => product.outputs(),
@@ -73,7 +73,7 @@ impl Doppler {
         }
     }
 
-    /// Compensates the samples of a sub-CPI, pulse by pulse, to `centre`, and puts their spectra into the map's rows.
+    /// Compensate the samples of a sub-CPI to `centre`, pulse by pulse, and write their spectra to the rows of the map.
     pub(super) fn map(
         &self,
         compensation: &Compensation,
@@ -116,7 +116,7 @@ impl Compensation<'_> {
         self.slow[n] * self.norm
     }
 
-    /// Where the ramps of a sub-CPI's pulses begin, unless samples are taken in motion.
+    /// Initialise the phase ramps of a sub-CPI's pulses; not used with intra-pulse motion.
     fn begin(&self, sub_cpi: &SubCpi, centre: DVec3, scratch: &mut DopplerScratch) {
         scratch.ramps.clear();
         let pulses = &self.collection.pulses[sub_cpi.pulses.clone()];
@@ -131,7 +131,7 @@ impl Compensation<'_> {
         }
     }
 
-    /// Phase of every sample of the next block referred to the patch's centre; windows applied.
+    /// Compensate and weight every sample of the next block with the phase referred to the patch centre.
     fn block(
         &self,
         sub_cpi: &SubCpi,
@@ -176,7 +176,7 @@ impl Compensation<'_> {
 }
 
 impl DopplerScratch {
-    /// For any of some transforms, of sub-CPIs of at most `pulses`.
+    /// Allocate buffers for any of the transforms and sub-CPIs of at most `pulses`.
     pub(super) fn new<'a>(all: impl Iterator<Item = &'a Doppler>, pulses: usize) -> Self {
         let [sums, row, chirp] = Self::lengths(all, pulses);
         Self {
@@ -188,7 +188,7 @@ impl DopplerScratch {
         }
     }
 
-    /// Bytes of it.
+    /// Size of these buffers, bytes.
     pub(super) fn bytes<'a>(all: impl Iterator<Item = &'a Doppler>, pulses: usize) -> u64 {
         let [sums, row, chirp] = Self::lengths(all, pulses);
         (PULSE_BYTES * pulses + 4 * sums + 8 * (row + chirp)) as u64

@@ -1,4 +1,4 @@
-//! The maps of one patch: samples compensated to its centre, Keystone and Doppler, range, and every pixel read.
+//! Range-Doppler maps of a patch: compensation to its centre, Keystone and Doppler, range, interpolation of every pixel.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use num_complex::{Complex32, Complex64};
 use subaperture_fft::Fft;
 
 use super::doppler::{Compensation, Doppler, DopplerScratch};
-use crate::Aim;
+use crate::ImageSpec;
 use crate::exact::add_pulse;
 use crate::patch::{Rectangle, Segment};
 use crate::sub_cpi::SubCpi;
@@ -24,29 +24,29 @@ use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::narrow;
 use subaperture_signal::scaled_dft::Shape;
 
-/// The stages.
+/// Names of the stages.
 pub(super) const MAPS: &str = "maps";
 pub(super) const PIXELS: &str = "pixels";
 
-/// Pixels whose paths are held at a time.
+/// Pixels whose paths are computed at a time.
 const RUN: usize = 256;
 
-/// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
+/// Shape of the Doppler transform and bins per cycle per pulse, for each sub-CPI length.
 pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
 
 /// Doppler processing for sub-CPIs of one length.
 struct DopplerStage {
     doppler: Doppler,
-    /// Bin of zero Doppler, and bins per cycle a pulse.
+    /// Bin of zero Doppler, and bins per cycle per pulse.
     centre: f64,
     bins_per_cycle: f64,
 }
 
-/// Everything that does not change from map to map.
+/// Data shared by all maps.
 pub(super) struct Mapper<'a, const W: usize> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     kernel: KaiserBessel,
-    /// Fast-time window over the kernel's spectrum.
+    /// Fast-time window divided by the kernel's spectrum.
     range_weights: Vec<f32>,
     stages: BTreeMap<usize, DopplerStage>,
     range_fft: Arc<dyn Fft<f32>>,
@@ -56,21 +56,21 @@ pub(super) struct Mapper<'a, const W: usize> {
     range_bins_m: f64,
 }
 
-/// One thread's buffers.
+/// Scratch buffers of one thread.
 pub(super) struct Scratch {
     doppler: DopplerScratch,
-    /// The map as it is read ([`Map`]).
+    /// Map in the layout of the interpolator ([`Map`]).
     map: Vec<f32>,
-    /// A row of it, and what its transform needs.
+    /// Row of the map, and scratch of its transform.
     fft: Vec<Complex32>,
-    /// Places of a run of pixels, and the lines of their paths.
+    /// Positions of a block of pixels, and the linear models of their paths.
     points: Points,
     lines: Vec<Line>,
 }
 
 impl<'a, const W: usize> Mapper<'a, W> {
-    pub(super) fn new(aim: Aim<'a>, band: &Band, shapes: &Shapes) -> Self {
-        let transforms = aim.means.transforms;
+    pub(super) fn new(spec: ImageSpec<'a>, band: &Band, shapes: &Shapes) -> Self {
+        let transforms = spec.numerics.transforms;
         let kernel = KaiserBessel::new(W);
         let length = fast_length(2 * band.count);
         let centre = band.count / 2;
@@ -84,19 +84,19 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
             let stage = DopplerStage {
-                doppler: Doppler::new(aim.means.model, transforms, &scales, shape, weight),
+                doppler: Doppler::new(spec.numerics.model, transforms, &scales, shape, weight),
                 centre: shape.output_centre,
                 bins_per_cycle,
             };
             (inputs, stage)
         };
-        let fast = aim.weights.fast.iter().enumerate();
+        let fast = spec.weights.fast.iter().enumerate();
         Self {
-            aim,
+            spec,
             range_weights: fast.map(range_weight).collect(),
             stages: shapes.iter().map(stage).collect(),
             range_fft: transforms.inverse(length),
-            norm: aim.weights.normalisation(),
+            norm: spec.weights.normalisation(),
             instructions: Instructions::best(),
             centre_cycles_m: band.centre_hz() / SPEED_OF_LIGHT_M_S,
             range_bins_m: length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S,
@@ -112,7 +112,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         self.stages.values().map(|stage| &stage.doppler)
     }
 
-    /// Values of the largest map, and of what range transforms need.
+    /// Values of the largest map, and scratch values of range transforms.
     fn scratch_lengths(&self) -> [usize; 2] {
         let bins = self.dopplers().map(Doppler::outputs).max().unwrap_or(0);
         let fft = &self.range_fft;
@@ -138,7 +138,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
     }
 
-    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch.
+    /// Add one sub-CPI, `samples` pulse by pulse, to one patch.
     pub(super) fn add(
         &self,
         sub_cpi: &SubCpi,
@@ -156,7 +156,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         self.read(stage, sub_cpi, samples, rectangle, scratch, segments);
     }
 
-    /// Compensation, Keystone and Doppler, then range.
+    /// Compute the map: compensation, Keystone and Doppler, then range.
     fn map(
         &self,
         stage: &DopplerStage,
@@ -173,9 +173,9 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let map = &mut map[..2 * stage.doppler.outputs() * row_length];
         map.fill(0.0);
         let compensation = Compensation {
-            collection: self.aim.collection,
+            collection: self.spec.collection,
             fast: &self.range_weights,
-            slow: &self.aim.weights.slow,
+            slow: &self.spec.weights.slow,
             norm: self.norm,
             instructions: self.instructions,
         };
@@ -185,7 +185,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
             length,
             first: length - num_samples / 2,
         };
-        let centre = rectangle.centre_m(self.aim.grid);
+        let centre = rectangle.centre_m(self.spec.grid);
         let of = &stage.doppler;
         of.map(&compensation, sub_cpi, centre, samples, doppler, &mut rows);
         let (row, fft) = fft.split_at_mut(length);
@@ -198,14 +198,14 @@ impl<'a, const W: usize> Mapper<'a, W> {
             for (z, (re, im)) in row.iter().zip(real.iter_mut().zip(&mut *imaginary)) {
                 (*re, *im) = (z.re, z.im);
             }
-            // Range repeats; value by value, for a row may be shorter than what is repeated.
+            // Range is periodic. Values are copied one by one, since a row may be shorter than its repetition.
             for i in length..row_length {
                 (real[i], imaginary[i]) = (real[i - length], imaginary[i - length]);
             }
         }
     }
 
-    /// Reads the map at every pixel's range and Doppler.
+    /// Interpolate the map at the range and Doppler of every pixel.
     fn read(
         &self,
         stage: &DopplerStage,
@@ -218,7 +218,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let Scratch {
             map, points, lines, ..
         } = scratch;
-        let grid = self.aim.grid;
+        let grid = self.spec.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let map = Map::<W> {
             values: &map[..2 * stage.doppler.outputs() * self.row_length()],
@@ -257,14 +257,14 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
     }
 
-    /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
-    /// at: the sum itself.
+    /// Exact sum for a pixel with a Doppler outside the map. Such pixels occur near the antennas, between the points at which rates
+    /// were sampled.
     fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
-        let weights = self.aim.weights;
+        let weights = self.spec.weights;
         let mut sums = [Complex64::ZERO];
         let rows = samples.chunks_exact(weights.fast.len());
         for (n, row) in sub_cpi.pulses.clone().zip(rows) {
-            let pulse = &self.aim.collection.pulses[n];
+            let pulse = &self.spec.collection.pulses[n];
             add_pulse(
                 pulse,
                 weights.slow[n],

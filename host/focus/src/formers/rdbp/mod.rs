@@ -1,16 +1,16 @@
-//! Sub-CPI range-Doppler backprojection: the aperture in short pieces, each turned into a
-//! range-Doppler map, every pixel read from the map at its own range and Doppler.
+//! Sub-CPI range-Doppler backprojection: the aperture is divided into short sub-apertures, each transformed to a
+//! range-Doppler map, and every pixel is interpolated in the map at its range and Doppler.
 //!
 //! Schone 2020, chapter 3, in two modes:
 //!
-//! - [`Mode::Thesis`], as written there: sinc-resampled Keystone, zero-padded Doppler and range
-//!   transforms, bilinear reading ([`thesis`]). Long sub-CPIs give grating lobes. [`Thesis`] has what the
+//! - [`Mode::Thesis`], as published: sinc-resampled Keystone, zero-padded Doppler and range
+//!   transforms, bilinear interpolation ([`thesis`]). Long sub-CPIs give grating lobes. [`Thesis`] contains the parameters that the
 //!   thesis varies.
 //! - [`Mode::Precise`], the default ([`precise`]): the phase history of every patch of pixels is first
-//!   motion-compensated to the patch's centre with each pulse's own position, Keystone is an exact
-//!   scaled transform, and maps are read with a Kaiser-Bessel kernel on a grid twice as fine as
-//!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
-//!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
+//!   motion-compensated to the patch centre with each pulse's own position, Keystone is an exact
+//!   scaled transform, and maps are interpolated with a Kaiser-Bessel kernel on a grid twice as fine as
+//!   Nyquist's. The quadratic phase that caused the grating lobes is common to the patch and removed by
+//!   the compensation; its variation across the patch limits the length of a sub-CPI ([`Plan`]).
 
 mod cost;
 mod doppler;
@@ -25,43 +25,45 @@ mod times;
 use serde_json::json;
 
 use super::{Entry, of};
+use crate::compared::SWATH;
 use crate::former::chosen;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy,
+    DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason,
+    Remedy,
 };
 use subaperture_model::monitor::Monitor;
 
 pub use plan::{Plan, Request};
 pub use thesis::Thesis;
 
-/// How maps are made and read.
+/// Method for computing and interpolating maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// Patch compensation, scaled transform, Kaiser-Bessel kernel.
     #[default]
     Precise,
-    /// As the thesis has it.
+    /// Method of the thesis.
     Thesis(Thesis),
 }
 
-/// Sub-CPI range-Doppler backprojection.
+/// Former by sub-CPI range-Doppler backprojection.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct RangeDoppler {
-    /// How maps are made and read.
+pub struct RangeDopplerBackprojection {
+    /// Method for computing and interpolating maps.
     pub mode: Mode,
-    /// Bound on the relative RMS error of the image, dB (negative). The thesis's mode does not plan by it: it
-    /// takes 40 pulses a sub-CPI, as its chapter 4, unless told otherwise, and has a bound of its own to be held to
+    /// Bound on the relative RMS error of the image, dB (negative). The thesis mode does not plan by it: it
+    /// uses sub-CPIs of 40 pulses by default, as in its chapter 4, and has a separate optional bound
     /// ([`Thesis::error_db`]).
     pub error_db: f64,
-    /// Pulses a sub-CPI; planned if not given.
+    /// Pulses per sub-CPI; planned by default.
     pub sub_cpi: Option<usize>,
-    /// Side of a patch, metres; planned if not given. The thesis's mode has no patches.
+    /// Side of a patch, metres; planned by default. The thesis mode has no patches.
     pub patch_m: Option<f64>,
 }
 
-impl Default for RangeDoppler {
+impl Default for RangeDopplerBackprojection {
     fn default() -> Self {
         Self {
             mode: Mode::Precise,
@@ -72,20 +74,20 @@ impl Default for RangeDoppler {
     }
 }
 
-impl RangeDoppler {
-    /// With this bound on the relative RMS error of the image, dB (negative).
+impl RangeDopplerBackprojection {
+    /// Make the former with a bound on the relative RMS error of the image, dB (negative).
     #[must_use]
     pub fn error_db(self, error_db: f64) -> Self {
         Self { error_db, ..self }
     }
 
-    /// With maps made and read in this way.
+    /// Set the method for computing and interpolating maps.
     #[must_use]
     pub fn mode(self, mode: Mode) -> Self {
         Self { mode, ..self }
     }
 
-    /// With so many pulses a sub-CPI.
+    /// Set the number of pulses per sub-CPI.
     #[must_use]
     pub fn sub_cpi(self, pulses: usize) -> Self {
         Self {
@@ -94,7 +96,7 @@ impl RangeDoppler {
         }
     }
 
-    /// With patches of this side, metres.
+    /// Set the side of a patch, metres.
     #[must_use]
     pub fn patch_m(self, side_m: f64) -> Self {
         Self {
@@ -104,15 +106,14 @@ impl RangeDoppler {
     }
 }
 
-/// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rdbp",
     summary: "sub-CPI range-Doppler backprojection: any track, fast",
     options: &options::ALL,
-    of: of::<RangeDoppler>,
+    of: of::<RangeDopplerBackprojection>,
 };
 
-impl ImageFormer for RangeDoppler {
+impl ImageFormer for RangeDopplerBackprojection {
     fn name(&self) -> &'static str {
         ENTRY.name
     }
@@ -141,31 +142,31 @@ impl ImageFormer for RangeDoppler {
 
     fn decide(
         &self,
-        aim: &Aim,
-        asked: &Asked,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
         monitor: &dyn Monitor,
     ) -> Result<Decision, FormError> {
         match self.mode {
             Mode::Thesis(options) => {
                 let sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
-                thesis::Choices::new(sub_cpi, &options)?.decide(aim, asked)
+                thesis::Choices::new(sub_cpi, &options)?.decide(spec, goal)
             }
             Mode::Precise => {
                 let request = Request {
                     error_db: self.error_db,
                     sub_cpi: self.sub_cpi,
                     patch_m: self.patch_m,
-                    memory_bytes: aim.scratch_bytes,
+                    memory_bytes: spec.scratch_bytes,
                 };
-                let plan = Plan::by(aim.means.model, aim.collection, aim.grid, &request)?;
-                asked.check(plan.predicted_db, || {
+                let plan = Plan::by(spec.numerics.model, spec.collection, spec.grid, &request)?;
+                goal.check(plan.predicted_db, || {
                     Reason::new(
                         "sub-CPIs and patches of these sizes, or float32 sums, leave no less",
                     )
                     .helped_by(self.remedies())
                 })?;
-                let choices = precise::Choices::new(aim, &plan, monitor)?;
-                let (grain, cost) = choices.grain_and_cost(aim)?;
+                let choices = precise::Choices::new(spec, &plan, monitor)?;
+                let (grain, cost) = choices.grain_and_cost(spec)?;
                 Ok(Decision {
                     choices: json!({ "precise": choices }),
                     settings: json!({
@@ -175,6 +176,7 @@ impl ImageFormer for RangeDoppler {
                         "patch_rows": plan.patch.rows,
                         "patch_columns": plan.patch.columns,
                         "kernel_taps": plan.taps,
+                        "stray_from": SWATH,
                     }),
                     planned_db: plan.predicted_db,
                     grain,
@@ -186,17 +188,17 @@ impl ImageFormer for RangeDoppler {
 
     fn open<'a>(
         &self,
-        aim: Aim<'a>,
+        spec: ImageSpec<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(match chosen("rdbp", choices)? {
-            Choices::Precise(choices) => choices.open(aim)?,
-            Choices::Thesis(choices) => Box::new(thesis::Opened::new(aim, choices)?),
+            Choices::Precise(choices) => choices.open(spec)?,
+            Choices::Thesis(choices) => Box::new(thesis::Opened::new(spec, choices)?),
         })
     }
 }
 
-/// What a plan fixes, of either mode.
+/// Parameters fixed by a plan of either mode.
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Choices {
@@ -204,8 +206,8 @@ enum Choices {
     Thesis(thesis::Choices),
 }
 
-impl RangeDoppler {
-    /// What brings the error down: sizes of the plan's choice, else another former.
+impl RangeDopplerBackprojection {
+    /// Remedies for an excessive error: leave the sizes to the plan, or use another former.
     fn remedies(&self) -> &'static [Remedy] {
         const BP: Remedy = Remedy::OtherFormer(&["bp"]);
         match (self.sub_cpi.is_some(), self.patch_m.is_some()) {

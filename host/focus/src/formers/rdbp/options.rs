@@ -1,22 +1,22 @@
-//! What [`RangeDoppler`](super::RangeDoppler) can be told: the keys of its settings, and of [`Thesis`](super::Thesis)'s.
+//! Options of [`RangeDopplerBackprojection`](super::RangeDoppler) and [`Thesis`](super::Thesis).
 
-use crate::formers::options::{ERROR_DB, Opt, Takes, Word};
+use crate::formers::options::{ERROR_DB, FormerOption, OptionType, OptionWord};
 
 const MODE: &str = "mode";
 const PRECISE: &str = "precise";
 const THESIS: &str = "thesis";
 
-pub(super) const ALL: [Opt; 5] = [
-    Opt {
+pub(super) const ALL: [FormerOption; 5] = [
+    FormerOption {
         name: MODE,
         summary: "How range-Doppler maps are made and read",
-        takes: Takes::Word(&[
-            Word {
+        takes: OptionType::Word(&[
+            OptionWord {
                 name: PRECISE,
                 summary: "Patches compensated to their own centres, exact Keystone, Kaiser-Bessel kernel",
                 setting: r#""precise""#,
             },
-            Word {
+            OptionWord {
                 name: THESIS,
                 summary: "As Schone 2020: sinc Keystone, zero padding, bilinear reading",
                 setting: r#"{ "thesis": {} }"#,
@@ -26,31 +26,31 @@ pub(super) const ALL: [Opt; 5] = [
         at: &[],
         with: None,
     },
-    Opt {
+    FormerOption {
         name: "no_keystone",
         summary: "Leave out the thesis mode's Keystone, which a fast target needs",
-        takes: Takes::Switch(false),
+        takes: OptionType::Switch(false),
         default: "",
         at: &["mode/thesis/keystone"],
         with: Some((MODE, THESIS)),
     },
-    Opt {
+    FormerOption {
         default: "-60, none in mode thesis",
         at: &["error_db", "mode/thesis/error_db"],
         ..ERROR_DB
     },
-    Opt {
+    FormerOption {
         name: "sub_cpi",
         summary: "Pulses a sub-CPI",
-        takes: Takes::Count,
+        takes: OptionType::Count,
         default: "the most that the error bound allows; 40 in mode thesis",
         at: &[],
         with: None,
     },
-    Opt {
+    FormerOption {
         name: "patch",
         summary: "Side of patches in metres",
-        takes: Takes::Length,
+        takes: OptionType::Length,
         default: "from the error bound",
         at: &[],
         with: Some((MODE, PRECISE)),

@@ -1,15 +1,15 @@
-//! Choosing sub-CPI length, patch size and kernel from a bound on the error.
+//! Choice of sub-CPI length, patch size and kernel for an error bound.
 //!
-//! The precise mode has two errors. One is the kernel's ([`KaiserBessel::error`], in range and in
-//! Doppler). The other is the path model's: what [`crate::sub_cpi`]'s straight line leaves,
-//! `e_m(p)` metres, a phase error of `2 pi f_c e / c`. A pixel's value is the exact sum with each term
-//! turned by that phase; since terms from scatterers elsewhere have phases of their own, the image's
+//! The precise mode has two errors. One is the kernel error ([`KaiserBessel::error`], in range and in
+//! Doppler). The other is the path model error: the residual of [`crate::sub_cpi`]'s linear model,
+//! `e_m(p)` metres, causes a phase error of `2 pi f_c e / c`. A pixel's value is the exact sum with each term
+//! rotated by that phase. Terms from scatterers elsewhere have phases of their own, so the image's
 //! relative RMS error is the RMS of the phase error over pulses. It is evaluated here with
-//! the track as recorded, so jitter and curvature count as they are, at the corners, the sides' middles and the centre of
-//! a patch, and where samples are taken one after another at three of them a pulse, at their own moments. There it is largest; near antennas it may be elsewhere, so a patch that is not small against its distance from them is
-//! looked at more closely. Sizes are chosen on a few sub-CPIs from start to end and patches in the grid's middle and
-//! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
-//! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
+//! the recorded track, including jitter and curvature, at the corners, the midpoints of the sides and the centre of
+//! a patch, where it is largest, and for intra-pulse motion at three samples per pulse at their own times. Near antennas the maximum may lie elsewhere,
+//! so a patch that is not small compared with its distance from them is sampled more densely. Sizes are chosen on a few sub-CPIs from start to end and patches in the grid's centre and
+//! corners. Then every sub-CPI is measured on every patch and halved until its error is small enough. The worst pixel,
+//! patch and sub-CPI determine the error, and the bound is met with [`MARGIN_DB`] to spare.
 
 use super::doppler::PULSE_BYTES;
 use super::times;
@@ -17,7 +17,7 @@ use crate::patch::{self, PatchSize};
 use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::read_ahead::BLOCKS_HELD;
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
-use crate::{FormError, MARGIN_DB, TimeModel, rounding};
+use crate::{FormError, MARGIN_DB, Reason, Remedy, TimeModel, rounding};
 use subaperture_kernels::map::row_length;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};
@@ -25,50 +25,50 @@ use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::scaled_dft::Shape;
 
-/// What is wanted of a plan.
+/// Request for a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Request {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
-    /// Pulses a sub-CPI, if given.
+    /// Pulses per sub-CPI; `None` to plan it.
     pub sub_cpi: Option<usize>,
-    /// Side of a patch in metres, if given.
+    /// Side of a patch, metres; `None` to plan it.
     pub patch_m: Option<f64>,
-    /// Bytes that the tables, one thread's map and the pulses of a sub-CPI may take.
+    /// Memory limit for the tables, one thread's map and the pulses of a sub-CPI, bytes.
     pub memory_bytes: u64,
 }
 
-/// A way to form the image.
+/// Plan of the precise mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// The band shared by all pulses.
+    /// Frequency band shared by all pulses.
     pub band: Band,
-    /// The sub-CPIs, in order; every pulse is in one.
+    /// Sub-CPIs in order; together they contain every pulse once.
     pub sub_cpis: Vec<SubCpi>,
     /// Pulses in the longest sub-CPI.
     pub sub_cpi_length: usize,
-    /// Pixels a patch.
+    /// Patch size, pixels.
     pub patch: PatchSize,
     /// Taps of the kernel in each direction.
     pub taps: usize,
-    /// From sample to sample, in pulses, where samples are taken one after another in motion.
+    /// Sample interval in units of the pulse interval for intra-pulse motion; `None` without such motion.
     pub pulses_a_sample: Option<f64>,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
 }
 
-/// Relative RMS error of the transforms and phases in float32, and of the kernels' weights by polynomials: 1e-6 each, or less.
+/// Relative RMS error of transforms and phases in float32, and of polynomial kernel weights: at most 1e-6 each.
 const ARITHMETIC: f64 = 3e-6;
 
-/// Samples or pulses fewer than these may all lie where the kernel is worst.
+/// With fewer samples or pulses, all may lie where the kernel error is largest.
 const FEW: usize = 16;
 
-/// Relative RMS error of reading maps with `taps` taps in range and in Doppler.
+/// Relative RMS error of map interpolation with `taps` taps in range and in Doppler.
 fn kernel_error(taps: usize, num_samples: usize, num_pulses: usize) -> f64 {
     let kernel = KaiserBessel::new(taps);
-    // Both grids are twice as fine as the whole band needs.
+    // Both grids are twice as fine as the full band requires.
     let of = |count: usize| match count {
-        // One alone lies in the middle.
+        // A single sample lies at the centre.
         1 => kernel.largest_error(0.0),
         2..FEW => kernel.largest_error(0.25),
         _ => kernel.error(0.25),
@@ -77,7 +77,7 @@ fn kernel_error(taps: usize, num_samples: usize, num_pulses: usize) -> f64 {
 }
 
 impl Plan {
-    /// Plans for `grid`.
+    /// Make a plan for `grid`.
     ///
     /// If no allowed choice meets the bound, the most accurate one is returned: compare
     /// `predicted_db` with the request.
@@ -92,10 +92,10 @@ impl Plan {
         Self::by(&TimeModel::DEFAULT, collection, grid, request)
     }
 
-    /// The same by a time model of its own.
+    /// Make a plan with a given timing model.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// Errors of [`Self::new`].
     pub fn by(
         model: &TimeModel,
         collection: &Collection,
@@ -141,7 +141,7 @@ impl Plan {
             target,
             request.memory_bytes,
         );
-        // A given length is the user's word; it is measured, not changed.
+        // A length given by the user is evaluated but not changed.
         let allowed = match request.sub_cpi {
             Some(_) => f64::INFINITY,
             None => (target * target - best.kernel_error * best.kernel_error)
@@ -153,7 +153,7 @@ impl Plan {
             patch,
             sub_cpis,
             model_error,
-        } = Cut::new(&probe, &best, smaller, allowed);
+        } = Cut::new(&probe, &best, smaller, allowed)?;
         let rounding = libm::hypot(ARITHMETIC, rounding::sum(sub_cpis.len()));
         Ok(Self {
             band,
@@ -167,7 +167,7 @@ impl Plan {
     }
 }
 
-/// The aperture in sub-CPIs, every one measured on every patch.
+/// Aperture divided into sub-CPIs, each measured on every patch.
 struct Cut {
     patch: PatchSize,
     sub_cpis: Vec<SubCpi>,
@@ -175,17 +175,18 @@ struct Cut {
 }
 
 impl Cut {
-    /// By `best`, sub-CPIs halved until each errs by what is `allowed`, and the patch the first of `smaller` on which that is
-    /// so.
+    /// Start from `best` and halve sub-CPIs until the error of each is at most `allowed`. Use the first patch size of `smaller` for which this
+    /// succeeds.
     fn new(
         probe: &Probe,
         best: &Choice,
         mut smaller: impl Iterator<Item = PatchSize>,
         allowed: f64,
-    ) -> Self {
+    ) -> Result<Self, FormError> {
         let num_pulses = probe.collection.pulses.len();
         let mut patch = smaller.next().unwrap_or(best.patch);
         loop {
+            check_patches(probe.grid, patch, num_pulses.div_ceil(best.length))?;
             let rectangles = patch::rectangles(probe.grid, patch);
             let mut sub_cpis = Vec::new();
             let mut model_error = 0.0f64;
@@ -199,16 +200,42 @@ impl Cut {
                 model_error,
             };
             if model_error <= allowed {
-                return cut;
+                return Ok(cut);
             }
-            // A pulse alone has something to model too, where its samples are taken at different places.
+            // A single pulse also has a model error if its samples are taken at different positions.
             match smaller.next() {
                 Some(next) => patch = next,
-                None => return cut,
+                None => return Ok(cut),
             }
         }
     }
 }
+
+/// Refuse a number of patches and sub-CPIs whose planning would take more than some minutes.
+fn check_patches(grid: &ImageGrid, patch: PatchSize, sub_cpis: usize) -> Result<(), FormError> {
+    let counts = [
+        grid.rows.count.div_ceil(patch.rows),
+        grid.columns.count.div_ceil(patch.columns),
+    ];
+    let patches = counts[0] as f64 * counts[1] as f64;
+    if patches <= MAX_PATCHES && patches * sub_cpis as f64 <= MAX_MAPS {
+        return Ok(());
+    }
+    let why = format!(
+        "{patches:.1e} patches of {} x {} pixels by {sub_cpis} sub-CPIs would have to be planned: at most \
+         {MAX_PATCHES:.0e} patches, and {MAX_MAPS:.0e} maps of them, are",
+        patch.rows, patch.columns
+    );
+    let remedies = [Remedy::FewerPixels, Remedy::OtherFormer(&["bp"])];
+    Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))
+}
+
+/// Largest Doppler extent of a patch, cycles per pulse, for which a map is made. One cycle is the unambiguous extent; near antennas rates reach a few.
+pub(super) const MAX_SPAN: f64 = 1e4;
+
+/// Largest numbers of patches, and of patches times sub-CPIs, in a plan.
+const MAX_PATCHES: f64 = 4e6;
+const MAX_MAPS: f64 = 3e7;
 
 #[derive(Clone, Copy)]
 struct Choice {
@@ -223,7 +250,7 @@ struct Choice {
 }
 
 impl Choice {
-    /// The best of some lengths, the shortest first, and patches, the largest first, for an error of `target`.
+    /// Best combination of the lengths, shortest first, and patch sizes, largest first, for an error of `target`.
     fn best(
         probe: &Probe,
         model: &TimeModel,
@@ -237,7 +264,7 @@ impl Choice {
         let mut best: Option<Self> = None;
         let mut first_patch = 0;
         for &length in lengths {
-            // A longer sub-CPI never allows a larger patch.
+            // A longer sub-CPI never permits a larger patch.
             for (i, &patch) in patches.iter().enumerate().skip(first_patch) {
                 let probed = probe.run(length, patch);
                 for (taps, kernel_error) in kernels {
@@ -250,7 +277,8 @@ impl Choice {
                         kernel_error,
                         error,
                         cost: time_ns(probe, model, length, patch, taps, span),
-                        fits: bytes(probe, model, length, taps, span) <= memory_bytes,
+                        fits: span < MAX_SPAN
+                            && bytes(probe, model, length, taps, span) <= memory_bytes,
                         meets: error <= target,
                     };
                     if best.is_none_or(|b| choice.better_than(&b)) {
@@ -266,7 +294,7 @@ impl Choice {
         best.expect("there is at least one length and one patch")
     }
 
-    /// Fitting in memory comes first, then meeting the bound; then cost, or error where the bound is out
+    /// Rank candidates: first by fitting in memory, then by meeting the bound, then by cost, or by error if the bound is out
     /// of reach.
     fn better_than(&self, other: &Self) -> bool {
         if self.fits != other.fits {
@@ -280,23 +308,23 @@ impl Choice {
     }
 }
 
-/// Doppler bins of a patch's map, about.
+/// Approximate number of Doppler bins of a patch's map.
 fn doppler_bins(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> f64 {
     let sweep_pulses = probe.pulses_a_sample.unwrap_or(0.0).abs() * probe.band.count as f64;
     let bins_per_cycle = bins_per_cycle(probe.band, length as f64 + sweep_pulses);
     (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
 }
 
-/// Bytes of the tables, one thread's buffers and the pulses of the sub-CPIs that are read for them, about.
+/// Approximate memory of the tables, one thread's buffers and the buffered pulses of sub-CPIs, bytes.
 fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_span: f64) -> u64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
     if bins > 1e12 {
         return u64::MAX;
     }
     let (bins, count) = (bins as usize, probe.band.count);
-    // A row more is in transform.
+    // One additional row is being transformed.
     let map = (bins as u64 + 1) * row_length(fast_length(2 * count)) as u64;
-    // The bins about zero that there will be, a few more or less.
+    // Approximate bins around zero Doppler.
     let shape = Shape {
         inputs: length,
         input_centre: (length as f64 - 1.0) / 2.0,
@@ -309,7 +337,7 @@ fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_s
     times::table_bytes(model, count, &shape) + 8 * map + pulses as u64
 }
 
-/// Rough time of the image in nanoseconds of one core.
+/// Approximate single-core time of the image, ns.
 fn time_ns(
     probe: &Probe,
     model: &TimeModel,

@@ -1,4 +1,4 @@
-//! The precise mode: patch by patch, sub-CPI by sub-CPI.
+//! Precise mode of range-Doppler backprojection, by patches and sub-CPIs.
 //!
 //! For a patch with centre `q` and a sub-CPI of `M` pulses, with `r_m(q) = path_m(q) -
 //! reference_path_m`, `u_m = m - (M - 1) / 2` and `f_c` the frequency of sample `K/2`:
@@ -10,24 +10,24 @@
 //! I(p)     += exp(+j 2 pi f_c a(p) / c) map at (nu = b(p) f_c / c, l = a(p) L step / c)
 //! ```
 //!
-//! where `a(p) + b(p) u_m` is the path to `p` relative to `q` ([`crate::sub_cpi`]). If the path were
-//! exactly that line, the sum over sub-CPIs would be the exact one: Keystone leaves no range
+//! where `a(p) + b(p) u_m` is the path to `p` relative to `q` ([`crate::sub_cpi`]). For an exactly
+//! linear path, the sum over sub-CPIs would be exact: Keystone leaves no range
 //! migration and no edge of the sub-CPI is resampled.
 //!
-//! `nu_d` and `l` are spaced at half of Nyquist's step (`f_c / 2M f_max`, `L >= 2K`) and read with a
+//! `nu_d` and `l` are spaced at half of the Nyquist step (`f_c / 2M f_max`, `L >= 2K`) and interpolated with a
 //! Kaiser-Bessel kernel whose roll-off is divided out of the weights before the transforms. Doppler
-//! bins cover the patch's own band only. Range repeats with `c / step`, as the exact sum does.
+//! bins cover only the band of the patch. Range is periodic with `c / step`, as in the exact sum.
 //!
-//! **Motion from sample to sample** ([`subaperture_model::phase_history::Sweep`]). Sample `k` is taken `kappa (k - K/2)` pulses after
-//! its pulse, so its slow time is `u_m + kappa (k - K/2)`: compensation takes the path at that moment, and the
-//! Doppler transform has a centre of its own at each frequency. Nothing else changes, and nothing is neglected but
-//! what of the path is no straight line in that time, as from pulse to pulse. Sub-CPIs last longer by a sweep.
+//! **Intra-pulse motion** ([`subaperture_model::phase_history::Sweep`]). Sample `k` is taken `kappa (k - K/2)` pulses after
+//! its pulse, so its slow time is `u_m + kappa (k - K/2)`. Compensation uses the path at that time, and the
+//! Doppler transform has a separate centre at each frequency. The only approximation is the linear path
+//! within that time, as from pulse to pulse. A sub-CPI lasts longer by one sweep.
 //!
-//! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
+//! Neglected: the curvature of the path across the patch (planned, [`super::plan`]) and the periodic images of the kernel.
 //!
-//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `M D K` real products with sums and as
-//! many for their sines ([`subaperture_kernels::doppler`]), `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory:
-//! tables of `2 M K` float32, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
+//! Cost per patch and sub-CPI: `M K` complex multiplications for compensation, `M D K` real multiply-adds and as
+//! many for their sines ([`subaperture_kernels::doppler`]), `D` transforms of `2 K`, and about `W^2 + 40` operations per pixel. Memory:
+//! tables of `2 M K` float32, a map of `D * 2 K` complex float32 per thread, a block of pulses, the image.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -36,7 +36,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::mapper::{Mapper, Shapes};
-use super::plan::Plan;
+use super::plan::{MAX_SPAN, Plan};
 use super::{ENTRY, cost, times};
 use crate::budget::{Budget, on_threads};
 use crate::cost::Cost;
@@ -44,36 +44,40 @@ use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle};
 use crate::read_ahead::{BLOCKS_HELD, read_ahead};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
-use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
+use crate::{FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::scaled_dft::Shape;
 
-/// Pulses held at once, at most: enough for threads to have work between reads.
+/// Largest number of buffered pulses; gives threads enough work between reads.
 const BLOCK_PULSES: usize = 4096;
 
-/// What helps where maps and their tables do not fit.
+/// Remedies where maps and their tables do not fit in memory.
 const SMALLER: &[Remedy] = &[Remedy::Smaller(&["patch", "sub_cpi"]), Remedy::MoreMemory];
 
-/// What a plan fixes.
+/// Parameters fixed by a plan.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Choices {
-    /// Pulses of each sub-CPI, one after another.
+    /// Number of pulses of each sub-CPI, in order.
     sub_cpis: Vec<usize>,
     patch_rows: usize,
     patch_columns: usize,
     taps: usize,
-    /// Largest Doppler over any patch, cycles a pulse, for each length of sub-CPIs.
+    /// Largest Doppler over any patch, cycles per pulse, for each sub-CPI length.
     spans: BTreeMap<usize, f64>,
 }
 
 impl Choices {
-    /// Those of `plan`, whose patches are looked at on the whole grid.
-    pub(super) fn new(aim: &Aim, plan: &Plan, monitor: &dyn Monitor) -> Result<Self, FormError> {
+    /// Derive the parameters from `plan`, with Doppler extents evaluated on the whole grid.
+    pub(super) fn new(
+        spec: &ImageSpec,
+        plan: &Plan,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, FormError> {
         let cycles_m = plan.band.centre_hz() / SPEED_OF_LIGHT_M_S;
-        let rectangles = patch::rectangles(aim.grid, plan.patch);
+        let rectangles = patch::rectangles(spec.grid, plan.patch);
         let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
         for sub_cpi in &plan.sub_cpis {
             if monitor.cancelled() {
@@ -81,10 +85,18 @@ impl Choices {
             }
             let widest = rectangles
                 .par_iter()
-                .map(|rectangle| widest_rate_m(aim.grid, sub_cpi, rectangle))
+                .map(|rectangle| widest_rate_m(spec.grid, sub_cpi, rectangle))
                 .reduce(|| 0.0, f64::max);
             let span = spans.entry(sub_cpi.num_pulses()).or_insert(0.0);
             *span = span.max(widest * cycles_m);
+        }
+        let widest = spans.values().fold(0.0f64, |most, &span| most.max(span));
+        if widest >= MAX_SPAN {
+            let why = format!(
+                "the path to a patch changes by {widest:.1e} wavelengths from pulse to pulse, and maps hold {MAX_SPAN:.0e}"
+            );
+            let remedies = [Remedy::OtherFormer(&["bp"])];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         Ok(Self {
             sub_cpis: plan.sub_cpis.iter().map(SubCpi::num_pulses).collect(),
@@ -95,7 +107,7 @@ impl Choices {
         })
     }
 
-    /// The Doppler transforms that they mean for a band of `collection`.
+    /// Shapes of the Doppler transforms for a band of `collection`.
     fn shapes(&self, collection: &Collection, band: &Band) -> Result<Shapes, FormError> {
         let drift = match collection.sweeps() {
             true => pulses_a_sample(collection),
@@ -103,13 +115,12 @@ impl Choices {
         };
         let mut shapes = Shapes::new();
         for (&inputs, &span) in &self.spans {
-            // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
-            if !(0.0..1e4).contains(&span) {
+            if !(0.0..MAX_SPAN).contains(&span) {
                 return Err(misfit(ENTRY.name, "a Doppler span is none"));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(band, inputs as f64 + sweep_pulses);
-            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
+            // Margin of a tenth and one bin over the sampled points, and the half-width of the kernel.
             let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + self.kernel_taps() / 2;
             let shape = Shape {
                 inputs,
@@ -132,52 +143,52 @@ impl Choices {
         Patches::new(grid, size)
     }
 
-    /// Those of the kernels that there are.
+    /// Supported number of kernel taps.
     fn kernel_taps(&self) -> usize {
         if self.taps == 4 { 4 } else { 6 }
     }
 
-    /// Tiles of whole patches cost least; and what the image of `aim` takes.
-    pub(super) fn grain_and_cost(&self, aim: &Aim) -> Result<(PatchSize, Cost), FormError> {
-        let shapes = self.shapes(aim.collection, &shared_band(aim.collection)?)?;
-        let patches = self.patches(aim.grid);
+    /// Tile grain of whole patches, and cost of the image of `spec`.
+    pub(super) fn grain_and_cost(&self, spec: &ImageSpec) -> Result<(PatchSize, Cost), FormError> {
+        let shapes = self.shapes(spec.collection, &shared_band(spec.collection)?)?;
+        let patches = self.patches(spec.grid);
         let longest = self.sub_cpis.iter().max().copied().unwrap_or(1);
         let held = longest * held_at_once(longest, self.sub_cpis.len());
         let taps = self.kernel_taps();
-        let cost = cost::precise(aim, &self.sub_cpis, &shapes, &patches, taps, held);
+        let cost = cost::precise(spec, &self.sub_cpis, &shapes, &patches, taps, held);
         Ok((patches.size(), cost))
     }
 
-    /// Ready to form by them.
-    pub(super) fn open<'a>(&self, aim: Aim<'a>) -> Result<Box<dyn Forming + 'a>, FormError> {
+    /// Open these parameters for forming.
+    pub(super) fn open<'a>(&self, spec: ImageSpec<'a>) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(match self.kernel_taps() {
-            4 => Box::new(Opened::<4>::new(aim, self)?),
-            _ => Box::new(Opened::<6>::new(aim, self)?),
+            4 => Box::new(Opened::<4>::new(spec, self)?),
+            _ => Box::new(Opened::<6>::new(spec, self)?),
         })
     }
 }
 
-/// Sub-CPIs of at most `longest` pulses, of `count`, that are held at once.
+/// Number of sub-CPIs of at most `longest` pulses, of `count`, buffered at once.
 fn held_at_once(longest: usize, count: usize) -> usize {
     BLOCK_PULSES.div_ceil(longest).min(count)
 }
 
-/// Ready to form.
+/// Plan opened for forming.
 struct Opened<'a, const W: usize> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     band: Band,
     sub_cpis: Vec<SubCpi>,
-    /// Pulses of the longest.
+    /// Pulses of the longest sub-CPI.
     longest: usize,
     patches: Patches,
     shapes: Shapes,
-    /// Made once there is memory for it.
+    /// Created once its memory is available.
     mapper: OnceLock<Mapper<'a, W>>,
 }
 
 impl<'a, const W: usize> Opened<'a, W> {
-    fn new(aim: Aim<'a>, choices: &Choices) -> Result<Self, FormError> {
-        let collection = aim.collection;
+    fn new(spec: ImageSpec<'a>, choices: &Choices) -> Result<Self, FormError> {
+        let collection = spec.collection;
         let band = shared_band(collection)?;
         let mut first = 0;
         let mut sub_cpis = Vec::with_capacity(choices.sub_cpis.len());
@@ -198,16 +209,16 @@ impl<'a, const W: usize> Opened<'a, W> {
         }
         Ok(Self {
             longest: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
-            patches: choices.patches(aim.grid),
+            patches: choices.patches(spec.grid),
             shapes: choices.shapes(collection, &band)?,
-            aim,
+            spec,
             band,
             sub_cpis,
             mapper: OnceLock::new(),
         })
     }
 
-    /// Adds all sub-CPIs to all tiles, so many of them at a time.
+    /// Add all sub-CPIs to all tiles, a block of them at a time.
     fn add_blocks(
         &self,
         work: &Work,
@@ -264,12 +275,12 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let tables = self
             .shapes
             .values()
-            .map(|(shape, _)| times::table_bytes(self.aim.means.model, num_samples, shape));
+            .map(|(shape, _)| times::table_bytes(self.spec.numerics.model, num_samples, shape));
         budget.take("Doppler tables", tables.map(u128::from).sum(), SMALLER)?;
         let mapper = self
             .mapper
-            .get_or_init(|| Mapper::new(self.aim, &self.band, &self.shapes));
-        // A map a thread, in at most half of what is left: with little memory, fewer threads work.
+            .get_or_init(|| Mapper::new(self.spec, &self.band, &self.shapes));
+        // One map per thread, in at most half of the remaining memory; fewer threads work if memory is short.
         let threads = rayon::current_num_threads();
         let workers = budget.take_block(
             "a range-Doppler map",
@@ -287,7 +298,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
     }
 }
 
-/// Largest path rate over a patch, metres a pulse, at 5 x 5 of its points.
+/// Largest path rate over a patch, metres per pulse, at 5 x 5 of its points.
 fn widest_rate_m(grid: &ImageGrid, sub_cpi: &SubCpi, rectangle: &Rectangle) -> f64 {
     let datum = sub_cpi.datum(rectangle.centre_m(grid));
     let fractions = [0.0, 0.25, 0.5, 0.75, 1.0];

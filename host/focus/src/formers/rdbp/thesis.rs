@@ -1,39 +1,39 @@
-//! The thesis's mode: Schone 2020, chapter 3, with the upsampling of chapter 4.
+//! Thesis mode: Schone 2020, chapter 3, with the upsampling of chapter 4.
 //!
-//! For each sub-CPI of `M` pulses: slow time resampled by sinc weights ([`SincKeystone`]), Doppler
-//! transform padded to `P M` (`P` = 16 unless told otherwise), range transform padded to `10 K`, then for every pixel its path `a` and
-//! path rate `b` at the sub-CPI's centre from the fitted position and velocity (4.2, (5.1)), a bilinear
-//! reading of the map, and the conjugate of the phase in (3.15):
+//! For each sub-CPI of `M` pulses, slow time is resampled by sinc weights ([`SincKeystone`]), the Doppler
+//! transform is padded to `P M` (default `P` = 16), and the range transform to `10 K`. For every pixel, the path `a` and
+//! path rate `b` at the centre of the sub-CPI follow from the fitted position and velocity (4.2, (5.1)). The map is interpolated
+//! bilinearly and multiplied by the conjugate of the phase in (3.15):
 //!
 //! ```text
 //! I(p) += exp(+j 2 pi f_c a / c) exp(-j 2 pi nu (M-1)/2) map(nu = b f_c / c, a)
 //! ```
 //!
-//! The second factor is the thesis's Doppler-dependent term; it stands because (3.11) counts pulses from
-//! the sub-CPI's start. Here slow time is rotated by `M/2` whole pulses before the transform, which
-//! takes all of the factor but half a pulse (for even `M`) out of the map: bilinear reading across it
-//! would quadruple the interpolation error for nothing.
+//! The second factor is the thesis's Doppler-dependent term. It arises because (3.11) counts pulses from
+//! the start of the sub-CPI. Here slow time is rotated by `M/2` whole pulses before the transform, which
+//! removes the factor from the map except for half a pulse (for even `M`). Bilinear interpolation across it
+//! would quadruple the interpolation error.
 //!
-//! Neglected: the quadratic and higher motion of a pixel within a sub-CPI, which the thesis ignores
-//! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
-//! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-48 dB at an upsampling of 10).
+//! Neglected: quadratic and higher motion of a pixel within a sub-CPI, which the thesis ignores
+//! after (3.13). It causes grating lobes for long sub-CPIs, which this mode reproduces. Also neglected are the
+//! edges of the sub-CPI ([`SincKeystone`]) and bilinear interpolation (-48 dB at an upsampling of 10).
 //!
-//! Reading Doppler linearly weights slow time by `sinc^2(x / P)`, `x = u / M` from -1/2 to 1/2, in the mean
-//! over places between bins. What that lacks of a constant, `(pi x / P)^2 / 3`, fills the array's nulls
-//! too: lobe `k` has at least `1 / (6 P^2 k^2)`, -40 dB for the first at `P = 4` and -64 dB at 16, however
-//! short the sub-CPI. On recordings compensated to the scene's centre this is all there is near the centre
+//! Linear interpolation in Doppler weights slow time by `sinc^2(x / P)`, `x = u / M` from -1/2 to 1/2, in the mean
+//! over positions between bins. The deviation from a constant, `(pi x / P)^2 / 3`, fills the nulls of the array
+//! factor: lobe `k` has at least `1 / (6 P^2 k^2)`, -40 dB for the first at `P = 4` and -64 dB at 16, for any
+//! sub-CPI length. On recordings compensated to the scene centre this is the only error near the centre
 //! (Figure 4.11).
 //!
-//! Without Keystone, a point that comes nearer by `v` smears over `v M PRI` in range within a sub-CPI:
-//! nothing on a stationary scene, all of the focus of a fast target (S 4.3, Figure 4.14). Keystone in
-//! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
+//! Without Keystone, a point that approaches at `v` is smeared over `v M PRI` in range within a sub-CPI.
+//! This is negligible for a stationary scene and destroys the focus of a fast target (S 4.3, Figure 4.14). Keystone
+//! resamples data sampled once per pulse, so it needs a path rate within `lambda / 2` per pulse.
 //!
-//! Accuracy on Table 4.1 against [`crate::exact`]: see the tests and `subap demo`. Predicted: what resampling and
-//! the straight path leave of a term's phase and amplitude, evaluated at some pixels, frequencies and sub-CPIs,
-//! and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
-//! `x` cycles a bin. It is the worst pixel's and sub-CPI's.
+//! Accuracy on Table 4.1 against [`crate::exact`]: see the tests and `subap demo`. Predicted: the phase and amplitude error of a term from resampling and
+//! the linear path, evaluated at some pixels, frequencies and sub-CPIs,
+//! and linear interpolation of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
+//! `x` cycles per bin. The prediction is for the worst pixel and sub-CPI.
 //!
-//! Cost: `cost`. Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
+//! Cost: see `cost`. Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -52,38 +52,40 @@ use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, read_ahead};
 use crate::sub_cpi::CentreState;
-use crate::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
+use crate::{
+    Decision, ErrorGoal, FormError, Forming, ImageSpec, Reason, Remedy, Tile, Work, rounding,
+};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::during;
 use subaperture_model::phase_history::Band;
 use subaperture_signal::phase::{phasor, phasor32};
 use subaperture_signal::sinc_keystone::{SincKeystone, sinc};
 
-/// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
+/// Default number of pulses per sub-CPI (Figure 4.1).
 pub const SUB_CPI: usize = 40;
-/// What helps against most of it.
+/// Remedy for most errors of this mode.
 const PRECISE: Remedy = Remedy::Word {
     option: "mode",
     word: "precise",
 };
-/// Finest upsampling of the Doppler axis: bilinear reading is then at float32's rounding.
-const MOST_DOPPLER_PADDING: usize = 1024;
+/// Largest upsampling of the Doppler axis; bilinear interpolation then reaches the rounding of float32.
+const MAX_DOPPLER_PADDING: usize = 1024;
 
-/// What the thesis varies beside the sub-CPI's length.
+/// Parameters that the thesis varies, in addition to the sub-CPI length.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Thesis {
-    /// Whether slow time is resampled; if not, it goes to the Doppler transform as it is.
+    /// Whether slow time is resampled by the Keystone transform before the Doppler transform.
     pub keystone: bool,
-    /// Doppler bins for every pulse of a sub-CPI, at least 1; made more where that transforms faster.
+    /// Doppler bins per pulse of a sub-CPI, at least 1; increased where the transform becomes faster.
     pub doppler_padding: usize,
-    /// Bound on the relative RMS error of the image, dB (negative), to hold the method to. It plans nothing
-    /// by it, so there is none unless one is asked for.
+    /// Bound on the relative RMS error of the image, dB (negative), checked but not used for planning.
+    /// Default: no bound.
     pub error_db: Option<f64>,
 }
 
 impl Default for Thesis {
-    /// With Keystone, and the finer of the two paddings of Figure 4.11.
+    /// Parameters with Keystone and the finer of the two paddings of Figure 4.11.
     fn default() -> Self {
         Self {
             keystone: true,
@@ -93,7 +95,7 @@ impl Default for Thesis {
     }
 }
 
-/// What a plan fixes.
+/// Parameters fixed by a plan.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Choices {
     sub_cpi: usize,
@@ -119,37 +121,37 @@ impl Choices {
             ));
         }
         let doppler_padding = self.doppler_padding;
-        if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
+        if !(1..=MAX_DOPPLER_PADDING).contains(&doppler_padding) {
             return Err(FormError::unsuited(format!(
-                "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
+                "Doppler cannot be padded {doppler_padding} times: give 1 to {MAX_DOPPLER_PADDING}"
             )));
         }
         Ok(())
     }
 
-    /// The maps that they mean for `aim`.
-    fn layout(&self, aim: &Aim) -> Result<Layout, FormError> {
+    /// Map layout of these parameters for `spec`.
+    fn layout(&self, spec: &ImageSpec) -> Result<Layout, FormError> {
         self.check()?;
-        Layout::new(aim, self.sub_cpi, self.doppler_padding)
+        Layout::new(spec, self.sub_cpi, self.doppler_padding)
     }
 
-    /// What the error of these will be, for `aim`.
-    pub(super) fn decide(&self, aim: &Aim, asked: &Asked) -> Result<Decision, FormError> {
-        let layout = self.layout(aim)?;
+    /// Predict the error of these parameters for `spec`.
+    pub(super) fn decide(&self, spec: &ImageSpec, goal: &ErrorGoal) -> Result<Decision, FormError> {
+        let layout = self.layout(spec)?;
         let (num_samples, longest) = (layout.band.count, layout.longest);
         let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
         let planned_db = rounding::total_db(&[
             Reading {
-                aim,
+                spec,
                 band: &layout.band,
                 keystone: self.keystone,
             }
             .worst(&layout.sub_cpis),
-            // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
+            // The band edge has the largest error; slow time is evenly filled, and the mean of x^4 over it is a fifth.
             linear(num_samples as f64 / 2.0 / layout.range_length as f64),
             linear(longest as f64 / 2.0 / layout.doppler_length as f64) / 5f64.sqrt(),
         ]);
-        asked.check(planned_db, || {
+        goal.check(planned_db, || {
             Reason::new("the thesis's method on sub-CPIs of this length")
                 .helped_by(&[Remedy::Smaller(&["sub_cpi"]), PRECISE])
         })?;
@@ -166,54 +168,54 @@ impl Choices {
             }),
             planned_db,
             grain: PatchSize::PIXEL,
-            cost: cost::thesis(aim, &layout, self.keystone),
+            cost: cost::thesis(spec, &layout, self.keystone),
         })
     }
 }
 
-/// Ready to form.
+/// Plan opened for forming.
 pub(super) struct Opened<'a> {
-    aim: Aim<'a>,
+    spec: ImageSpec<'a>,
     choices: Choices,
     band: Band,
     sub_cpis: Vec<Range<usize>>,
-    /// Pulses of the longest.
+    /// Pulses of the longest sub-CPI.
     longest: usize,
     doppler_length: usize,
     range_length: usize,
-    /// Windows, normalised.
+    /// Normalised window over fast time.
     fast: Vec<f32>,
     norm: f64,
     doppler_fft: Arc<dyn Fft<f32>>,
     range_fft: Arc<dyn Fft<f32>>,
 }
 
-/// Samples, spectra over Doppler and the map of a sub-CPI.
+/// Samples, Doppler spectra and map of a sub-CPI.
 struct Buffers {
     doppler: Vec<Complex32>,
     map: Vec<Complex32>,
 }
 
 impl<'a> Opened<'a> {
-    pub(super) fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
+    pub(super) fn new(spec: ImageSpec<'a>, choices: Choices) -> Result<Self, FormError> {
         let Layout {
             band,
             sub_cpis,
             longest,
             doppler_length,
             range_length,
-        } = choices.layout(&aim)?;
+        } = choices.layout(&spec)?;
         Ok(Self {
             sub_cpis,
             longest,
             doppler_length,
             range_length,
-            fast: aim.weights.fast.iter().map(|&w| w as f32).collect(),
-            norm: aim.weights.normalisation(),
-            doppler_fft: aim.means.transforms.inverse(doppler_length),
-            range_fft: aim.means.transforms.inverse(range_length),
+            fast: spec.weights.fast.iter().map(|&w| w as f32).collect(),
+            norm: spec.weights.normalisation(),
+            doppler_fft: spec.numerics.transforms.inverse(doppler_length),
+            range_fft: spec.numerics.transforms.inverse(range_length),
             band,
-            aim,
+            spec,
             choices,
         })
     }
@@ -237,20 +239,20 @@ impl<'a> Opened<'a> {
         })
     }
 
-    /// Weights the samples of `pulses`.
+    /// Weight the samples of `pulses`.
     fn weight(&self, pulses: &Range<usize>, samples: &mut [Complex32]) {
         for (n, row) in pulses
             .clone()
             .zip(samples.chunks_exact_mut(self.band.count))
         {
-            let slow = (self.aim.weights.slow[n] * self.norm) as f32;
+            let slow = (self.spec.weights.slow[n] * self.norm) as f32;
             row.iter_mut()
                 .zip(&self.fast)
                 .for_each(|(z, w)| *z *= w * slow);
         }
     }
 
-    /// From slow time to Doppler, frequency by frequency.
+    /// Transform from slow time to Doppler, frequency by frequency.
     fn to_doppler(
         &self,
         work: &Work,
@@ -284,7 +286,7 @@ impl<'a> Opened<'a> {
             });
     }
 
-    /// From frequency to range, Doppler bin by Doppler bin.
+    /// Transform from frequency to range, Doppler bin by Doppler bin.
     fn to_range(&self, work: &Work, doppler: &[Complex32], map: &mut [Complex32]) {
         let (length, fft) = (self.range_length, &self.range_fft);
         let scratch = || {
@@ -303,17 +305,17 @@ impl<'a> Opened<'a> {
         );
     }
 
-    /// Adds the map of a sub-CPI to every pixel.
+    /// Add the map of a sub-CPI to every pixel.
     fn add(&self, work: &Work, pulses: &Range<usize>, map: &[Complex32], tiles: &mut [Tile]) {
         let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
         let range_bins_m = self.range_length as f64 * self.band.step_hz / SPEED_OF_LIGHT_M_S;
         let lengths = [self.doppler_length, self.range_length];
-        let state = CentreState::new(self.aim.collection, pulses.clone());
+        let state = CentreState::new(self.spec.collection, pulses.clone());
         let m = pulses.len();
-        // Slow time was rotated by whole pulses; for even M half a pulse is left.
+        // Slow time was rotated by whole pulses; for even M half a pulse remains.
         let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
         for_each(
-            self.aim.grid,
+            self.spec.grid,
             tiles,
             work.monitor,
             PIXELS,
@@ -363,7 +365,7 @@ impl Forming for Opened<'_> {
     }
 }
 
-/// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
+/// Interpolate `map` (rows of `lengths[1]`, both axes periodic) bilinearly at a fractional index.
 fn bilinear(map: &[Complex32], lengths: [usize; 2], place: [f64; 2]) -> Complex32 {
     let split = |x: f64, length: usize| {
         let whole = x.floor();
@@ -380,19 +382,19 @@ fn bilinear(map: &[Complex32], lengths: [usize; 2], place: [f64; 2]) -> Complex3
     low + (high - low) * d
 }
 
-/// Sub-CPIs that are looked at, at most.
+/// Largest number of sub-CPIs sampled for the prediction.
 const PROBED_SUB_CPIS: usize = 8;
 
-/// What a pixel makes of the samples.
+/// Effective weights of the samples for a pixel.
 struct Reading<'a> {
-    aim: &'a Aim<'a>,
+    spec: &'a ImageSpec<'a>,
     band: &'a Band,
     keystone: bool,
 }
 
 impl Reading<'_> {
-    /// Relative RMS error of the terms of the worst of some pixels in some of `sub_cpis`, were maps read
-    /// without error.
+    /// Relative RMS error of the terms of the worst sampled pixel in some of `sub_cpis`, with exact interpolation of
+    /// the maps.
     fn worst(&self, sub_cpis: &[Range<usize>]) -> f64 {
         let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
         let some: Vec<&Range<usize>> = sub_cpis
@@ -408,15 +410,15 @@ impl Reading<'_> {
             .reduce(|| 0.0, f64::max)
     }
 
-    /// Of one sub-CPI: `sum_i W[i][m] exp(j 2 pi nu u_i)`, which is what sample `m` is multiplied by, against
-    /// what it ought to be.
+    /// Error of one sub-CPI: the factor `sum_i W[i][m] exp(j 2 pi nu u_i)` applied to sample `m`, compared with the
+    /// exact factor.
     fn error(&self, pulses: &Range<usize>, frequencies: &[usize]) -> f64 {
-        let collection = self.aim.collection;
+        let collection = self.spec.collection;
         let m = pulses.len();
         let centre = (m as f64 - 1.0) / 2.0;
         let state = CentreState::new(collection, pulses.clone());
         let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
-        let grid = self.aim.grid;
+        let grid = self.spec.grid;
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
         let mut points: Vec<_> = [0, rows / 2, rows]
             .into_iter()

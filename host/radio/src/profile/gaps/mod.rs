@@ -1,22 +1,28 @@
-//! Carriers that are missing: of points first, of what these leave by least squares.
+//! Interpolation of missing carriers: point scatterers by CLEAN, then least squares for the residual.
 //!
-//! The rule: echoes lie between 0 and a reach `R`. What of the response a few points explain is taken for them (`points`, a CLEAN): a point is known at every carrier. What is left is taken for
+//! Echoes are assumed between range 0 and a maximum range `R`. The part of the response that a few points explain is
+//! attributed to them (`points`, a CLEAN); a point is known at every carrier. The residual is modelled as echoes of
+//! equal mean power at all ranges with random phases. Its covariance between two frequencies `d` apart is
 //! echoes alike strong on the mean at any range, with random phases, whose responses at two frequencies `d` apart have the covariance
 //!
 //! ```text
 //! C(d) = (1 / R) integral_0^R exp(-j 2 pi d 2 r / c) dr = exp(-j 2 pi d R / c) sinc(2 d R / c)
 //! ```
 //!
-//! and the estimate of least mean square error of what is missing (`m`) by what is there (`k`) is `C_mk (C_kk + e I)^-1 z_k`, with `e` the noise over that power. Which `e`, of 1e-4 to 10 by tens, the
-//! carriers tell that are there: the one of greatest likelihood,
+//! The minimum mean square error estimate of the missing values (`m`) from the known ones (`k`) is `C_mk (C_kk + e
+//! I)^-1 z_k`, with `e` the ratio of noise to that power. `e` is chosen from 1e-4 to 10 in decades by maximum
+//! likelihood of the known carriers:
 //!
 //! ```text
-//! K ln(z^H (C_kk + e I)^-1 z / K) + ln det(C_kk + e I)   least
+//! K ln(z^H (C_kk + e I)^-1 z / K) + ln det(C_kk + e I)   minimum
 //! ```
 //!
-//! **Why both.** Least squares fill as there is redundancy: a gap of `g` carriers wants `g` below `1 / (R / R_u)` or so, `R_u` the unambiguous range; in the middle of a wider one they know nothing and
-//! say nothing, 0. Points fill any gap, if there are few. **Why not a fixed `e`.** Of one that is too small they say a wide gap's middle wrong, by many times what is there.
-//! Errors over the missing carriers' power, dB, the median of 15 random scenes (the last test below), of 8 carriers missing side by side of 50, `R` half of `R_u`; as they are filled here (and by least squares with an `e` of 1e-4 alone):
+//! **Why both.** Least squares interpolates as far as there is redundancy: a gap of `g` carriers needs `g` below about
+//! `1 / (R / R_u)`, where `R_u` is the unambiguous range. In the middle of a wider gap the estimate tends to 0. Points
+//! fill any gap if they are few. **Why `e` is not fixed.** With a value too small, the estimate in the middle of a wide
+//! gap is wrong by many times the signal. The table has the errors relative to the power of the missing carriers in dB,
+//! as medians of 15 random scenes (last test below), for 8 adjacent carriers missing of 50 and `R` half of `R_u`; in
+//! parentheses, least squares alone with a fixed `e` of 1e-4:
 //!
 //! | echoes | noise -45 dB | -20 dB | -5 dB |
 //! |---|---|---|---|
@@ -25,9 +31,11 @@
 //! | 20 | -6 (-7) | -3 (+7) | -1 (+23) |
 //! | 100 | -5 (-6) | -2 (+7) | 0 (+23) |
 //!
-//! of which 0 is what leaving the gap dark would err by. Of single missing carriers both err by little more than the noise.
+//! An error of 0 dB is that of leaving the gap at zero. For single missing carriers both methods have errors little
+//! above the noise.
 //!
-//! Cost: a transform of eight times the carriers a point; `k^3 / 6` products for each `e` looked at, two as a rule; `k` is 1024 at the most.
+//! Cost: per point, an FFT of eight times the number of carriers; `k^3 / 6` products for each `e` tried, usually two;
+//! `k` is at most 1024.
 
 mod points;
 
@@ -36,15 +44,15 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::dense::Factor;
 use subaperture_signal::phase::phasor;
 
-/// Most carriers that gaps are filled for.
-pub const MOST_CARRIERS: usize = 1024;
-/// Noise over the power of a carrier: what is tried.
+/// Maximum number of carriers with gaps.
+pub const MAX_CARRIERS: usize = 1024;
+/// Ratios of noise to carrier power that are tried.
 const NOISE: [f64; 6] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0];
 
-/// All carriers, `step_hz` apart, of those that are there. The text of an error says what is wrong.
+/// Fill the gaps of a response with carriers `step_hz` apart, for echoes up to `reach_m`. The error is a message.
 ///
 /// # Errors
-/// If `reach_m` is not above 0 and at most the unambiguous range; if there are gaps among more than 1024 carriers.
+/// If `reach_m` is not above 0 and at most the unambiguous range, or if there are gaps among more than 1024 carriers.
 pub fn fill(
     values: &[Option<Complex64>],
     step_hz: f64,
@@ -53,16 +61,16 @@ pub fn fill(
     let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * step_hz);
     if !(reach_m > 0.0 && reach_m <= unambiguous_m * (1.0 + 1e-9)) {
         return Err(format!(
-            "a reach of {reach_m} m; it is above 0 and no more than the unambiguous {unambiguous_m:.2} m"
+            "reach of {reach_m} m: expected a value above 0 and at most the unambiguous range of {unambiguous_m:.2} m"
         ));
     }
     let known: Vec<usize> = (0..values.len()).filter(|&n| values[n].is_some()).collect();
     if known.len() == values.len() {
         return Ok(values.iter().flatten().copied().collect());
     }
-    if values.len() > MOST_CARRIERS {
+    if values.len() > MAX_CARRIERS {
         return Err(format!(
-            "gaps in {} carriers; they are filled among {MOST_CARRIERS} at the most",
+            "gaps in {} carriers: expected at most {MAX_CARRIERS}",
             values.len()
         ));
     }
@@ -71,7 +79,7 @@ pub fn fill(
         .iter()
         .map(|value| value.unwrap_or_default())
         .collect();
-    let points = points::taken_from(&mut left, &known, share);
+    let points = points::extract(&mut left, &known, share);
     let rest = rest(&left, &known, share)?;
     let all = values.iter().zip(points.iter().zip(rest));
     Ok(all
@@ -79,9 +87,10 @@ pub fn fill(
         .collect())
 }
 
-/// What is left of the known carriers, at all of them, by least squares.
+/// Least-squares estimate, at all carriers, of the residual of the known carriers.
 fn rest(left: &[Complex64], known: &[usize], share: f64) -> Result<Vec<Complex64>, String> {
-    // Turned by half the reach the covariance is real, and real and imaginary parts are two right sides.
+    // After a phase rotation by half the reach the covariance is real, so that real and imaginary parts are two
+    // right-hand sides.
     let half = |n: usize| phasor(0.5 * n as f64 * share);
     let covariance = covariance(left.len(), share);
     let k = known.len();
@@ -114,13 +123,14 @@ fn rest(left: &[Complex64], known: &[usize], share: f64) -> Result<Vec<Complex64
         let products = parts.iter().flatten().zip(solved.iter().flatten());
         let square: f64 = products.map(|(z, weighed)| z * weighed).sum();
         let unlikely = k as f64 * libm::log(square / k as f64) + factor.log_determinant();
-        // It has one lowest place, or as good as.
+        // The likelihood has a single minimum in practice.
         if unlikely > least {
             break;
         }
         (best, least) = (Some(solved), unlikely);
     }
-    let [re, im] = best.ok_or("carriers that determine nothing")?;
+    let [re, im] =
+        best.ok_or("singular covariance: the carriers do not determine the missing ones")?;
     let value = |n: usize| {
         let weights = known.iter().zip(re.iter().zip(&im));
         let sum: Complex64 = weights
@@ -131,7 +141,8 @@ fn rest(left: &[Complex64], known: &[usize], share: f64) -> Result<Vec<Complex64
     Ok((0..left.len()).map(value).collect())
 }
 
-/// The covariance of carriers 0, 1, 2, ... steps apart where delays are within `share` of what can be told apart, evenly about 0.
+/// Covariance of carriers 0, 1, 2, ... steps apart, for delays uniformly distributed about 0 over `share` of the
+/// unambiguous interval.
 pub(super) fn covariance(count: usize, share: f64) -> Vec<f64> {
     let of = |apart: usize| {
         let x = std::f64::consts::PI * apart as f64 * share;
@@ -150,7 +161,7 @@ mod tests {
     const STEP_HZ: f64 = 4e6;
     const UNAMBIGUOUS_M: f64 = SPEED_OF_LIGHT_M_S / (2.0 * STEP_HZ);
 
-    /// Echoes of range, amplitude and turns.
+    /// Response of echoes, each given by range (metres), amplitude and phase (turns).
     fn response(echoes: &[(f64, f64, f64)], n: usize) -> Complex64 {
         let one = |&(range_m, amplitude, turns): &(f64, f64, f64)| {
             let frequency_hz = 1.1e9 + n as f64 * STEP_HZ;
@@ -159,19 +170,20 @@ mod tests {
         echoes.iter().map(one).sum()
     }
 
-    /// Three off any grid, within 18 of 37.5 m.
+    /// Three echoes off any grid, within 18 m of the unambiguous 37.5 m.
     const THREE: [(f64, f64, f64); 3] = [(1.03, 1.0, 0.1), (6.31, 0.7, 0.5), (16.2, 0.9, 0.3)];
 
-    /// Nine of fifty missing, two side by side, none at an edge; about twice sampled. The least noise that is tried, 1e-4 of a carrier's power, lets an error of
-    /// its root through, 0.01 a unit of amplitude, for a gap of one, more for wider ones. Bound: 0.05; not filled, a
-    /// carrier would be off by its own magnitude, some 1.
+    /// Nine of fifty carriers are missing, two of them adjacent, none at an edge; the reach is about half the
+    /// unambiguous range. The smallest noise tried, 1e-4 of a carrier's power, allows an amplitude error of its square
+    /// root, 0.01, in a gap of one carrier, and more in wider gaps. Bound: 0.05. An unfilled carrier would be in error
+    /// by its own magnitude, about 1.
     #[test]
-    fn missing_carriers_come_back_where_echoes_lie_within_the_reach() {
+    fn missing_carriers_are_recovered_for_echoes_within_reach() {
         let missing = [4, 9, 14, 20, 21, 27, 33, 38, 44];
         let values: Vec<_> = (0..50)
             .map(|n| (!missing.contains(&n)).then(|| response(&THREE, n)))
             .collect();
-        // Told apart or not: points are known all the same.
+        // Points are recovered even with a reach equal to the unambiguous range.
         for reach_m in [20.0, UNAMBIGUOUS_M] {
             let filled = fill(&values, STEP_HZ, reach_m).unwrap();
             for (n, value) in filled.iter().enumerate() {
@@ -186,7 +198,8 @@ mod tests {
         assert!(fill(&values, STEP_HZ, f64::NAN).is_err());
     }
 
-    /// The error of 8 missing carriers over their mean power, of random scenes of so many echoes within 18 m and noise: the median of 15.
+    /// Error of 8 missing carriers relative to their mean power, in dB, for random scenes of `echoes` within 18 m and
+    /// with noise: median of 15.
     fn wide_gap_db(echoes: usize, noise_db: f64) -> f64 {
         let mut random = ChaCha8Rng::seed_from_u64(echoes as u64);
         let mut unit = || unit(&mut random);
@@ -200,7 +213,7 @@ mod tests {
                 let power = all.iter().map(Complex64::norm_sqr).sum::<f64>() / 50.0;
                 let values: Vec<_> = (0..50)
                     .map(|n| {
-                        // Of unit power: both parts even over 2 sqrt(3 / 2).
+                        // Noise of unit power: real and imaginary parts uniform with a full width of 2 sqrt(3 / 2).
                         let [a, b] = [unit(), unit()].map(|u| (u - 0.5) * 6f64.sqrt());
                         let there = !(16..24).contains(&n);
                         there.then(|| all[n] + Complex64::new(a, b) * noise)
@@ -216,10 +229,11 @@ mod tests {
         errors[7]
     }
 
-    /// A gap of 8 of 50 carriers, four times what half of the unambiguous range is redundant for. Few points fill it to about the noise; many echoes are not made worse than dark, 0 dB, by more than the
-    /// scatter of a median of 15, nor is noise made into echoes.
+    /// A gap of 8 of 50 carriers is four times as wide as a reach of half the unambiguous range can bridge. A few
+    /// points are recovered to about the noise. With many echoes the error does not exceed that of an empty gap, 0 dB,
+    /// by more than the scatter of a median of 15, and noise does not become echoes.
     #[test]
-    fn a_wide_gap_is_filled_by_points_and_never_by_noise() {
+    fn wide_gap_is_filled_by_points_and_never_by_noise() {
         for (echoes, bounds_db) in [
             (3, [-30.0, -12.0, -3.0]),
             (8, [-8.0, -5.0, 1.0]),

@@ -1,26 +1,28 @@
-//! Points that explain a response, one after another, the strongest first: CLEAN (Högbom 1974) over carriers.
+//! Extraction of point scatterers from a response, strongest first: CLEAN (Högbom 1974) over carriers.
 //!
-//! The strongest place of what is left, by a transform eight times as fine as the carriers and a parabola through three places, is taken off by half, again and again, until what is left there is not above what noise of
-//! its power would reach somewhere: of `K` carriers of noise the transform's largest square is some `ln K` times their power, and half as much again is rare.
-//! A place lies within the reach: what comes from elsewhere is no echo, and is left.
+//! The strongest peak of the residual is located by an FFT with eight samples per carrier and a parabola through three
+//! samples, and half of it is subtracted. This repeats until the strongest peak is not significant against noise of the
+//! residual's power: for `K` carriers of noise, the largest squared sample of the FFT is about `ln K` times their
+//! power, and 1.5 times that is rare. Only peaks within the reach are extracted; others are left in the residual.
 
 use num_complex::Complex64;
 use subaperture_fft::Transforms;
 use subaperture_signal::phase::phasor;
 
-/// Places a carrier.
+/// FFT samples per carrier.
 const FINENESS: usize = 8;
-/// Part of a point that is taken at a time: of points near each other the strongest place is neither's.
+/// Loop gain: fraction of a peak subtracted per iteration. The peak of several close points lies at none of them.
 const GAIN: f64 = 0.5;
-/// Times that points are taken, at the most.
-const MOST_TIMES: usize = 256;
-/// Power over noise's largest, from which on a place is a point's.
+/// Maximum number of iterations.
+const MAX_TIMES: usize = 256;
+/// Significance threshold: power of a peak relative to the expected largest peak of noise.
 const SIGNIFICANT: f64 = 1.5;
-/// Part of the power that is not worth more.
+/// Fraction of the initial power at which extraction stops.
 const ENOUGH: f64 = 1e-5;
 
-/// Takes points within `share` of the unambiguous range out of `left`, which is 0 where a carrier is not `known`: what they are at every carrier.
-pub(super) fn taken_from(left: &mut [Complex64], known: &[usize], share: f64) -> Vec<Complex64> {
+/// Extract points within `share` of the unambiguous range from `left`, which is 0 at carriers that are not `known`, and
+/// return their response at every carrier.
+pub(super) fn extract(left: &mut [Complex64], known: &[usize], share: f64) -> Vec<Complex64> {
     let places = FINENESS * left.len();
     let last = ((share * places as f64).ceil() as usize).min(places - 1);
     let transform = Transforms::Portable.inverse::<f64>(places);
@@ -30,7 +32,7 @@ pub(super) fn taken_from(left: &mut [Complex64], known: &[usize], share: f64) ->
     let began = power(left);
     let mut points = vec![Complex64::ZERO; left.len()];
     let mut profile = vec![Complex64::ZERO; places];
-    for _ in 0..MOST_TIMES {
+    for _ in 0..MAX_TIMES {
         profile[..left.len()].copy_from_slice(left);
         profile[left.len()..].fill(Complex64::ZERO);
         transform.process(&mut profile);

@@ -1,41 +1,47 @@
-//! The leakage from antenna to antenna as the reference: two receivers, one phase of the synthesisers at each carrier.
+//! Leakage from antenna to antenna as the phase reference: two receivers with a common random phase at each carrier.
 //!
-//! **Model.** At carrier `f_n` both receivers see one random phase, the transmitter directly after a known short delay, and echoes after it:
+//! **Model.** At carrier `f_n`, both receivers have the same random phase. They receive the direct wave with a known
+//! short delay, and then the echoes:
 //!
 //! ```text
-//! z_i(f_n) = exp(j phi_n) (L_i l_i(f_n) + S_i(f_n)),     l_i(f) = exp(-j 2 pi f tau_i), or as it was calibrated
+//! z_i(f_n) = exp(j phi_n) (L_i l_i(f_n) + S_i(f_n)),     l_i(f) = exp(-j 2 pi f tau_i), or its calibrated response
 //! ```
 //!
-//! **Why not the phase of channel 0.** With `s = S_0 / (L_0 l_0)`, small, the phase of `z_0` is `phi` and that of the leakage and `Im s`. Turned back by it, there is
-//! left, of either receiver, `1 + s - j Im s = 1 + (s + s*) / 2`: half of the scene is where it belongs, 6 dB down, and the other half, as strong, is its
-//! conjugate, mirrored about the leakage.
+//! **Why the phase of channel 0 is not enough.** With a small `s = S_0 / (L_0 l_0)`, the phase of `z_0` is that of the
+//! leakage plus `phi + Im s`. Rotating either receiver by it leaves `1 + s - j Im s = 1 + (s + s*) / 2`: half of the
+//! scene in its place, 6 dB down, and an equally strong conjugate, a mirror image about the leakage.
 //!
-//! **Remedy.** Phases are found with the echoes, by what is known of these: they come later than the leakage, by what ways of
-//! `nearest` to `reach` more take. Alike strong on the mean at any delay between, their covariance `K` over carriers is that of
-//! [`super::gaps`], with the noise `e`, 1e-4 of them; the leakage's amplitude `L_i` is free. The likelihood of phases is then greatest where
+//! **Method.** The phases are estimated together with the echoes. The echoes arrive after the leakage, with additional
+//! delays corresponding to ranges from `nearest` to `reach`. They are modelled as equally strong on average at all
+//! delays in between. Their covariance `K` over carriers is then that of [`super::gaps`], with noise `e` of 1e-4 of
+//! their power. The leakage amplitude `L_i` is free. The phases of maximum likelihood minimise
 //!
 //! ```text
 //! sum_i a_i^H Q_i a_i,   a_i = exp(-j phi) z_i,   Q = P - P l l^H P / (l^H P l),   P = (K + e I)^-1
 //! ```
 //!
-//! is least. From `phi = arg z_0 - arg l_0`, eight times in turn responses by phases (`a - e Q a`) and phases by responses, each of which halves what is off (the mirrored half is
-//! beyond what echoes can be, and is left out); then Gauss and Newton's steps, damped, until none makes it less.
+//! The iteration starts at `phi = arg z_0 - arg l_0`. Eight alternations compute the responses from the phases (`a - e
+//! Q a`) and the phases from the responses. Each halves the error, because the mirrored half lies outside the support
+//! of echoes and is rejected. Damped Gauss-Newton steps follow until the sum no longer decreases.
 //!
-//! **What it takes.**
-//! - Echoes within less than half of the unambiguous range beyond the leakage: what is mirrored falls into the other half. More is refused. To first order two
-//!   receivers tell no more than one: errors of phase are the same for both.
-//! - Leakage 3 dB over all echoes together (RMS over carriers). From there on every one of 300 random scenes of 1 to 7 echoes came to its phases; at 0 dB
-//!   two of eighteen did not. What is found to have less is refused.
-//! - Echoes two resolution cells beyond the leakage at the least: nearer ones are taken for a part of it.
+//! **Requirements.**
+//! - Echoes within less than half of the unambiguous range beyond the leakage, since the mirror image occupies the
+//!   other half. A larger reach is refused. To first order a second receiver adds no information, since phase errors
+//!   are common to both.
+//! - Leakage at least 3 dB above all echoes together (RMS over carriers). Above this, each of 300 random scenes of 1 to
+//!   7 echoes converged to the true phases; at 0 dB two of eighteen failed. A weaker estimated leakage is refused.
+//! - Echoes at least two resolution cells beyond the leakage. Nearer ones are attributed to the leakage.
 //!
-//! Accuracy: at 40 dB over noise in each carrier, errors of the responses are -27 to -40 dB of the echoes, -35 on the median: noise, and what of it the
-//! edges of the band let through. `tests/leakage.rs` holds it.
+//! Accuracy: with a signal-to-noise ratio of 40 dB in each carrier, the errors of the responses are -27 to -40 dB
+//! relative to the echoes, with a median of -35 dB. They come from noise and its leakage through the band edges. Tested
+//! in `tests/leakage.rs`.
 //!
-//! **Refused** is besides what leaves more than a twentieth of the echoes' power, and three times what scatter within bursts says of noise, unexplained: echoes from beyond the
-//! reach, or a leakage that is elsewhere.
+//! **Refused** is also a sweep whose unexplained power exceeds a twentieth of the echoes' power plus three times the
+//! noise estimated from the scatter within bursts. Causes are echoes beyond the reach, or a leakage with another delay.
 //!
-//! Cost: for `k` carriers that are there `k^3 / 2` products once for each pattern of missing ones, then some six times `k^3 / 6` a sweep: below 4 ms for
-//! 150, mixing included. Memory: four matrices of `k^2` float64, 32 MiB for 1024, the most.
+//! Cost, for `k` known carriers: `k^3 / 2` products once per pattern of missing carriers, then about six times `k^3 /
+//! 6` per sweep; below 4 ms for 150 carriers, mixing included. Memory: four `k` x `k` matrices of float64, 32 MiB at
+//! the maximum of 1024 carriers.
 
 mod phases;
 
@@ -47,42 +53,44 @@ use super::error::ProfileError;
 use super::sweep::{Steps, Sweep};
 use phases::Phases;
 
-/// Part of the unambiguous range within which echoes have to lie beyond the leakage.
-pub const MOST_REACH: f64 = 0.48;
-/// Cells of resolution between the leakage and the nearest echo.
+/// Largest range of echoes beyond the leakage, as a fraction of the unambiguous range.
+pub const MAX_REACH: f64 = 0.48;
+/// Smallest distance between leakage and echoes, in resolution cells.
 const NEAREST_CELLS: f64 = 2.0;
-/// Carriers that phases are found for, at the most.
-pub const MOST_CARRIERS: usize = 1024;
-/// Carriers at the least.
-const LEAST_CARRIERS: usize = 8;
-/// Leakage over echoes, of powers, at the least.
-const LEAST_RATIO: f64 = 2.0;
-/// Part of the echoes' power that may be left, and how often the noise's.
+/// Maximum number of carriers.
+pub const MAX_CARRIERS: usize = 1024;
+/// Minimum number of carriers.
+const MIN_CARRIERS: usize = 8;
+/// Smallest ratio of leakage power to echo power.
+const MIN_RATIO: f64 = 2.0;
+/// Tolerance on unexplained power: fraction of the echoes' power, and multiple of the noise power.
 const UNEXPLAINED: (f64, f64) = (0.05, 3.0);
 
-/// The direct ways, as they are known.
+/// Direct waves from the transmitter to both receivers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Leakage {
-    /// From the transmitter's phase centre to each receiver's, seconds.
+    /// Delay from the transmitter's to each receiver's phase centre, seconds.
     pub delays_s: [f64; 2],
-    /// Of each receiver at each carrier, if it was calibrated: what was heard with nothing to reflect, of phases such that receiver 0's is its delay's.
+    /// Calibrated frequency response of each receiver's leakage, if any: received with an empty scene, with phases such
+    /// that receiver 0's response has its geometric delay.
     pub shapes: Option<[Vec<Complex64>; 2]>,
 }
 
-/// What a sweep came to.
+/// Responses and leakage estimated for a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// Of each receiver: echoes over the leakage, referred to the delay of the direct way, so that a path of `d` reads `exp(-j 2 pi f d / c)`.
+    /// Echoes divided by the leakage, for each receiver, with delays from the transmitter: a path of length `d` has the
+    /// phase `exp(-j 2 pi f d / c)`.
     pub sweeps: [Sweep; 2],
-    /// Amplitude of the leakage in each, over [`Leakage::shapes`], but for one phase of both.
+    /// Amplitude of the leakage in each receiver relative to [`Leakage::shapes`], up to a common phase.
     pub amplitudes: [Complex64; 2],
-    /// Power of the leakage over that of echoes.
+    /// Ratio of leakage power to echo power.
     pub over_echoes: f64,
-    /// What neither phases, leakage nor echoes explain, of the echoes' power.
+    /// Ratio of unexplained power to echo power.
     pub unexplained: f64,
 }
 
-/// Finds phases of sweeps of one set of carriers.
+/// Phase estimator for sweeps with the same carriers.
 #[derive(Debug)]
 pub struct Solver {
     leakage: Leakage,
@@ -91,30 +99,31 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// For echoes up to `reach_m` (half a way) beyond the direct way.
+    /// Make a solver for echoes up to a range of `reach_m` beyond the direct wave.
     ///
     /// # Errors
-    /// If carriers `step_hz` apart do not tell echoes from their mirror images there; if there are too few or too many.
+    /// If `reach_m` does not allow echoes to be separated from their mirror images with carriers `step_hz` apart, or if
+    /// there are too few or too many carriers.
     pub fn new(
         leakage: Leakage,
         step_hz: f64,
         steps: usize,
         reach_m: f64,
     ) -> Result<Self, ProfileError> {
-        if !(LEAST_CARRIERS..=MOST_CARRIERS).contains(&steps) {
+        if !(MIN_CARRIERS..=MAX_CARRIERS).contains(&steps) {
             return Err(ProfileError::Options(format!(
-                "{steps} carriers; with the leakage as the reference there are {LEAST_CARRIERS} to {MOST_CARRIERS}"
+                "{steps} carriers: expected {MIN_CARRIERS} to {MAX_CARRIERS} with a leakage reference"
             )));
         }
         let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * step_hz);
         let (least_m, most_m) = (
             (NEAREST_CELLS + 1.0) * unambiguous_m / steps as f64,
-            MOST_REACH * unambiguous_m,
+            MAX_REACH * unambiguous_m,
         );
         if !(reach_m >= least_m && reach_m <= most_m) {
             return Err(ProfileError::Options(format!(
-                "a reach of {reach_m} m; with the leakage as the reference it is {least_m:.2} m to {most_m:.2} m, for echoes from beyond half of the unambiguous \
-                 {unambiguous_m:.2} m look as mirrored ones do: take more carriers, closer together"
+                "reach of {reach_m} m: expected {least_m:.2} m to {most_m:.2} m with a leakage reference, since echoes beyond half of the unambiguous range of \
+                 {unambiguous_m:.2} m cannot be separated from mirror images. Use more carriers with a smaller step"
             )));
         }
         Ok(Self {
@@ -124,16 +133,16 @@ impl Solver {
         })
     }
 
-    /// Finds a sweep's phases, and the echoes of both receivers.
+    /// Estimate the phases of a sweep, and the responses of both receivers.
     ///
     /// # Errors
-    /// Too few carriers; a leakage that is too weak; echoes that are not explained.
+    /// If there are too few carriers, the leakage is too weak, or the echoes are not explained by the model.
     pub fn solve(&mut self, steps: &Steps) -> Result<Found, ProfileError> {
         let [mut first, mut second] = [steps.empty_sweep(), steps.empty_sweep()];
         let known: Vec<usize> = (0..steps.mixed.len())
             .filter(|&n| steps.mixed[n].is_some())
             .collect();
-        if 3 * known.len() < 2 * steps.mixed.len() || known.len() < LEAST_CARRIERS {
+        if 3 * known.len() < 2 * steps.mixed.len() || known.len() < MIN_CARRIERS {
             return Err(ProfileError::TooFew {
                 left: known.len(),
                 steps: steps.mixed.len(),
@@ -161,21 +170,21 @@ impl Solver {
         let solved = phases.solve(&z);
         let [over_echoes, unexplained] = [solved.leakage, solved.residual]
             .map(|power| power / solved.echoes.max(f64::MIN_POSITIVE));
-        // Of no echoes at all there is nothing to be wrong.
+        // Without echoes there is nothing to explain.
         let silent = solved.echoes <= UNEXPLAINED.1 * noise;
         let [first_ns, second_ns] = self.leakage.delays_s.map(|delay_s| 1e9 * delay_s);
-        if over_echoes < LEAST_RATIO {
+        if over_echoes < MIN_RATIO {
             return Err(ProfileError::Leakage(format!(
-                "the leakage is {:.1} dB over the echoes, and takes 3 dB to be a reference: move the antennas closer together, away from what reflects, or take a loop; if it \
-                 is strong but not at {first_ns:.2} ns and {second_ns:.2} ns, calibrate",
+                "leakage of {:.1} dB over the echoes: expected at least 3 dB for a reference. Move the antennas closer together or away from reflecting objects, or use a loopback reference; if the leakage \
+                 is strong but has delays other than {first_ns:.2} ns and {second_ns:.2} ns, calibrate",
                 10.0 * over_echoes.log10()
             )));
         }
         let allowed = UNEXPLAINED.0 * solved.echoes + UNEXPLAINED.1 * noise;
         if !silent && solved.residual > allowed {
             return Err(ProfileError::Leakage(format!(
-                "no phases explain both receivers: {:.0} % of the echoes' power is left over. Are there echoes from beyond {:.1} m, or is the leakage not at \
-                 {first_ns:.2} ns and {second_ns:.2} ns, so that it wants calibrating?",
+                "no phases explain both receivers: {:.0} % of the echoes' power is unexplained. Echoes may come from beyond {:.1} m, or the leakage may have delays other than \
+                 {first_ns:.2} ns and {second_ns:.2} ns; in that case calibrate",
                 100.0 * unexplained,
                 self.reach_m
             )));

@@ -1,4 +1,4 @@
-//! The least sum of squares over phases: the parent module's equations, for one set of carriers.
+//! Minimisation over phases for one set of carriers; equations in the parent module.
 
 use num_complex::Complex64;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -9,28 +9,28 @@ use super::Leakage;
 use crate::profile::error::ProfileError;
 use crate::profile::gaps::covariance;
 
-/// Noise, of the echoes' power in a carrier.
+/// Noise relative to the echoes' power in a carrier.
 const NOISE: f64 = 1e-4;
-/// Turns of responses and phases before the steps of Gauss and Newton.
-const IN_TURN: usize = 8;
-/// Steps of Gauss and Newton at the most.
-const MOST_STEPS: usize = 40;
-/// Part of the sum that a step has to take off for another to be taken.
-const LEAST_GAIN: f64 = 1e-6;
+/// Alternations between responses and phases before the Gauss-Newton steps.
+const ALTERNATIONS: usize = 8;
+/// Maximum number of Gauss-Newton steps.
+const MAX_STEPS: usize = 40;
+/// Smallest relative decrease of the cost for another step.
+const MIN_GAIN: f64 = 1e-6;
 
-/// A vector of each receiver.
+/// One vector per receiver.
 type Both = [Vec<Complex64>; 2];
 
-/// What is alike from sweep to sweep.
+/// Quantities common to all sweeps with the same carriers.
 #[derive(Debug)]
 pub(super) struct Phases {
-    /// Carriers that are there.
+    /// Indices of the known carriers.
     pub(super) known: Vec<usize>,
-    /// `P` about the middle of the echoes' delays, where it is real.
+    /// `P` relative to the middle of the echoes' delays, where it is real.
     inverse: Vec<f64>,
-    /// What turns each receiver's values to that middle.
+    /// Phase factors that shift each receiver's values to that middle.
     centring: Both,
-    /// The leakage there, `l`.
+    /// Leakage response `l`, shifted to that middle.
     shape: Both,
     /// `P l`.
     weighed: Both,
@@ -38,19 +38,19 @@ pub(super) struct Phases {
     norm: [f64; 2],
 }
 
-/// A sweep with its phases.
+/// Solution for a sweep.
 pub(super) struct Solved {
-    /// Echoes over the leakage.
+    /// Echoes divided by the leakage.
     pub(super) over_leakage: Both,
     pub(super) amplitudes: [Complex64; 2],
-    /// Powers, summed over carriers and receivers.
+    /// Powers summed over carriers and receivers.
     pub(super) leakage: f64,
     pub(super) echoes: f64,
     pub(super) residual: f64,
 }
 
 impl Phases {
-    /// `span_m` is half of the least and of the greatest way beyond the direct one.
+    /// Prepare for echoes with ranges `span_m` (minimum and maximum, metres) beyond the direct wave.
     pub(super) fn new(
         leakage: &Leakage,
         step_hz: f64,
@@ -71,7 +71,7 @@ impl Phases {
         }
         let Some(factor) = Factor::new(k, &matrix, 0.0) else {
             return Err(ProfileError::Options(
-                "carriers that determine nothing".to_owned(),
+                "singular covariance of the carriers".to_owned(),
             ));
         };
         let inverse = factor.inverse();
@@ -93,7 +93,7 @@ impl Phases {
         let norm = [0, 1].map(|i| dot(&shape[i], &weighed[i]).re);
         if norm.iter().any(|norm| *norm <= 0.0 || !norm.is_finite()) {
             return Err(ProfileError::Options(
-                "a leakage that is nothing at any carrier is no reference".to_owned(),
+                "the leakage is zero or not finite: it cannot be the reference".to_owned(),
             ));
         }
         Ok(Self {
@@ -106,7 +106,7 @@ impl Phases {
         })
     }
 
-    /// Amplitude of the leakage in what is turned back already.
+    /// Leakage amplitude in phase-corrected values.
     fn amplitude(&self, i: usize, a: &[Complex64]) -> Complex64 {
         dot(&self.weighed[i], a) / self.norm[i]
     }
@@ -124,7 +124,7 @@ impl Phases {
     }
 
     pub(super) fn solve(&self, z: &Both) -> Solved {
-        // By receiver 0 or 1, whichever varies less: there echoes are weaker.
+        // Start from the receiver whose power varies less over the carriers: its echoes are weaker.
         let spread = |i: usize| {
             let powers = || {
                 z[i].iter()
@@ -149,7 +149,7 @@ impl Phases {
             .collect();
         a = turned(&a, &first);
         let mut weighed = self.weigh(&a);
-        for _ in 0..IN_TURN {
+        for _ in 0..ALTERNATIONS {
             let off = |n: usize| {
                 let each = [0, 1].map(|i| a[i][n] * (a[i][n] - weighed[i][n] * NOISE).conj());
                 argument(each[0] + each[1])
@@ -162,11 +162,11 @@ impl Phases {
         self.parts(&a, &weighed)
     }
 
-    /// Steps of Gauss and Newton, damped as Levenberg and Marquardt do.
+    /// Gauss-Newton steps with Levenberg-Marquardt damping.
     fn newton(&self, a: &mut Both, weighed: &mut Both) {
         let k = self.known.len();
         let (mut damping, mut sum) = (1e-3, cost(a, weighed));
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let gradient: Vec<f64> = (0..k)
                 .map(|n| {
                     -2.0 * [0, 1]
@@ -199,7 +199,7 @@ impl Phases {
             };
             let gain = (sum - new) / new.max(f64::MIN_POSITIVE);
             (*a, *weighed, sum) = (next, next_weighed, new);
-            if gain < LEAST_GAIN {
+            if gain < MIN_GAIN {
                 return;
             }
         }
@@ -253,7 +253,7 @@ impl Phases {
     }
 }
 
-/// `exp(-j phases)` times values of both receivers.
+/// Values of both receivers times `exp(-j phases)`.
 fn turned(a: &Both, phases: &[f64]) -> Both {
     let turns: Vec<Complex64> = phases.iter().map(|phase| cis(-phase)).collect();
     [0, 1].map(|i| a[i].iter().zip(&turns).map(|(a, turn)| a * turn).collect())
@@ -272,7 +272,7 @@ fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
     a.iter().zip(b).map(|(a, b)| a.conj() * b).sum()
 }
 
-/// A real matrix, row by row, times a vector.
+/// Product of a real row-major matrix and a vector.
 fn product(matrix: &[f64], x: &[Complex64]) -> Vec<Complex64> {
     let row = |row: &[f64]| row.iter().zip(x).map(|(m, x)| x * m).sum();
     matrix.chunks_exact(x.len()).map(row).collect()

@@ -1,4 +1,4 @@
-//! What is declared against the header that is installed.
+//! Check of the declarations against the installed header.
 
 use std::fmt::Write as _;
 use std::mem::{offset_of, size_of};
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use super::*;
 
-/// A type of the list in C.
+/// C type of a Rust type in the list.
 fn in_c(rust: &str, argument: &str) -> String {
     if let Some(of) = rust.strip_prefix("*mut ") {
         return format!("{} *", in_c(of, argument));
@@ -36,7 +36,7 @@ fn in_c(rust: &str, argument: &str) -> String {
         "StreamCommand" => "uhd_stream_cmd_t",
         "TuneRequest" => "uhd_tune_request_t",
         "TuneResult" => "uhd_tune_result_t",
-        // An enumeration: of which kind, its function says.
+        // Enumeration types are distinguished by the function's name.
         "c_uint" if argument.starts_with("uhd_rx_metadata") => "uhd_rx_metadata_error_code_t",
         "c_uint" if argument.starts_with("uhd_async") => "uhd_async_metadata_event_code_t",
         other => panic!("what is {other} in C?"),
@@ -44,7 +44,7 @@ fn in_c(rust: &str, argument: &str) -> String {
     .to_owned()
 }
 
-/// C that compiles if, and only if, functions, layouts and numbers are those of the header.
+/// C program that compiles if and only if functions, layouts and constants match the header.
 fn program(declared: &[(&str, &[&str])]) -> String {
     let mut text =
         "#include <stdbool.h>\n#include <stddef.h>\n#include <stdint.h>\n#include <uhd.h>\n"
@@ -127,7 +127,7 @@ fn program(declared: &[(&str, &[&str])]) -> String {
     ] {
         writeln!(text, "_Static_assert({name} == {value}, \"\");").unwrap();
     }
-    // What an enumeration is passed as.
+    // Size of an enumeration as an argument.
     for name in [
         "uhd_error",
         "uhd_rx_metadata_error_code_t",
@@ -139,8 +139,8 @@ fn program(declared: &[(&str, &[&str])]) -> String {
     text
 }
 
-/// What the compiler says of it; nothing if it is right.
-fn complaints(text: &str) -> String {
+/// Diagnostics of the C compiler; empty if the program is valid.
+fn diagnostics(text: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("check.c");
     std::fs::write(&path, text).unwrap();
@@ -149,13 +149,17 @@ fn complaints(text: &str) -> String {
         .arg(&path)
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.success(), said.is_empty(), "{said}");
-    said
+    let output_text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(
+        output.status.success(),
+        output_text.is_empty(),
+        "{output_text}"
+    );
+    output_text
 }
 
 #[test]
-fn declarations_are_those_of_the_installed_header() {
+fn declarations_match_installed_header() {
     if !Path::new("/usr/include/uhd.h").exists()
         || Command::new("cc").arg("--version").output().is_err()
     {
@@ -163,8 +167,8 @@ fn declarations_are_those_of_the_installed_header() {
         return;
     }
     assert!(DECLARED.len() > 60);
-    assert_eq!(complaints(&program(DECLARED)), "");
-    // The check sees one type that is wrong.
+    assert_eq!(diagnostics(&program(DECLARED)), "");
+    // The check detects a single wrong type.
     let wrong = program(&[("uhd_usrp_set_rx_rate", &["Usrp", "f64", "f64"])]);
-    assert!(complaints(&wrong).contains("check_uhd_usrp_set_rx_rate"));
+    assert!(diagnostics(&wrong).contains("check_uhd_usrp_set_rx_rate"));
 }

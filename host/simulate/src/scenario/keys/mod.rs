@@ -1,13 +1,12 @@
-//! The table of keys: everything that a scenario can say, with kind, default and explanation. The
-//! reader checks texts against it, `subap simulate --keys` prints it, and tests hold that each key is
-//! read.
+//! Table of all scenario keys with type, default and description. The reader checks texts against it, `subap simulate
+//! --keys` prints it, and tests check that each key is read.
 
 mod scene;
 
 use subaperture_describe::keys::{motion, place, radar};
 use subaperture_describe::schema::{Key, Kind, Need, Presence, Schema, Section};
 
-/// The scenario itself.
+/// Top-level keys.
 pub(super) static TOP: Section = Section {
     path: "",
     presence: Presence::Always,
@@ -19,28 +18,28 @@ pub(super) static TOP: Section = Section {
             "name",
             Kind::Text,
             Need::Default("\"scenario\""),
-            "A name for titles and reports.",
+            "Name of the collection, for titles and reports.",
         ),
         Key::new(
             "seed",
             Kind::Count(0, i64::MAX as u64),
             Need::Default("0"),
-            "Seed of everything random: the same seed gives the same file.",
+            "Seed of all random effects: the same seed gives the same file.",
         ),
         Key::new(
             "method",
             Kind::Choice(&["fast", "sum"]),
             Need::Default("\"fast\""),
-            "How sums over scatterers are computed: by FFTs, or plainly, which is slow and the measure \
-             of the other.",
+            "Method for sums over scatterers: by non-uniform FFT, or by the plain sum, which is slow \
+                        and the reference for the fast method.",
         ),
     ],
 };
 
-/// All that a scenario can say.
+/// Schema of a scenario.
 pub(super) static SCHEMA: Schema = Schema {
     sections: SECTIONS,
-    introduction: "A scenario is TOML.",
+    introduction: "A scenario is a TOML file.",
 };
 
 static SECTIONS: &[&Section] = &[
@@ -67,7 +66,7 @@ static SECTIONS: &[&Section] = &[
     &motion::NAVIGATION,
 ];
 
-/// Every key with its kind, default and explanation, as text.
+/// Reference text of all keys, with type, default and description.
 pub fn reference() -> String {
     SCHEMA.reference()
 }

@@ -1,4 +1,4 @@
-//! Keys of `[scene]` and the sections within.
+//! Keys of `[scene]` and its subsections.
 
 use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Section};
 use subaperture_model::units::Dimension;
@@ -8,22 +8,22 @@ pub(crate) static SCENE: Section = Section {
     presence: Presence::Always,
     when: &[],
     selector: "",
-    doc: "Where the scene is and what it holds.",
+    doc: "Position, extent and reference of the scene.",
     keys: &[
         Key::new(
             "reference",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"0, 0, 0 m\""),
-            "The point that phases and amplitudes are referred to: without a beam, 1 m^2 reads 1 in an \
-             image, there if echoes weaken with range, else anywhere. If left out, the scene's origin, \
-             unless reference_range is given.",
+            "Motion compensation reference point, also for amplitudes: with isotropic antennas, 1 m^2 has \
+                        amplitude 1 in an image; with spreading loss, at this point only. Default: the scene's origin, \
+                        unless reference_range is given.",
         ),
         Key::new(
             "reference_range",
             Kind::Quantity(Dimension::Length, Bounds::Positive),
             Need::Optional("\"5 km\""),
-            "In place of a point: the same range from the radar for all pulses, as a receiver with one \
-             range gate has it.",
+            "Alternative to a reference point: a constant range from the radar for all pulses, as with a \
+                        receiver with one range gate.",
         ),
         Key::new(
             "x",
@@ -44,7 +44,7 @@ const POSITION: Key = Key::new(
     "position",
     Kind::Vector(Dimension::Length),
     Need::Required("\"10, 5, 0 m\""),
-    "Where it is.",
+    "Position in the scene frame.",
 );
 const CROSS_SECTION: Key = Key::new(
     "cross_section",
@@ -56,7 +56,7 @@ const PHASE: Key = Key::new(
     "phase",
     Kind::Quantity(Dimension::Angle, Bounds::Any),
     Need::Default("\"0 deg\""),
-    "Phase of its reflection.",
+    "Phase of the reflection.",
 );
 
 pub(crate) static POINT: Section = Section {
@@ -64,7 +64,7 @@ pub(crate) static POINT: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "",
-    doc: "A point that scatters alike in all directions.",
+    doc: "Isotropic point scatterer.",
     keys: &[POSITION, CROSS_SECTION, PHASE],
 };
 
@@ -73,14 +73,14 @@ pub(crate) static CORNER: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "",
-    doc: "A triangular trihedral corner reflector.",
+    doc: "Triangular trihedral corner reflector.",
     keys: &[
         POSITION,
         Key::new(
             "boresight",
             Kind::Vector(Dimension::Ratio),
             Need::Required("\"0, -1, 0.6\""),
-            "Where it looks, scene axes.",
+            "Boresight direction in scene axes.",
         ),
         Key::new(
             "edge",
@@ -95,25 +95,25 @@ const X: Key = Key::new(
     "x",
     Kind::Interval(Dimension::Length),
     Need::Required("\"-20, 20 m\""),
-    "Its extent in x.",
+    "Extent in x.",
 );
 const Y: Key = Key::new(
     "y",
     Kind::Interval(Dimension::Length),
     Need::Required("\"-20, 20 m\""),
-    "Its extent in y.",
+    "Extent in y.",
 );
 const HEIGHT: Key = Key::new(
     "height",
     Kind::Quantity(Dimension::Length, Bounds::Any),
     Need::Default("\"0 m\""),
-    "Its height, z.",
+    "Height (z).",
 );
 const SPACING: Key = Key::new(
     "spacing",
     Kind::Quantity(Dimension::Length, Bounds::Positive),
     Need::Required("\"2 m\""),
-    "Distance from point to point.",
+    "Spacing of the points.",
 );
 const LEVEL: Bounds = Bounds::Within(-300.0, 300.0, "-300 to 300 dB");
 
@@ -122,13 +122,13 @@ pub(crate) static CLUTTER: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "kind",
-    doc: "Many weak points on a level plane that together look like ground.",
+    doc: "Ground clutter: many weak points on a horizontal plane.",
     keys: &[
         Key::new(
             "kind",
             Kind::Choice(&["rectangle", "disc"]),
             Need::Default("\"rectangle\""),
-            "The shape of its area.",
+            "Shape of the area.",
         ),
         X.when(&["rectangle"]),
         Y.when(&["rectangle"]),
@@ -151,19 +151,19 @@ pub(crate) static CLUTTER: Section = Section {
             "density",
             Kind::Quantity(Dimension::Ratio, Bounds::Positive),
             Need::Optional("1"),
-            "Points on a square metre: ten a resolution cell make speckle. Either this or count.",
+            "Points per square metre; ten per resolution cell give speckle. Give either this or count.",
         ),
         Key::new(
             "count",
             Kind::Count(1, 1 << 26),
             Need::Optional("1000"),
-            "Points in all. Either this or density.",
+            "Total number of points. Give either this or density.",
         ),
         Key::new(
             "sigma0",
             Kind::Quantity(Dimension::Level, LEVEL),
             Need::Required("\"-20 dB\""),
-            "Mean cross section of a square metre.",
+            "Mean radar cross section per square metre (sigma nought).",
         ),
     ],
 };
@@ -173,13 +173,13 @@ pub(crate) static PICTURE: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "",
-    doc: "A picture laid on a level plane, its brightness proportional to amplitude.",
+    doc: "Picture on a horizontal plane, with brightness proportional to amplitude.",
     keys: &[
         Key::new(
             "file",
             Kind::Path,
             Need::Required("\"picture.png\""),
-            "A grey PNG of 8 or 16 bits, or a NumPy array of real numbers.",
+            "Greyscale PNG with 8 or 16 bits, or NumPy array of real numbers.",
         ),
         X,
         Y,
@@ -189,13 +189,13 @@ pub(crate) static PICTURE: Section = Section {
             "sigma0",
             Kind::Quantity(Dimension::Level, LEVEL),
             Need::Required("\"0 dB\""),
-            "Cross section of a square metre of white.",
+            "Radar cross section per square metre of white pixels.",
         ),
         Key::new(
             "speckle",
             Kind::Flag,
             Need::Default("true"),
-            "Whether amplitudes are complex Gaussian, as of rough ground.",
+            "Use complex Gaussian amplitudes (speckle), as of rough ground.",
         ),
     ],
 };
@@ -205,13 +205,13 @@ pub(crate) static BUILDING: Section = Section {
     presence: Presence::Many,
     when: &[],
     selector: "",
-    doc: "An upright box with walls, roof edge and foot that reflect; it hides what is behind it.",
+    doc: "Building: an upright box with reflecting walls, roof edges and foot, which occludes objects behind it.",
     keys: &[
         Key::new(
             "position",
             Kind::Vector(Dimension::Length),
             Need::Required("\"10, 5, 0 m\""),
-            "Middle of its ground plan, at the foot.",
+            "Centre of the ground plan, at the foot.",
         ),
         Key::new(
             "size",
@@ -223,26 +223,26 @@ pub(crate) static BUILDING: Section = Section {
             "yaw",
             Kind::Quantity(Dimension::Angle, Bounds::Any),
             Need::Default("\"0 deg\""),
-            "Angle from the scene's x axis to its length, towards y.",
+            "Angle from the scene's x axis to the length of the building, towards y.",
         ),
         SPACING,
         Key::new(
             "wall",
             Kind::Quantity(Dimension::Level, LEVEL),
             Need::Default("\"-10 dB\""),
-            "Mean cross section of a square metre of wall.",
+            "Mean radar cross section per square metre of wall.",
         ),
         Key::new(
             "edge",
             Kind::Quantity(Dimension::Level, LEVEL),
             Need::Default("\"-10 dB\""),
-            "Of a metre of roof edge.",
+            "Radar cross section per metre of roof edge.",
         ),
         Key::new(
             "foot",
             Kind::Quantity(Dimension::Level, LEVEL),
             Need::Default("\"0 dB\""),
-            "Of a metre of foot, where wall and ground make a dihedral.",
+            "Radar cross section per metre of foot, where wall and ground form a dihedral.",
         ),
     ],
 };

@@ -1,4 +1,4 @@
-//! The demonstration's table of errors, for people, for Markdown and for programs.
+//! Error table of the demonstration as text, Markdown and JSON.
 
 use std::time::Duration;
 
@@ -82,12 +82,12 @@ impl Report<'_> {
         )
     }
 
-    /// An aligned table.
+    /// Format as an aligned text table.
     pub(super) fn to_text(&self) -> String {
         format!("{}\n{}", text::table(&HEADER, &self.rows()), self.notes())
     }
 
-    /// A Markdown document.
+    /// Format as a Markdown document.
     pub(super) fn to_markdown(&self) -> String {
         let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
         let header: Vec<String> = HEADER.map(str::to_owned).to_vec();
@@ -101,7 +101,7 @@ impl Report<'_> {
         )
     }
 
-    /// For programs.
+    /// Format as a JSON object.
     pub(super) fn to_json(&self) -> Value {
         let rows: Vec<Value> = self
             .outcomes

@@ -6,19 +6,16 @@ use std::time::{Duration, SystemTime};
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, SceneFrame};
-use subaperture::image::Parts;
-use subaperture::io::claim::Claims;
+use subaperture::image::ImageSource;
+use subaperture::images::{OpenImage, PixelGeometry, Pixels};
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
-use subaperture::io::product::{self, OpenProduct};
+use subaperture::io::product;
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
 use subaperture::on_map::SicdOnMap;
-use subaperture::resolution::support::{Looks, RecordedLooks};
-use subaperture::sicd::SicdFile;
-use subaperture::signal::window::Window;
 
 use super::{One, Written};
 use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
-use crate::commands::stored;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{log, messages};
@@ -69,7 +66,7 @@ pub(super) fn check(one: &One, format: MapFormat) -> Result<(), Usage> {
 }
 
 /// Claims the map and the files beside it.
-pub(super) fn claim(one: &One, format: MapFormat, claims: &mut Claims) -> anyhow::Result<()> {
+pub(super) fn claim(one: &One, format: MapFormat, claims: &mut OutputClaims) -> anyhow::Result<()> {
     let kind = match format {
         MapFormat::Png => Kind::Picture,
         _ => Kind::Map,
@@ -97,39 +94,46 @@ pub(super) fn claim(one: &One, format: MapFormat, claims: &mut Claims) -> anyhow
 /// Reads a product or a SICD and writes its map.
 pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
     let wanted = Wanted::of(one, format)?;
-    if stored::is_nitf(one.folder) {
-        return write_sicd(session, &wanted);
+    let image = super::whole(session, one.folder)?;
+    if let PixelGeometry::Sicd { on_map, .. } = &image.lies {
+        return write_sicd(session, &wanted, &image, on_map.as_ref().as_ref());
     }
-    let stored = product::open(one.folder)?;
-    let frame = frame(one, &stored)?;
-    let looks = looks(&stored.metadata).ok_or(MapError::Unseen)?;
+    let (grid, record) = super::recorded(one, &image)?;
+    let frame = frame(one, &record)?;
+    let looks = image.looks().ok_or(MapError::Unseen)?;
     let source = Source {
-        pixels: &stored.pixels,
-        grid: &stored.grid,
+        pixels: &image.pixels,
+        grid: &grid,
         frame: &frame,
         looks: &looks,
     };
-    let raster = wanted.raster(|projection, pixel_m| {
-        Raster::covering(&stored.grid, &frame, projection, pixel_m)
-    })?;
+    let raster = wanted
+        .raster(|projection, pixel_m| Raster::covering(&grid, &frame, projection, pixel_m))?;
     let ortho = Ortho::new(source, raster)?;
-    wanted.write(session, &About::of_record(one, &stored.metadata), &ortho)
+    wanted.write(session, &About::of_record(one, &record), &ortho)
 }
 
 /// Reads anyone's SICD and writes its map.
-fn write_sicd(session: &Session, wanted: &Wanted) -> anyhow::Result<Written> {
-    let file = SicdFile::open(wanted.one.folder)?;
-    let lying = SicdOnMap::new(&file)?;
+fn write_sicd(
+    session: &Session,
+    wanted: &Wanted,
+    image: &OpenImage,
+    on_map: Result<&SicdOnMap, &String>,
+) -> anyhow::Result<Written> {
+    let Pixels::Sicd(file) = &image.pixels else {
+        bail!("{}: expected a SICD", image.path.display());
+    };
+    let model = on_map.map_err(|what| anyhow::anyhow!("{what}"))?;
     session.note(1, || {
         format!(
             "what the image shows is taken to stand {:.1} m above the ellipsoid, as its scene centre point does",
-            lying.height_m()
+            model.height_m()
         )
     });
     let raster = wanted.raster(|projection, pixel_m| {
-        Raster::covering_told(&lying, file.size(), projection, pixel_m)
+        Raster::covering_projected(model, file.size(), projection, pixel_m)
     })?;
-    let ortho = Ortho::told(&file, &lying, raster);
+    let ortho = Ortho::with_projection(file, model, raster);
     let about = About {
         title: file
             .name()
@@ -163,7 +167,10 @@ impl About {
             title: title.map_or_else(|| one.image.display().to_string(), str::to_owned),
             recorded: start,
             // The record is written last.
-            file: one.folder.join("image.json"),
+            file: match one.folder.join("image.json") {
+                record if record.exists() => record,
+                _ => one.folder.to_owned(),
+            },
         }
     }
 
@@ -295,7 +302,14 @@ impl<'a> Wanted<'a> {
                     datetime: &datetime,
                     properties: json!({ "title": title, "subaperture:datetime": meaning }),
                 };
-                maps::stac::write(&out.with_extension("json"), out, ortho, layout, &item)?;
+                let beside = out.with_extension("json");
+                maps::stac::write(&beside, out, ortho, layout, &item).with_context(|| {
+                    format!(
+                        "{} is whole, but what is to be said of it in {} is not written",
+                        out.display(),
+                        beside.display()
+                    )
+                })?;
             }
         }
         Ok(self.written(ortho))
@@ -335,26 +349,16 @@ impl<'a> Wanted<'a> {
 type Projecting = fn(&Geodetic) -> Result<Projection, MapError>;
 
 /// Where the scene is.
-fn frame(one: &One, stored: &OpenProduct) -> anyhow::Result<SceneFrame> {
+fn frame(one: &One, record: &Value) -> anyhow::Result<SceneFrame> {
     if let Some(origin) = &one.place {
         return Ok(SceneFrame::east_north_up(origin));
     }
     let image = one.image.display();
-    match product::frame_of(&stored.metadata) {
+    match product::frame_of(record) {
         Ok(SceneFrame::Local) => bail!(
             "{image}: its recording ties it to no place on the Earth: give --place LAT,LON[,HEIGHT] of the scene's origin"
         ),
         Ok(frame) => Ok(frame),
         Err(what) => bail!("{image}: {what}: give --place LAT,LON[,HEIGHT], or form it again"),
     }
-}
-
-/// From where the image was seen, under its windows.
-fn looks(metadata: &Value) -> Option<Looks> {
-    let recorded: RecordedLooks = serde_json::from_value(metadata["support"].clone()).ok()?;
-    let window = |key: &str| -> Option<Window> { metadata["settings"][key].as_str()?.parse().ok() };
-    recorded.looks(
-        window("window").unwrap_or_default(),
-        window("slow_window").unwrap_or_default(),
-    )
 }

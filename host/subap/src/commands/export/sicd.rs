@@ -2,10 +2,9 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
-use subaperture::io::product;
-use subaperture::sicd::{Formed, Placing, Sicd, SicdError};
+use subaperture::sicd::{Formed, Georeference, Sicd, SicdError};
 
 use super::{One, Written};
 use crate::config::Session;
@@ -22,22 +21,23 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
     }
 }
 
-/// Claims the file.
-pub(super) fn claim(one: &One, claims: &mut Claims) -> anyhow::Result<()> {
+/// Claim the path of the output file.
+pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> {
     Ok(claims.file(one.out, Kind::Sicd)?)
 }
 
 /// Reads a product and writes it.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
-    let stored = product::open(one.folder)?;
-    let sicd = Formed::of_record(&stored.grid, &stored.metadata)
+    let image = super::whole(session, one.folder)?;
+    let (grid, record) = super::recorded(one, &image)?;
+    let sicd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
         .map_err(with_advice)?;
-    for sentence in sicd.told() {
+    for sentence in sicd.assumptions() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
-    let wrote = sicd.write(one.out, &stored.pixels, &writing);
+    let wrote = sicd.write(one.out, &image.pixels, &writing);
     interrupt::check()?;
     wrote.map_err(with_advice)?;
     writing.finish();
@@ -45,11 +45,11 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
 }
 
 /// Where and when what the recording does not say is taken to be.
-pub(super) fn placing(one: &One) -> Placing {
-    Placing {
+pub(super) fn placing(one: &One) -> Georeference {
+    Georeference {
         origin: one.place,
-        speed_m_s: one.speed_m_s.unwrap_or(Placing::default().speed_m_s),
-        ..Placing::default()
+        speed_m_s: one.speed_m_s.unwrap_or(Georeference::default().speed_m_s),
+        ..Georeference::default()
     }
 }
 
@@ -62,7 +62,7 @@ pub(super) fn now_ns() -> i64 {
 /// `error`, with what the command line can do about it.
 pub(super) fn with_advice(error: SicdError) -> anyhow::Error {
     match error {
-        SicdError::Nowhere => anyhow::anyhow!("{error}: say where by --place LAT,LON[,HEIGHT]"),
+        SicdError::Nowhere => anyhow::anyhow!("{error} with --place LAT,LON[,HEIGHT]"),
         error => error.into(),
     }
 }

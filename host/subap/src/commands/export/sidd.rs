@@ -1,6 +1,5 @@
 //! An image as SIDD.
 
-use subaperture::io::product;
 use subaperture::maps::Levels;
 use subaperture::sicd::{Formed, Greys, Sidd};
 
@@ -28,10 +27,11 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
 /// Reads a product and writes it.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let maps = &one.maps;
-    let stored = product::open(one.folder)?;
+    let image = super::whole(session, one.folder)?;
+    let (grid, record) = super::recorded(one, &image)?;
     // What exploitation tools make of a complex image.
     let remap = maps.remap.unwrap_or(RemapName::Density);
-    let levels = Levels::of(&stored.pixels, remap.into(), maps.top, maps.span)?;
+    let levels = Levels::of(&image.pixels, remap.into(), maps.top, maps.span)?;
     let greys = Greys {
         name: match remap {
             RemapName::Density => "Density",
@@ -40,14 +40,14 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         levels_db: [levels.bottom_db, levels.top_db],
         of: &|power| levels.grey(power),
     };
-    let sidd = Formed::of_record(&stored.grid, &stored.metadata)
+    let sidd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sidd::new(&formed, &placing(one), &greys, now_ns()))
         .map_err(with_advice)?;
-    for sentence in sidd.told() {
+    for sentence in sidd.assumptions() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
-    let wrote = sidd.write(one.out, &stored.pixels, &greys, &writing);
+    let wrote = sidd.write(one.out, &image.pixels, &greys, &writing);
     interrupt::check()?;
     wrote.map_err(with_advice)?;
     writing.finish();

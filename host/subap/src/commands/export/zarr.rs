@@ -1,14 +1,12 @@
 //! Images of one grid as a Zarr group.
 
-use std::path::Path;
-
 use anyhow::bail;
 use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
-use subaperture::image::Parts;
-use subaperture::io::claim::Claims;
+use subaperture::image::ImageSource;
+use subaperture::images::{OpenImage, Pixels, Values};
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::TEXT_MARK;
-use subaperture::io::product::{self, OpenProduct};
 use subaperture::io::stack::{Stack, StackError};
 
 use super::{One, Written};
@@ -29,55 +27,55 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
     Ok(())
 }
 
-/// Claims the folder.
-pub(super) fn claim(one: &One, claims: &mut Claims) -> anyhow::Result<()> {
+/// Claim the path of the output folder.
+pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> {
     Ok(claims.store(one.out)?)
 }
 
 /// Reads all images and writes them.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
-    let mut opened: Vec<(&Path, OpenProduct)> = Vec::new();
-    for image in [one.image]
+    let mut opened: Vec<OpenImage> = Vec::new();
+    for path in [one.image]
         .into_iter()
         .chain(one.others.iter().map(AsRef::as_ref))
     {
-        let Some(folder) = stored::product_folder(image) else {
-            bail!(
-                "{}: no image: give the folder of a product (with image.json and image.npy)",
-                image.display()
-            );
-        };
-        let next = product::open(folder)?;
-        if let Some((first, before)) = opened.first()
-            && (before.grid != next.grid || before.metadata["frame"] != next.metadata["frame"])
-        {
-            bail!(
-                "{} and {} are on different grids: form both with one --grid",
-                first.display(),
-                image.display()
-            );
+        let next = super::whole(session, path)?;
+        if let Some(first) = opened.first() {
+            stored::check_same_pixels(first, &next)?;
+            if first.values != next.values {
+                bail!(
+                    "{} and {} hold different values ({} and {}): a stack holds one kind",
+                    first.path.display(),
+                    next.path.display(),
+                    first.values,
+                    next.values
+                );
+            }
         }
-        opened.push((image, next));
+        opened.push(match &one.place {
+            Some(place) => next.placed(place),
+            None => next,
+        });
     }
-    let (name, first) = &opened[0];
-    let images: Vec<&dyn Parts> = opened
+    let first = &opened[0];
+    let images: Vec<&dyn ImageSource> = opened
         .iter()
-        .map(|(_, product)| &product.pixels as &dyn Parts)
+        .map(|image| &image.pixels as &dyn ImageSource)
         .collect();
-    let frame = match one.place {
-        Some(place) => SceneFrame::east_north_up(&place),
-        None => product::frame_of(&first.metadata)
-            .map_err(|what| anyhow::anyhow!("{}: {what}", name.display()))?,
+    let (grid, frame) = match first.grid() {
+        Some((grid, frame)) => (grid.clone(), frame.unwrap_or(SceneFrame::Local)),
+        // Rows and columns.
+        None => (first.pixel_grid(), SceneFrame::Local),
     };
     let starts = opened
         .iter()
-        .map(|(_, product)| product.metadata["antennas"]["start_ns"].as_i64());
+        .map(|image| image.record.as_ref()?["antennas"]["start_ns"].as_i64());
     let starts: Option<Vec<i64>> = starts.collect();
     let stack = Stack {
         images: &images,
-        grid: &first.grid,
+        grid: &grid,
         start_ns: &starts.unwrap_or_default(),
-        attributes: &attributes(&opened, &frame),
+        attributes: &attributes(&opened, &grid, &frame),
     };
     let writing = session.progress("writing");
     match stack.write(one.out, &writing) {
@@ -89,7 +87,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     }
     writing.finish();
     let path = one.out.display().to_string();
-    let (count, grid) = (opened.len(), &first.grid);
+    let count = opened.len();
     Ok(Written {
         name: "export",
         about: json!({ "path": path, "bytes": stack.bytes(), "images": count }),
@@ -100,33 +98,49 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     })
 }
 
-/// What is known of the images.
-fn attributes(opened: &[(&Path, OpenProduct)], frame: &SceneFrame) -> Value {
-    let source = |(path, product): &(&Path, OpenProduct)| {
-        let record = &product.metadata;
+/// What is known of the images. Of images without a place, coordinates are rows and columns.
+fn attributes(opened: &[OpenImage], grid: &ImageGrid, frame: &SceneFrame) -> Value {
+    let source = |image: &OpenImage| {
+        let record = image.record.clone().unwrap_or_default();
         json!({
-            "name": path.display().to_string(),
+            "name": image.path.display().to_string(),
             "title": record["picture"]["title"],
             "start_ns": record["antennas"]["start_ns"],
             "collection": record["collection"]["name"],
             "settings": record["settings"],
             "inputs": record["inputs"],
+            "support": record["support"],
+            "antennas": record["antennas"],
+            "recording": record["collection"],
         })
     };
     let sources: Vec<Value> = opened.iter().map(source).collect();
-    let grid = &opened[0].1.grid;
     let mut about = json!({
         "title": sources[0]["title"],
         "history": format!("{TEXT_MARK} {}", env!("CARGO_PKG_VERSION")),
         "source": "synthetic aperture radar",
-        "grid_origin_m": grid.origin_m.to_array(),
-        "grid_x_axis": grid.x_axis.to_array(),
-        "grid_y_axis": grid.y_axis.to_array(),
-        "grid_is_polar": grid.polar,
-        "grid_has_relief": grid.relief.is_some(),
-        "position": "of a pixel in the scene frame, metres: grid_origin_m + x grid_x_axis + y grid_y_axis, and the relief along their normal",
         "sources": sources,
     });
+    // A detected image is not a complex one because it is stored as such.
+    about["values"] = match opened[0].values {
+        Values::Complex => json!("complex"),
+        Values::Levels(levels_db) => json!({ "levels_db": levels_db }),
+        Values::Amplitudes => json!("amplitudes"),
+        _ => json!("greys"),
+    };
+    if matches!(opened[0].pixels, Pixels::Map(_)) {
+        about["missing"] = "NaN".into();
+    }
+    if opened[0].grid().is_none() {
+        about["position"] = "of a pixel: x is its column and y its row".into();
+        return about;
+    }
+    about["grid_origin_m"] = json!(grid.origin_m.to_array());
+    about["grid_x_axis"] = json!(grid.x_axis.to_array());
+    about["grid_y_axis"] = json!(grid.y_axis.to_array());
+    about["grid_is_polar"] = grid.polar.into();
+    about["grid_has_relief"] = grid.relief.is_some().into();
+    about["position"] = "of a pixel in the scene frame, metres: grid_origin_m + x grid_x_axis + y grid_y_axis, and the relief along their normal".into();
     if let SceneFrame::Earth {
         origin_ecf_m,
         x_axis_ecf,

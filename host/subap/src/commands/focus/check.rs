@@ -14,7 +14,7 @@ use rand_distr::{Distribution, Uniform};
 use serde::Serialize;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::{FormError, Remedy, Task};
-use subaperture::image::{Parts, power};
+use subaperture::image::{ImageSource, power};
 
 use crate::{advice, messages};
 
@@ -32,10 +32,10 @@ pub(super) struct Plan {
     left_bytes: u64,
 }
 
-/// The outcome.
+/// Measured error of an image.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Check {
-    /// Pixels compared.
+    /// Number of pixels compared.
     pub(super) num_pixels: usize,
     /// Root of the summed squared error over the summed squared exact values, dB; `None` where those
     /// are zero.
@@ -74,12 +74,11 @@ impl Plan {
     /// The same beside the largest part of an image that is read part by part.
     pub(super) fn of_parts(
         task: &Task,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
         count: usize,
     ) -> Result<Self, FormError> {
         let pixels = image
             .places()
-            .into_iter()
             .map(|[rows, columns]| rows.len() * columns.len());
         let part_bytes = 16 * pixels.max().unwrap_or(0) as u64;
         Self::new(task, part_bytes, count)
@@ -89,20 +88,17 @@ impl Plan {
     pub(super) fn against_exact(
         &self,
         task: &Task,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
         bound_db: Option<f64>,
     ) -> anyhow::Result<Check> {
         let columns = task.grid.columns.count;
         let total = task.grid.num_pixels() as usize;
         let chosen = choose(total, self.num_pixels);
-        let points: Vec<_> = chosen
-            .iter()
-            .map(|i| task.grid.position_m(i / columns, i % columns))
-            .collect();
-        let exact = Exact::at_points(
+        let exact = Exact::at_pixels(
             task.history,
             task.weights,
-            &points,
+            task.grid,
+            &chosen,
             self.left_bytes,
             task.monitor,
         )?;

@@ -1,4 +1,4 @@
-//! `--phase`: a recording less the phase errors that autofocus found.
+//! Phase correction of a recording (`--phase`).
 
 use anyhow::Context;
 use subaperture::autofocus::{Corrected, Correction};

@@ -1,10 +1,10 @@
-//! A whole image is written beside its record and its picture, and told of, wherever its pixels lie.
+//! Writing of a complete image with its record and picture, and the summary printed for it.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use subaperture::image::{Image, Parts};
-use subaperture::io::product::{self, Grown, Product, TiledProduct};
+use subaperture::image::{Image, ImageSource};
+use subaperture::io::product::{self, CompleteProduct, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
 use subaperture::plot::{self, Panel, Source};
 
@@ -16,12 +16,12 @@ use crate::{interrupt, text};
 /// A whole image, where its pixels are.
 pub(super) enum Whole<'a> {
     Memory(&'a Image),
-    Array(Box<Grown>),
+    Array(Box<CompleteProduct>),
     Tiles(&'a TileStore),
 }
 
 impl Whole<'_> {
-    pub(super) fn parts(&self) -> &dyn Parts {
+    pub(super) fn parts(&self) -> &dyn ImageSource {
         match self {
             Self::Memory(image) => *image,
             Self::Array(grown) => &**grown,
@@ -32,7 +32,7 @@ impl Whole<'_> {
     fn source(&self) -> Source<'_> {
         match self {
             Self::Memory(image) => Source::Whole(image),
-            parts => Source::Parts(parts.parts()),
+            parts => Source::ImageSource(parts.parts()),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `subap focus --from-maps`: a module's maps in, an image and its record out.
+//! `subap focus --from-maps`: form an image from the embedded module's maps.
 
 use std::path::Path;
 use std::time::Instant;
@@ -7,11 +7,11 @@ use serde_json::{Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
 use subaperture::io::product::record::Brightest;
-use subaperture::onboard::image::{
+use subaperture::module::image::{
     MapsTask, Report, default_grid, forecast as forecast_of_maps, form, memory_bytes,
 };
-use subaperture::onboard::maps::Maps;
-use subaperture::onboard::maps_file::MapFile;
+use subaperture::module::maps::Maps;
+use subaperture::module::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
 use super::deliver::{Whole, deliver};
@@ -32,7 +32,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     let num_pixels = typed.image.grid.as_ref().map_or(0, ImageGrid::num_pixels);
     let _claims = forming::claim(session, &typed.writing, &[path], &typed.out, num_pixels)?;
 
-    let maps = MapFile::open(path)?;
+    let maps = MapFile::open_within(path, session.memory_bytes)?;
     if !maps.is_complete() {
         messages::warning(format!(
             "{} breaks off: the image is of its {} whole maps",
@@ -56,7 +56,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         maps: &maps,
         grid: &grid,
         error_db,
-        misses: typed.image.misses(),
+        bound_policy: typed.image.bound_policy(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };

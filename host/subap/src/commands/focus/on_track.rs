@@ -1,28 +1,31 @@
-//! `--track`: a recording as the radar made it on another track, one of a file or one that is found of its own echoes.
+//! `focus --track`: replace a recording's track by one from a file or estimated from its echoes.
 
 use anyhow::Context;
+use serde_json::Value;
+use subaperture::convention::INFERENCE;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
 use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
 use subaperture::targets::{Arrangement, Settings, TargetsError};
 use subaperture::track::{Fix, SampledTrack};
+use subaperture::track_fusion::TrackFusionError;
 
 use crate::args::{Input, Logs, TrackSource};
-use crate::commands::{one_track, track};
-use crate::config::Session;
+use crate::commands::{track, track_fusion};
+use crate::config::{Session, note_inferred};
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
-/// Opens the recordings given, on the track in the file or one that is found of their echoes; several channels as their coherent sum.
+/// Open the recordings on the track of a file or of their echoes, several channels as their coherent sum. The JSON value holds the movers, for the record.
 pub(super) fn open(
     session: &Session,
     input: &Input,
     source: &TrackSource,
     logs: &Logs,
-) -> anyhow::Result<Joined> {
+) -> anyhow::Result<(Joined, Value)> {
     let named = || format!("--track {source}");
-    let mut fixes = match source {
-        TrackSource::File(path) => track_csv::read(path).with_context(named)?,
+    let (mut fixes, movers) = match source {
+        TrackSource::File(path) => (track_csv::read(path).with_context(named)?, Value::Null),
         TrackSource::Echoes | TrackSource::Fused => found(session, input, source, logs)?,
     };
     let reading = session.progress("reading");
@@ -30,6 +33,7 @@ pub(super) fn open(
         channel: None,
         memory_bytes: session.memory_bytes,
         settings: &input.set,
+        inference: Some(INFERENCE),
     };
     let mut recordings = Vec::with_capacity(input.paths.len());
     for path in &input.paths {
@@ -39,6 +43,7 @@ pub(super) fn open(
     }
     let channels = Channels::join(recordings)?;
     reading.finish();
+    note_inferred(channels.channel(0));
     let arrangement = Arrangement::of(&channels)?;
     for fix in &mut fixes {
         // Without attitudes the antennas stay as the first pulse has them.
@@ -63,42 +68,44 @@ pub(super) fn open(
     let moved = Channels::new(moved)?;
     if moved.num_pulses() < all {
         messages::warning(format!(
-            "the track is from {} s to {} s: {} of {all} pulses are outside, and left out",
+            "the track covers {} s to {} s: {} of {all} pulses outside are left out",
             span_s.0,
             span_s.1,
             all - moved.num_pulses()
         ));
     }
-    Ok(match moved.len() {
+    let joined = match moved.len() {
         1 => {
             let alone = moved.into_inner().into_iter().map(|(_, history)| history);
             Joined::join(alone.collect())?
         }
         _ => Joined::alone(Box::new(moved.coherent_sum()?)),
-    })
+    };
+    Ok((joined, movers))
 }
 
-/// The track of a recording's own echoes, or of them and of navigation.
+/// The track of a recording's echoes, or of echoes and navigation, and the movers.
 fn found(
     session: &Session,
     input: &Input,
     source: &TrackSource,
     logs: &Logs,
-) -> anyhow::Result<Vec<Fix>> {
+) -> anyhow::Result<(Vec<Fix>, Value)> {
     let [path] = &input.paths[..] else {
-        return Err(Usage(format!("--track {source} is of one recording")).into());
+        return Err(Usage(format!("--track {source} needs exactly one recording")).into());
     };
     let options = Options {
         channel: None,
         memory_bytes: session.memory_bytes,
         settings: &input.set,
+        inference: Some(INFERENCE),
     };
     let channels = open_channels::<&str>(path, None, &options)?;
-    let about = one_track::about(&channels)?;
+    let about = track_fusion::about(&channels)?;
     let attitude = Arrangement::of(&channels)?.attitude;
     let found = match track::find(session, channels, &Settings::default()) {
         Ok(found) => found,
-        // What cannot be read is not the echoes' fault, and would fail again.
+        // A read error would occur again.
         Err(error)
             if *source == TrackSource::Fused
                 && !logs.navigation.is_empty()
@@ -106,25 +113,48 @@ fn found(
         {
             interrupt::check()?;
             messages::warning(format!(
-                "the echoes tell no track ({error:#}): that of the navigation alone is taken"
+                "no track from the echoes ({error:#}): the image is formed on the navigation track alone"
             ));
-            return one_track::alone(session, &about, logs, attitude);
+            let alone = track_fusion::alone(session, &about, logs, attitude)?;
+            return Ok((alone, Value::Null));
         }
         Err(error) => return Err(error),
     };
-    if *source != TrackSource::Fused {
-        return Ok(found.moments.iter().map(track::fix).collect());
-    }
-    let both = one_track::of(session, &found, &about, logs)?;
+    let movers = track::movers_record(&found);
     if session.tells() {
-        for line in one_track::told(&both) {
+        for mover in &found.movers {
+            text::say(track::mover_line(mover))?;
+        }
+    }
+    if *source != TrackSource::Fused {
+        let fixes = found.moments.iter().map(track::fix);
+        return Ok((fixes.collect(), movers));
+    }
+    let both = match track_fusion::of(session, &found, &about, logs) {
+        Ok(both) => both,
+        // Navigation remains where echoes fail.
+        Err(error)
+            if !logs.navigation.is_empty()
+                && matches!(error.downcast_ref(), Some(TrackFusionError::Neither { .. })) =>
+        {
+            messages::bound_missed(format!(
+                "{error:#}: the image is formed on the navigation track alone, which nothing confirms"
+            ));
+            let alone = track_fusion::alone(session, &about, logs, attitude)?;
+            return Ok((alone, Value::Null));
+        }
+        Err(error) => return Err(error),
+    };
+    let movers = track::movers_record(&found);
+    if session.tells() {
+        for line in track_fusion::lines(&both) {
             text::say(line)?;
         }
     }
-    Ok(both.fixes(about.span_s))
+    Ok((both.fixes(about.span_s), movers))
 }
 
-/// The channels whose image is asked for: of a CPHD its reference channel, of a description all, unless others are named.
+/// The channels of the image: those named, else the reference channel of a CPHD, or all channels of a description.
 fn wanted(input: &Input, channels: &Channels) -> anyhow::Result<Vec<usize>> {
     let named: Vec<String> = match (&input.channel, &input.channels) {
         (Some(name), _) => vec![name.clone()],

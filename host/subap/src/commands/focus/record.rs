@@ -1,4 +1,4 @@
-//! `image.json`: everything needed to say how an image came about, and to make it again.
+//! Record of an image, `image.json`: its provenance and all settings needed to reproduce it.
 
 use std::time::Duration;
 
@@ -13,7 +13,6 @@ use subaperture::resolution::support::RecordedLooks;
 
 use super::Job;
 use super::check::Check;
-use crate::args::Focus;
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
@@ -27,13 +26,13 @@ pub(super) struct Record<'a> {
     pub(super) frame: &'a SceneFrame,
     /// What is known of the recording or the maps.
     pub(super) collection: Value,
-    /// The recording, of which a few pulses stand for all, and the middle of the grid; of maps there is none.
+    /// Recording, represented by a few pulses, and the centre of the grid; `None` for maps.
     pub(super) seen: Option<(&'a Collection, DVec3)>,
-    /// When and where the antennas were; of maps it is not known.
+    /// Times and positions of the antennas; `None` for maps.
     pub(super) antennas: Option<Antennas>,
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<Check>,
-    /// `None` of an image of zeros.
+    /// Brightest pixel; `None` if all pixels are zero.
     pub(super) peak: Option<Brightest>,
     /// What the picture shows beside it.
     pub(super) orientation: Orientation,
@@ -102,7 +101,8 @@ impl<'a> Record<'a> {
 }
 
 /// What was given (`null` where it was left to the program) and what it came to.
-pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value>) -> Value {
+pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -> Value {
+    let typed = job.typed;
     let image = &typed.image;
     let mut given = image.former.record();
     let others = [
@@ -117,6 +117,8 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
             json!(image.surfacing.troposphere.to_string()),
         ),
         ("allow_error", json!(image.allow_error)),
+        ("beam", json!(image.beam.map(|beam| beam.to_string()))),
+        ("squint_deg", json!(image.squint)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
         ("track", {
             let track = typed.track.as_ref();
@@ -155,16 +157,20 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
             )
         }),
         ("check", json!(typed.check)),
-        ("top_db", json!(typed.look.top)),
+        ("top_db", typed.look.recorded_top()),
         ("span_db", json!(typed.look.span)),
         ("remap", json!(typed.look.remap.name())),
     ];
     given.extend(others.map(|(key, value)| (key.to_owned(), value)));
-    json!({
+    let mut settings = json!({
         "algorithm": former,
         "window": image.window.to_string(),
         "slow_window": image.slow_window.to_string(),
         "given": given,
         "resolved": resolved,
-    })
+    });
+    if !job.movers.is_null() {
+        settings["movers"] = job.movers.clone();
+    }
+    settings
 }

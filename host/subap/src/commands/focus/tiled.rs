@@ -16,22 +16,27 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
+use subaperture::focus::formers;
 use subaperture::focus::plan::{Opened, Request, Sink};
 use subaperture::focus::{
-    FormError, Judgement, Means, Plan, SCRATCH_BYTES, Task, Tile, TileRecord, Work,
+    FormError, ImageFormer, ImageSpec, Judgement, Numerics, Plan, SCRATCH_BYTES, Task, Tile,
+    TileRecord, Work,
 };
 use subaperture::geometry::ImageGrid;
-use subaperture::image::{Image, Parts, PartsError, power};
+use subaperture::image::{Image, ImageSource, ImageSourceError, power};
 use subaperture::io::atomic::WriteError;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
+use subaperture::io::input::open_file;
+use subaperture::io::json::{self, JsonError};
 use subaperture::io::product::record::Brightest;
-use subaperture::io::product::{self, Growing};
+use subaperture::io::product::{self, PendingProduct};
 use subaperture::io::tiles::{self, TileStore};
+use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{PhaseHistory, Weights};
 
 use super::deliver::Whole;
-use super::{Job, check, record, with_advice};
+use super::{Job, beam, check, missed, record, with_advice};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
@@ -49,9 +54,9 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let products = super::products(typed);
     let _products = products.claim(session, &typed.input.paths)?;
-    super::with_history(session, typed, |history| {
+    super::with_history(session, typed, |history, movers| {
         products.check_place(&history.collection().frame)?;
-        formed(session, typed, history, own, start)
+        formed(session, typed, (history, movers), own, start)
     })
 }
 
@@ -59,23 +64,29 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
 fn formed(
     session: &Session,
     typed: &Focus,
-    history: &dyn PhaseHistory,
-    own: Option<Claims>,
+    (history, movers): (&dyn PhaseHistory, Value),
+    own: Option<OutputClaims>,
     start: Instant,
 ) -> anyhow::Result<()> {
     let survey = Surveying::of(history)?;
     let model = forming::time_model(&typed.image)?;
     let job = Job {
-        means: typed.image.means(model.as_ref()),
+        numerics: typed.image.numerics(model.as_ref()),
         session,
         typed,
         history,
         survey: &survey,
+        movers,
         start,
     };
     let plan = match &typed.tiled.plan {
         Some(path) => read_plan(path)?,
-        None => make_plan(&job, &job.grid()?)?,
+        None => {
+            let grid = job.grid()?;
+            let of = (job.history, typed.velocity);
+            let former = beam::former(session, &typed.image, of, &grid)?;
+            make_plan(&job, &*former, &grid)?
+        }
     };
     if typed.tiled.plan.is_some() {
         // What cannot be carried out says so before anything is written.
@@ -90,22 +101,26 @@ fn formed(
 }
 
 /// Forms an image that is larger than memory into one array.
-pub(super) fn into_array(job: &Job, grid: &ImageGrid) -> anyhow::Result<()> {
-    let mut plan = make_plan(job, grid)?;
+pub(super) fn into_array(
+    job: &Job,
+    former: &dyn ImageFormer,
+    grid: &ImageGrid,
+) -> anyhow::Result<()> {
+    let mut plan = make_plan(job, former, grid)?;
     loop {
         let weights = plan.weights(job.history.collection())?;
         let opened = plan.open(job.history.collection(), &weights)?;
-        let growing = Growing::begin(&job.typed.out, plan.tiling().image)?;
+        let growing = PendingProduct::begin(&job.typed.out, plan.tiling().image)?;
         let mut keep = Keep::new(&plan, Store::Array(growing));
         let all: Vec<usize> = (0..plan.num_tiles()).collect();
         form(job, &opened, &all, usize::MAX, &mut keep)?;
-        let judged = Judged::of(&plan, &opened, &keep.notes);
+        let judged = Judged::of(job, &plan, &opened, &keep.notes)?;
         if let Some(next) = judged.next_plan(job)? {
             drop((opened, keep));
             plan = next;
             continue;
         }
-        judged.check()?;
+        judged.check(job, &weights)?;
         let Store::Array(growing) = keep.store else {
             unreachable!("an array is kept in an array")
         };
@@ -115,7 +130,7 @@ pub(super) fn into_array(job: &Job, grid: &ImageGrid) -> anyhow::Result<()> {
 }
 
 /// Forms the part of a plan that is missing in the store; whoever forms the last tile makes record and picture.
-fn into_store(job: &Job, plan: Plan, mut own: Option<Claims>) -> anyhow::Result<()> {
+fn into_store(job: &Job, plan: Plan, mut own: Option<OutputClaims>) -> anyhow::Result<()> {
     let Job { session, typed, .. } = *job;
     let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
     let (mut store, mut plan) = store(job, plan)?;
@@ -144,14 +159,14 @@ fn into_store(job: &Job, plan: Plan, mut own: Option<Claims>) -> anyhow::Result<
             return Ok(());
         }
         let notes: Result<Vec<Note>, _> = notes.into_values().map(Note::from_mark).collect();
-        let judged = Judged::of(&plan, &opened, &notes?);
+        let judged = Judged::of(job, &plan, &opened, &notes?)?;
         let next = match typed.tiled.plan {
             Some(_) => None,
             None => judged.next_plan(job)?,
         };
         let Some(next) = next else {
             let kept = || format!("{} keeps the tiles", store.folder().display());
-            judged.check().with_context(kept)?;
+            judged.check(job, &weights).with_context(kept)?;
             return judged.deliver(job, &weights, Whole::Tiles(&store));
         };
         TileStore::discard(&typed.out)?;
@@ -200,7 +215,7 @@ fn form(
 
 /// Sees that record and picture may be written, and keeps others from it. `None` if another process is at it that
 /// carries out the same plan.
-fn claim(session: &Session, typed: &Focus) -> anyhow::Result<Option<Claims>> {
+fn claim(session: &Session, typed: &Focus) -> anyhow::Result<Option<OutputClaims>> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     match claims.folder(&typed.out, product::TILED_NAMES) {
         Ok(()) => Ok(Some(claims)),
@@ -211,27 +226,48 @@ fn claim(session: &Session, typed: &Focus) -> anyhow::Result<Option<Claims>> {
 
 /// The plan in a file.
 fn read_plan(path: &Path) -> anyhow::Result<Plan> {
-    let text = std::fs::read_to_string(path)
+    let value = open_file(path)
+        .map_err(JsonError::Io)
+        .and_then(|file| json::value(file, tiles::PLAN_LIMITS))
         .with_context(|| format!("cannot read the plan {}", path.display()))?;
-    Plan::from_text(&text).with_context(|| path.display().to_string())
+    Plan::from_value(value).with_context(|| path.display().to_string())
 }
 
-fn make_plan(job: &Job, grid: &ImageGrid) -> anyhow::Result<Plan> {
-    plan_image(job.session, &job.typed.image, job.history, grid, job.means)
+fn make_plan(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result<Plan> {
+    let request = request(&job.typed.image, job.history, grid, job.numerics);
+    planned(job.session, former, &request, Plan::new)
 }
 
-/// The plan that the options come to.
-pub(crate) fn plan_image(
+/// The plan of the options for a recording, to be carried out by others: it leaves room for scatterers outside the grid.
+pub(crate) fn plan_recording(
     session: &Session,
     typed: &Imaging,
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
-    means: Means,
+    numerics: Numerics,
+) -> anyhow::Result<Plan> {
+    let former = beam::former(session, typed, (history, None), grid)?;
+    let request = request(typed, history, grid, numerics);
+    planned(session, &*former, &request, |former, request, monitor| {
+        Plan::for_recording(former, request, history, monitor)
+    })
+}
+
+/// The plan of the options, by `plan`.
+fn planned(
+    session: &Session,
+    former: &dyn ImageFormer,
+    request: &Request,
+    plan: impl FnOnce(&dyn ImageFormer, &Request, &dyn Monitor) -> Result<Plan, FormError>,
 ) -> anyhow::Result<Plan> {
     let progress = session.progress("planning");
-    let former = typed.former.former()?;
-    let request = request(typed, history, grid, means);
-    let plan = Plan::new(&*former, &request, &progress).map_err(with_advice)?;
+    let plan = plan(former, request, &progress).map_err(|error| {
+        let Request { fast, slow, .. } = *request;
+        match former.weights(request.collection, request.grid, fast, slow) {
+            Ok(weights) => missed::refusal(error, former, &request.spec(&weights), &progress),
+            Err(error) => error.into(),
+        }
+    })?;
     progress.finish();
     Ok(plan)
 }
@@ -240,7 +276,7 @@ fn request<'a>(
     typed: &Imaging,
     history: &'a dyn PhaseHistory,
     grid: &'a ImageGrid,
-    means: Means<'a>,
+    numerics: Numerics<'a>,
 ) -> Request<'a> {
     Request {
         collection: history.collection(),
@@ -248,22 +284,22 @@ fn request<'a>(
         fast: typed.window,
         slow: typed.slow_window,
         scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
-        misses: typed.misses(),
-        means,
+        bound_policy: typed.bound_policy(),
+        numerics,
     }
 }
 
-/// The plan of the same options and grid for an error of `error_db`, if there is any.
-fn plan_for_less(job: &Job, grid: &ImageGrid, error_db: f64) -> Result<Option<Plan>, FormError> {
+/// The plan of the same options as `plan` has for an error of `error_db`, if there is any.
+fn plan_for_less(job: &Job, plan: &Plan, error_db: f64) -> Result<Option<Plan>, FormError> {
     let typed = &job.typed.image;
-    let Ok(former) = typed.former.former() else {
+    let Ok(former) = formers::former(&plan.former, &plan.settings) else {
         return Ok(None);
     };
     let progress = job.session.progress("planning");
     let plan = match Plan::for_less(
         &*former,
         error_db,
-        &request(typed, job.history, grid, job.means),
+        &request(typed, job.history, &plan.grid, job.numerics),
         &progress,
     ) {
         // No such plan: what the first one's miss says is what can be done.
@@ -358,12 +394,29 @@ fn plan_of(job: &Job, store: &TileStore, plan: Plan) -> anyhow::Result<Option<Pl
     if is_of(&plan) {
         return Ok(Some(plan));
     }
-    let stored = Plan::from_text(store.plan()).ok();
+    let stored = json::value(store.plan().as_bytes(), tiles::PLAN_LIMITS).ok();
+    let stored = stored.and_then(|value| Plan::from_value(value).ok());
     let for_less = stored.and_then(|stored| stored.planned_for_db);
     let (None, Some(error_db)) = (&job.typed.tiled.plan, for_less) else {
         return Ok(None);
     };
-    Ok(plan_for_less(job, &plan.grid, error_db)?.filter(is_of))
+    Ok(plan_for_less(job, &plan, error_db)?.filter(is_of))
+}
+
+impl Job<'_> {
+    /// What a plan forms.
+    fn spec<'a>(&'a self, plan: &'a Plan, weights: &'a Weights) -> ImageSpec<'a> {
+        ImageSpec {
+            collection: self.history.collection(),
+            grid: &plan.grid,
+            weights,
+            scratch_bytes: plan.scratch_bytes,
+            numerics: Numerics {
+                transforms: plan.transforms,
+                model: &plan.time_model,
+            },
+        }
+    }
 }
 
 /// What is noted of a tile beside its pixels.
@@ -398,7 +451,7 @@ impl Note {
 /// Where tiles are kept.
 enum Store<'a> {
     Tiles(&'a TileStore),
-    Array(Growing),
+    Array(PendingProduct),
 }
 
 /// Keeps tiles, and what is noted of them if that is kept nowhere else.
@@ -419,10 +472,15 @@ impl<'a> Keep<'a> {
 }
 
 impl Sink for Keep<'_> {
-    fn take(&mut self, index: usize, tile: Tile, record: TileRecord) -> Result<(), PartsError> {
+    fn take(
+        &mut self,
+        index: usize,
+        tile: Tile,
+        record: TileRecord,
+    ) -> Result<(), ImageSourceError> {
         let (note, image) = Note::of(tile, record);
         match &mut self.store {
-            Store::Tiles(store) => store.put(index, &image.pixels, &json!(note))?,
+            Store::Tiles(store) => store.put(index, &image.pixels, &serde_json::json!(note))?,
             Store::Array(growing) => {
                 growing.put(&self.plan.tiling().place(index), &image.pixels)?;
                 self.notes.push(note);
@@ -440,33 +498,48 @@ struct Judged<'a> {
 }
 
 impl<'a> Judged<'a> {
-    fn of(plan: &'a Plan, opened: &Opened, notes: &[Note]) -> Self {
+    fn of(job: &Job, plan: &'a Plan, opened: &Opened, notes: &[Note]) -> anyhow::Result<Self> {
         let records: Vec<TileRecord> = notes.iter().map(|note| note.record.clone()).collect();
         // The first in the image of several that are as bright.
         let peaks = notes.iter().filter_map(|note| note.peak);
         let peak = peaks.max_by(|a, b| a.2.total_cmp(&b.2).then((b.0, b.1).cmp(&(a.0, a.1))));
-        Self {
+        let history = job.history;
+        let judgement = opened
+            .judge_again(&records, history, &Silent)
+            .map_err(with_advice)?;
+        Ok(Self {
             plan,
-            judgement: opened.judge(&records),
+            judgement,
             peak: peak
                 .and_then(|(row, column, power)| Brightest::at(&plan.grid, [row, column], power)),
-        }
+        })
     }
 
     /// What to form in its place, where the scene makes more of its errors than was planned.
     fn next_plan(&self, job: &Job) -> anyhow::Result<Option<Plan>> {
-        let next = self.judgement.next_plan_db(&self.plan.asked());
+        let next = self.judgement.next_plan_db(&self.plan.goal());
         match next.filter(|_| self.plan.planned_for_db.is_none()) {
-            Some(error_db) => Ok(plan_for_less(job, &self.plan.grid, error_db)?),
+            Some(error_db) => {
+                let next = plan_for_less(job, self.plan, error_db)?;
+                Ok(next.filter(|next| self.plan.is_worth_replacing(next)))
+            }
             None => Ok(None),
         }
     }
 
     /// Refuses an image that is not what was asked for.
-    fn check(&self) -> anyhow::Result<()> {
-        self.judgement
-            .check(&self.plan.asked())
-            .map_err(with_advice)
+    fn check(&self, job: &Job, weights: &Weights) -> anyhow::Result<()> {
+        let plan = self.plan;
+        let Err(error) = self.judgement.check(&plan.goal()) else {
+            return Ok(());
+        };
+        let former = formers::former(&plan.former, &plan.settings)?;
+        Err(missed::refusal(
+            error,
+            &*former,
+            &job.spec(plan, weights),
+            &Silent,
+        ))
     }
 
     /// Checks the image against the exact sum, if that is asked for, and writes it.
@@ -474,13 +547,15 @@ impl<'a> Judged<'a> {
         let Self { plan, .. } = self;
         let mut resolved = plan.summary.as_object().cloned().unwrap_or_default();
         if self.judgement.note(plan.bound_db, &mut resolved) {
-            super::tell_missed(self.judgement.predicted_db(), plan.bound_db);
+            let former = formers::former(&plan.former, &plan.settings)?;
+            let spec = job.spec(plan, weights);
+            missed::tell(&*former, &spec, self.judgement.predicted_db(), &Silent);
         }
         if let Some(error_db) = plan.planned_for_db {
             resolved.insert("planned_for_db".to_owned(), error_db.into());
         }
         super::tell_settings(&resolved);
-        let mut settings = record::settings(job.typed, &plan.former, &resolved);
+        let mut settings = record::settings(job, &plan.former, &resolved);
         settings["window"] = plan.window.clone().into();
         settings["slow_window"] = plan.slow_window.clone().into();
         settings["scratch_bytes"] = plan.scratch_bytes.into();
@@ -489,14 +564,15 @@ impl<'a> Judged<'a> {
             check: self.checked(job, weights, image.parts())?,
             peak: self.peak,
         };
-        job.deliver(&plan.grid, &plan.former, about, image)
+        let beam = formers::former(&plan.former, &plan.settings)?.beam();
+        job.deliver(&plan.grid, (&plan.former, beam), about, image)
     }
 
     fn checked(
         &self,
         job: &Job,
         weights: &Weights,
-        image: &dyn Parts,
+        image: &dyn ImageSource,
     ) -> anyhow::Result<Option<check::Check>> {
         let Some(count) = job.typed.check else {
             return Ok(None);
@@ -508,7 +584,7 @@ impl<'a> Judged<'a> {
             weights,
             memory_bytes: job.session.memory_bytes,
             monitor: &progress,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let checking = check::Plan::of_parts(&task, image, count)?;
         Ok(Some(checking.against_exact(

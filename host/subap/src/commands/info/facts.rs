@@ -1,4 +1,4 @@
-//! What a recording can show, as lines.
+//! Description of a recording's capabilities as text lines.
 
 use subaperture::resolution::survey::{DefaultGrid, Side, Survey, Widths};
 use subaperture::signal::window::Window;
@@ -7,7 +7,7 @@ use super::{Advice, BOUND_DB};
 use crate::config::{OTHER_GRID, Session};
 use crate::text::{self, Fact, bytes, degrees, hertz, metres};
 
-/// All of it.
+/// Format the description of a surveyed recording.
 pub(super) fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
     let mut facts = band_facts(survey);
     facts.extend(resolution_facts(survey));

@@ -1,83 +1,81 @@
-//! `subap info` of what is no recording: products, maps of a module, arrays.
+//! Descriptions of files other than recordings, by kind.
 
-use std::fs::{self, File};
-use std::io::Read;
+use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
-use subaperture::io::npy;
-use subaperture::onboard::maps::Maps;
-use subaperture::onboard::maps_file::MapFile;
+use subaperture::images::OpenImage;
+use subaperture::module::maps::Maps;
+use subaperture::module::maps_file::MapFile;
+use subaperture::{FileKind, recognise};
 
+use super::description::{Description, line, read_record};
+use super::{captures, images, texts, tracks};
 use crate::commands::stored::product_folder;
+use crate::config::Session;
 use crate::text::{self, bytes};
 
-/// What a path names.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    /// Of any format that is read, or of none: opening it says so.
-    Recording,
-    Product,
-    Maps,
-    Array,
-}
-
-impl Kind {
-    /// By its name where it is a folder or a product's record, else by its first bytes.
-    pub(super) fn of(path: &Path) -> Self {
-        if product_folder(path).is_some() {
-            return Self::Product;
-        }
-        // A pipe is read once only, by whoever reads recordings.
-        if !path.is_file() {
-            return Self::Recording;
-        }
-        let mut start = [0; 8];
-        let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
-        match (read, &start) {
-            (Ok(()), b"SUBAPMAP") => Self::Maps,
-            (Ok(()), [0x93, b'N', b'U', b'M', b'P', b'Y', ..]) => Self::Array,
-            _ => Self::Recording,
-        }
+/// What a path names; what nobody recognises is left to the reader of recordings, which says what it wants.
+pub(super) fn kind_of(path: &Path) -> FileKind {
+    match recognise(path) {
+        FileKind::Unknown => FileKind::Recording,
+        kind => kind,
     }
 }
 
-/// What is known of it, for people and for programs.
-pub(super) struct Description {
-    pub(super) text: String,
-    pub(super) json: Value,
-}
-
-/// Looks into a product, maps or an array.
-pub(super) fn describe(path: &Path, kind: Kind) -> anyhow::Result<Description> {
+/// Looks into anything that is no recording.
+pub(super) fn describe(
+    session: &Session,
+    path: &Path,
+    kind: &FileKind,
+) -> anyhow::Result<Description> {
     match kind {
-        Kind::Maps => maps(path),
-        Kind::Array => array(path),
-        Kind::Product | Kind::Recording => product(path),
-    }
-}
-
-fn line(label: &str, value: &str) -> String {
-    format!("{label:<16} {value}\n")
-}
-
-fn product(path: &Path) -> anyhow::Result<Description> {
-    let folder = product_folder(path).unwrap_or(path);
-    let file = folder.join("image.json");
-    if !file.exists() {
-        bail!(
+        FileKind::Maps => maps(path, session.memory_bytes),
+        FileKind::Image => image(session, path),
+        FileKind::Capture => captures::capture(path),
+        FileKind::Experiment => captures::experiment(path),
+        FileKind::Plan => texts::plan(session, path),
+        FileKind::Record(schema) => texts::record(session, path, schema),
+        FileKind::GeoJson => texts::features(session, path),
+        FileKind::Scenario => texts::scenario(session, path),
+        FileKind::Job => texts::job(path),
+        FileKind::JobFolder => texts::job_folder(session, path),
+        FileKind::Track => tracks::track(path),
+        FileKind::Phases => tracks::phases(path),
+        FileKind::MotionCapture => tracks::motion_capture(path),
+        FileKind::Navigation => tracks::navigation(session, path),
+        FileKind::Elevation => texts::file(path, "elevation model", "HGT: see --surface dem:FILE"),
+        FileKind::Picture => texts::picture(path),
+        FileKind::Kmz => texts::file(path, "map", "KMZ, ground overlays for Google Earth"),
+        FileKind::Report => texts::file(path, "report", "written by subap, for a browser"),
+        _ => bail!(
             "{}: the folder holds no image.json, so it is no image of subap focus; name a recording, an image's \
              folder or a file of maps",
-            folder.display()
-        );
+            path.display()
+        ),
     }
-    let record = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
-    let record: Value =
-        serde_json::from_slice(&record).with_context(|| format!("{}: not JSON", file.display()))?;
+}
+
+/// A product by its record, and any other image by its own metadata.
+fn image(session: &Session, path: &Path) -> anyhow::Result<Description> {
+    if let Some(folder) = product_folder(path) {
+        let file = folder.join("image.json");
+        if file.exists() {
+            return product(path, folder, &read_record(session, &file)?);
+        }
+        if path.file_name().is_some_and(|name| name == "image.json") {
+            fs::metadata(&file).with_context(|| format!("cannot read {}", file.display()))?;
+        }
+    }
+    let image: OpenImage = crate::commands::stored::open(session, path)?;
+    images::describe(&image)
+}
+
+fn product(path: &Path, folder: &Path, record: &Value) -> anyhow::Result<Description> {
     let mut text = line("image", &folder.display().to_string());
     let string = |value: &Value| value.as_str().map(str::to_owned);
-    text += &axes_lines(&record);
+    text += &axes_lines(record);
     if let Some(collection) = string(&record["collection"]["name"]) {
         text += &line("collection", &collection);
     }
@@ -92,7 +90,7 @@ fn product(path: &Path) -> anyhow::Result<Description> {
             &format!("{fast} in fast time, {slow} in slow time"),
         );
     }
-    text += &line("error", &error(&record));
+    text += &line("error", &error(record));
     if let (Some(level_db), Some([x, y, z])) = (
         record["brightest"]["level_db"].as_f64(),
         numbers(&record["brightest"]["position_m"]),
@@ -183,8 +181,8 @@ fn numbers(value: &Value) -> Option<[f64; 3]> {
     numbers.try_into().ok()
 }
 
-fn maps(path: &Path) -> anyhow::Result<Description> {
-    let file = MapFile::open(path)?;
+fn maps(path: &Path, memory_bytes: u64) -> anyhow::Result<Description> {
+    let file = MapFile::open_within(path, memory_bytes)?;
     let run = file.run();
     let complete = match file.is_complete() {
         true => "whole",
@@ -224,35 +222,6 @@ fn maps(path: &Path) -> anyhow::Result<Description> {
             "fast_window": run.fast_window,
             "provenance": run.provenance,
             "counters": closing.map(|closing| &closing.counters),
-        }),
-    })
-}
-
-fn array(path: &Path) -> anyhow::Result<Description> {
-    let image = npy::read(path)?;
-    let peak = image.peak();
-    let level_db = peak.map(|peak| 10.0 * subaperture::image::power(peak.value).log10());
-    let level_db = level_db.filter(|level_db| level_db.is_finite());
-    let mut text = line("array", &path.display().to_string());
-    let size = format!("{} rows x {} columns, complex64", image.rows, image.columns);
-    text += &line("size", &size);
-    if let (Some(peak), Some(level_db)) = (peak, level_db) {
-        let place = format!(
-            "row {}, column {}: {}",
-            peak.row,
-            peak.column,
-            text::decibels(level_db)
-        );
-        text += &line("brightest", &place);
-    }
-    Ok(Description {
-        text,
-        json: json!({
-            "path": path.display().to_string(),
-            "kind": "array",
-            "rows": image.rows,
-            "columns": image.columns,
-            "peak_db": level_db,
         }),
     })
 }

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::write_atomically;
-use subaperture::onboard::link::RunningImage;
-use subaperture::onboard::maps::OwnedMap;
+use subaperture::module::link::RunningImage;
+use subaperture::module::maps::OwnedMap;
 use subaperture::plot::{self, Panel};
 
 /// From one picture to the next, at least.
@@ -29,15 +29,25 @@ pub(crate) struct Picture {
 
 impl Picture {
     /// Begins a picture at `path`, which is claimed.
-    pub(crate) fn start(path: &Path, image: RunningImage, grid: &ImageGrid, title: String) -> Self {
+    ///
+    /// # Errors
+    /// If there is no thread for it.
+    pub(crate) fn start(
+        path: &Path,
+        image: RunningImage,
+        grid: &ImageGrid,
+        title: String,
+    ) -> anyhow::Result<Self> {
         let (sender, receiver) = sync_channel(WAITING);
         let (path, grid) = (path.to_owned(), grid.clone());
-        let thread = std::thread::spawn(move || draw(&path, image, &grid, &title, &receiver));
-        Self {
+        let thread = std::thread::Builder::new()
+            .spawn(move || draw(&path, image, &grid, &title, &receiver))
+            .context("cannot start a thread for the picture; leave the picture out, or allow more threads")?;
+        Ok(Self {
             maps: sender,
             left_out: 0,
             thread,
-        }
+        })
     }
 
     /// Takes a map, unless the thread is too far behind.

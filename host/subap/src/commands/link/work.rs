@@ -1,15 +1,15 @@
-//! What the module is to do: its plan, the job made of it, and the transfer into a file.
+//! Work of the embedded module: its plan, the resulting job, and the transfer of maps to a file.
 
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use serde_json::{Map, Value, json};
 use subaperture::geometry::ImageGrid;
-use subaperture::onboard::link::{self, HostCore, Identity, Job, PulseSource, Verified};
-use subaperture::onboard::maps::{Arithmetic, Run};
-use subaperture::onboard::maps_file as maps;
-use subaperture::onboard::maps_file::{MOST_MAPS, MapWriter};
-use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
+use subaperture::module::link::{self, HostCore, Identity, Job, PulseSource, Verified};
+use subaperture::module::maps::{Arithmetic, Run};
+use subaperture::module::maps_file as maps;
+use subaperture::module::maps_file::{MAX_MAPS, MapWriter};
+use subaperture::module::plan::{ModuleCapacity, ModulePlan, Requirements};
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture_core::link as wire;
 use subaperture_core::link::Encoding;
@@ -30,16 +30,16 @@ pub(super) fn plan(
     collection: &Collection,
     grid: &ImageGrid,
     identity: &Identity,
-) -> anyhow::Result<OnboardPlan> {
+) -> anyhow::Result<ModulePlan> {
     let requirements = Requirements {
         error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-        room: Room::Built(identity.capacity),
+        room: ModuleCapacity::Built(identity.capacity),
         arithmetic: match identity.arithmetic {
             wire::Arithmetic::Float => Arithmetic::Float,
             wire::Arithmetic::Fixed => Arithmetic::Fixed,
         },
     };
-    let plan = OnboardPlan::new(collection, grid, &requirements)?;
+    let plan = ModulePlan::new(collection, grid, &requirements)?;
     session.note(1, || {
         format!(
             "{} patches, {} sub-CPIs of {} pulses, predicted error {:.1} dB",
@@ -53,9 +53,9 @@ pub(super) fn plan(
         session.note(1, || format!("track: {gaps}"));
     }
     let num_maps = num_maps(&plan);
-    if num_maps > MOST_MAPS {
+    if num_maps > MAX_MAPS {
         bail!(
-            "{num_maps} maps are more than the {MOST_MAPS} of a file: give a smaller --grid, or link the \
+            "{num_maps} maps are more than the {MAX_MAPS} of a file: give a smaller --grid, or link the \
              recordings one by one"
         );
     }
@@ -63,7 +63,7 @@ pub(super) fn plan(
 }
 
 /// Maps that there are to be.
-fn num_maps(plan: &OnboardPlan) -> u64 {
+fn num_maps(plan: &ModulePlan) -> u64 {
     plan.num_sub_cpis as u64 * plan.patches.len() as u64
 }
 
@@ -73,7 +73,7 @@ pub(super) struct Work<'w> {
     typed: &'w Link,
     history: &'w dyn PhaseHistory,
     grid: &'w ImageGrid,
-    plan: &'w OnboardPlan,
+    plan: &'w ModulePlan,
     /// One a frequency; they sum to 1.
     fast_weights: Vec<f32>,
     slow_weights: Vec<f64>,
@@ -85,7 +85,7 @@ impl<'w> Work<'w> {
         typed: &'w Link,
         history: &'w dyn PhaseHistory,
         grid: &'w ImageGrid,
-        plan: &'w OnboardPlan,
+        plan: &'w ModulePlan,
     ) -> Self {
         let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
         let fast_sum: f64 = weights.fast.iter().sum();
@@ -174,7 +174,7 @@ impl<'w> Work<'w> {
         let mut writer = MapWriter::create(&typed.out, run)?;
         let mut keep = Keep {
             writer: &mut writer,
-            picture: self.picture(run),
+            picture: self.picture(run)?,
         };
         let (outcome, compared) = if typed.verify {
             let core = HostCore::new(self.job()?)?;
@@ -206,8 +206,10 @@ impl<'w> Work<'w> {
     }
 
     /// The picture that grows with the maps, if it is wanted.
-    fn picture(&self, run: &Run) -> Option<Picture> {
-        let path = self.typed.picture.as_deref()?;
+    fn picture(&self, run: &Run) -> anyhow::Result<Option<Picture>> {
+        let Some(path) = self.typed.picture.as_deref() else {
+            return Ok(None);
+        };
         let image = link::RunningImage::new(
             run,
             self.grid,
@@ -215,7 +217,8 @@ impl<'w> Work<'w> {
             self.typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
             self.session.memory_bytes,
         );
-        Some(Picture::start(path, image, self.grid, run.name.clone()))
+        let title = run.name.clone();
+        Picture::start(path, image, self.grid, title).map(Some)
     }
 
     /// Where the maps come from.

@@ -19,14 +19,14 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let model = forming::time_model(&typed.image)?;
-    let means = typed.image.means(model.as_ref());
+    let means = typed.image.numerics(model.as_ref());
     let recorded = session.open(&typed.input)?;
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
     let history = air.history();
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
     air.tell(session, &grid);
-    let plan = tiled::plan_image(session, &typed.image, history, &grid, means)?;
+    let plan = tiled::plan_recording(session, &typed.image, history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())

@@ -1,9 +1,9 @@
-//! `subap plan module`: what a module needs to make the maps of a scene.
+//! `subap plan module`: resources that the embedded module needs for the maps of a scene.
 
 use anyhow::Context;
 use serde_json::json;
-use subaperture::onboard::maps::Arithmetic;
-use subaperture::onboard::plan::{LinkBudget, OnboardPlan, Requirements, Room};
+use subaperture::module::maps::Arithmetic;
+use subaperture::module::plan::{LinkBudget, ModuleCapacity, ModulePlan, Requirements};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
@@ -11,7 +11,7 @@ use crate::args::PlanModule;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
 use crate::text::{self, Fact, bytes, metres};
 
-/// Prints the plan.
+/// Print the plan of the embedded module.
 pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     typed.input.refuse_several("a module")?;
     let history = session.open(&typed.input)?;
@@ -22,7 +22,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     };
     let requirements = Requirements {
         error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-        room: Room::Ram { bytes: typed.ram },
+        room: ModuleCapacity::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
             Arithmetic::Fixed
         } else {
@@ -30,7 +30,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         },
     };
     let planning = session.progress("planning");
-    let plan = OnboardPlan::new(history.collection(), &grid, &requirements)?;
+    let plan = ModulePlan::new(history.collection(), &grid, &requirements)?;
     let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
     let spacing_m = [grid.columns.step, grid.rows.step];
     let sheet = Sheet {
@@ -55,7 +55,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
 }
 
 /// What gaps in the track mean for a plan, if there are any.
-pub(crate) fn gaps(plan: &OnboardPlan) -> Option<String> {
+pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
     let first = plan.gaps.first()?;
     Some(format!(
         "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
@@ -71,7 +71,7 @@ pub(crate) fn gaps(plan: &OnboardPlan) -> Option<String> {
 struct Sheet<'a> {
     typed: &'a PlanModule,
     error_db: f64,
-    plan: &'a OnboardPlan,
+    plan: &'a ModulePlan,
     link: LinkBudget,
     /// From sub-CPI to sub-CPI, seconds.
     period_s: Option<f64>,

@@ -1,4 +1,4 @@
-//! `subap plan radar`: what a collection will show, and what that takes.
+//! `subap plan radar`: predicted performance and cost of a collection.
 
 use std::io::Write;
 use std::path::Path;
@@ -12,10 +12,10 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::atomic::write_atomically;
 use subaperture::phase_history::{Collection, PhaseHistory};
-use subaperture::planner::ambiguity::{Around, MOST_CELLS};
+use subaperture::planner::ambiguity::{Around, MAX_CELLS};
 use subaperture::planner::grating::PointResponse;
 use subaperture::planner::{Parameters, RadarPlan, Request, SubCpis};
-use subaperture::plot::{Colours, Heat, Panel, Scale, heat, quicklook};
+use subaperture::plot::{Colours, HeatMap, Panel, Scale, heat, quicklook};
 use subaperture::radar::{LinkBudget, PulseShape};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
@@ -26,10 +26,10 @@ use crate::text::{self, Fact, bytes, metres};
 
 /// Pixels along a side of the picture.
 const PICTURE: usize = 401;
-/// Length of a pulse where none is known, seconds.
+/// Default pulse length, seconds.
 const DEFAULT_PULSE_S: f64 = 10e-6;
 
-/// Prints the plan.
+/// Print the plan of a collection.
 pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let collection = if typed.input.paths.is_empty() {
         parameters(typed).collection()?
@@ -148,7 +148,7 @@ fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
         bandwidth_hz: plan.survey.bandwidth_hz,
         duration_s: typed
             .pulse_length
-            .unwrap_or(DEFAULT_PULSE_S.min(MOST_CELLS / plan.survey.bandwidth_hz)),
+            .unwrap_or(DEFAULT_PULSE_S.min(MAX_CELLS / plan.survey.bandwidth_hz)),
         rising: true,
     })
 }
@@ -167,7 +167,7 @@ fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
         PulseShape::Lfm { .. } => "linear sweep",
         PulseShape::PhaseCode { .. } => "phase code",
     };
-    let picture = heat(&Heat {
+    let picture = heat(&HeatMap {
         values: &around.levels_db,
         rows: around.dopplers_hz,
         columns: microseconds,

@@ -46,7 +46,7 @@ pub(super) struct From<'a> {
 
 /// A chip to form.
 struct Chip {
-    /// Its middle.
+    /// Point target at the chip's centre.
     target: Target,
     grid: ImageGrid,
     looks: Looks,
@@ -57,7 +57,7 @@ struct Chip {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct About {
     former: &'static str,
-    /// Pixels a side.
+    /// Number of pixels along a side.
     pixels: usize,
     /// Distance from pixel to pixel, metres or radians of a polar grid's angle: along rows' and columns' axes.
     steps: [f64; 2],
@@ -164,7 +164,7 @@ impl<'a> From<'a> {
         let looks = Looks::new(collection, fast, slow);
 
         let coarse = &self.source.grid;
-        let (row, column) = brightest_in(&*self.source.pixels, coarse, target, settings)?;
+        let (row, column) = brightest_in(self.source.pixels(), coarse, target, settings)?;
         let (row_value, column_value) = (coarse.rows.at(row), coarse.columns.at(column));
         let support = looks.at(coarse.point_m(row_value, column_value));
         let [x, y] = coarse.directions(row_value, column_value);
@@ -226,7 +226,7 @@ impl<'a> From<'a> {
             weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let forming = forecast::forecast(chip.former, &task)?;
         // The beam is measured from all echoes.
@@ -266,7 +266,7 @@ impl<'a> From<'a> {
             weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
-            means: Default::default(),
+            numerics: Default::default(),
         };
         let image = former
             .form_best(&task)

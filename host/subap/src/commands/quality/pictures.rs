@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::Path;
 
 use subaperture::io::atomic::write_atomically;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::plot::{
-    Chart, Colours, Curve, Heat, Panel, Scale, Stroke, heat, lines, quicklook,
+    Chart, Colours, Curve, HeatMap, Panel, Scale, Source as Shown, Stroke, heat, lines,
+    quicklook_within,
 };
 use subaperture::quality::PixelMap;
 use subaperture::quality::response::Cut;
@@ -20,10 +21,11 @@ const FLOOR_DB: f64 = -60.0;
 
 /// Writes every picture into `folder`, which is made if need be; none if one may not be replaced. Their names.
 pub(super) fn write(
-    claims: &mut Claims,
+    claims: &mut OutputClaims,
     folder: &Path,
     report: &Report,
     source: &Source,
+    picture_bytes: u64,
 ) -> anyhow::Result<Vec<String>> {
     let mut drawn: Vec<(String, Vec<u8>)> = Vec::new();
     let mut save = |name: String, bytes: Vec<u8>| {
@@ -45,14 +47,19 @@ pub(super) fn write(
                 span_db: -FLOOR_DB,
             },
             colours: Colours::Viridis,
-            ..Panel::new(&chip.image, &chip.grid, format!("response at {place}"))
+            ..Panel::new(
+                Shown::ImageSource(chip),
+                &chip.grid,
+                format!("response at {place}"),
+            )
         };
-        save(format!("point-{number}-chip.png"), quicklook(&panel)?)?;
+        let picture = quicklook_within(&panel, picture_bytes)?;
+        save(format!("point-{number}-chip.png"), picture)?;
     }
     if let Some(against) = &report.against {
         let map = |map: &PixelMap, title: &str, unit: &str, range| {
             let [(across_label, columns), (up_label, rows)] = source.shown_axes();
-            heat(&Heat {
+            heat(&HeatMap {
                 values: &map.values,
                 rows,
                 columns,

@@ -1,15 +1,15 @@
-//! The image that was given: a product with its grid, or an array in pixels.
+//! Input image of any format, in coordinates of its grid or in pixels.
 
+use std::ops::Range;
 use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::image::{Image, Parts};
-use subaperture::io::npy::ImageFile;
-use subaperture::io::product;
+use subaperture::image::{Image, ImageSource};
+use subaperture::images::{OpenImage, Pair, Pixels, Values};
 use subaperture::quality::response::{Carrier, Direction, Geometry, Response, ResponseError};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::signal::window::Window;
@@ -22,10 +22,9 @@ use crate::text;
 
 /// An image, where its pixels lie, and what is known of its band.
 pub(super) struct Source {
-    /// As given.
+    /// Path as given by the user.
     pub(super) name: String,
-    /// In its files.
-    pub(super) pixels: Box<dyn Parts>,
+    pub(super) image: OpenImage,
     pub(super) grid: ImageGrid,
     /// Those of fast and slow time.
     pub(super) windows: Option<[Window; 2]>,
@@ -35,50 +34,67 @@ pub(super) struct Source {
     pub(super) looks: Option<RecordedLooks>,
     /// The record of a product.
     pub(super) metadata: Option<Value>,
-    /// Whether coordinates are pixels.
-    in_pixels: bool,
+    axes: Axes,
+}
+
+/// What coordinates of the grid are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Axes {
+    /// Column and row indices.
+    Pixels,
+    /// Metres in the plane of a SICD or SIDD, from its reference point along columns and rows.
+    Plane,
+    /// Metres in the scene frame, or angle and range.
+    Scene,
 }
 
 impl Source {
-    /// Reads a product's folder or an array.
-    pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
-        let name = path.display().to_string();
-        let Some(folder) = stored::product_folder(path) else {
-            stored::check_is_array(path)?;
-            let file = ImageFile::open(path)?;
-            let (rows, columns) = file.size();
-            if rows * columns == 0 {
-                bail!("{name}: an image without pixels");
-            }
-            let axis = |count| Axis {
-                start: 0.0,
-                step: 1.0,
-                count,
-            };
-            return Ok(Self {
-                name,
-                grid: ImageGrid::horizontal(axis(columns), axis(rows), 0.0),
-                pixels: Box::new(file),
-                windows: None,
-                carrier: None,
-                looks: None,
-                metadata: None,
-                in_pixels: true,
-            });
-        };
-        let stored = product::open(folder)?;
-        let settings = &stored.metadata["settings"];
+    /// Opens an image of any format.
+    pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Self> {
+        let image = stored::open(session, path)?;
+        let is_product = matches!(image.pixels, Pixels::Product(_));
+        let record = image.record.clone().filter(|_| is_product);
+        let record_value = record.clone().unwrap_or_default();
+        let settings = &record_value["settings"];
         let window = |key: &str| settings[key].as_str().and_then(|text| text.parse().ok());
-        let seen = Geometry::deserialize(&stored.metadata["collection"]);
+        let seen = Geometry::deserialize(&record_value["collection"]);
+        let frame = match image.grid() {
+            Some(_) if image.rows_down() => Axes::Plane,
+            Some(_) => Axes::Scene,
+            None => Axes::Pixels,
+        };
         Ok(Self {
-            name,
+            name: path.display().to_string(),
             carrier: seen.ok().map(|seen| Carrier::of(&seen)),
             windows: window("window").zip(window("slow_window")).map(Into::into),
-            looks: RecordedLooks::deserialize(&stored.metadata["support"]).ok(),
-            pixels: Box::new(stored.pixels),
-            grid: stored.grid,
-            metadata: Some(stored.metadata),
-            in_pixels: false,
+            looks: RecordedLooks::deserialize(&record_value["support"]).ok(),
+            grid: match image.grid() {
+                Some((grid, _)) => grid.clone(),
+                None => image.pixel_grid(),
+            },
+            metadata: record,
+            axes: frame,
+            image,
+        })
+    }
+
+    /// Pixels of the image.
+    pub(super) fn pixels(&self) -> &dyn ImageSource {
+        &self.image.pixels
+    }
+
+    /// Whether there are places without a value: of an image in progress, and around a map.
+    pub(super) fn is_partial(&self) -> bool {
+        matches!(self.image.pixels, Pixels::Unfinished(_) | Pixels::Map(_))
+    }
+
+    /// Why the responses of points cannot be measured, if so.
+    pub(super) fn without_phase(&self) -> Option<String> {
+        (self.image.values != Values::Complex).then(|| {
+            format!(
+                "{}: responses of points need complex values, and it holds {}",
+                self.name, self.image.values
+            )
         })
     }
 
@@ -93,8 +109,8 @@ impl Source {
     /// What a cut runs along, in the words of the grid.
     pub(super) fn along(&self, along: Direction) -> &'static str {
         match along {
-            Direction::X if self.in_pixels => "column",
-            Direction::Y if self.in_pixels => "row",
+            Direction::X if self.axes != Axes::Scene => "column",
+            Direction::Y if self.axes != Axes::Scene => "row",
             Direction::X if self.grid.polar => "angle",
             Direction::Y if self.grid.polar => "range",
             Direction::X => self.grid.scene_axes()[0].name,
@@ -106,7 +122,7 @@ impl Source {
     /// The unit in which lengths along a cut are shown, and by what they are multiplied.
     pub(super) fn unit(&self, along: Direction) -> (&'static str, f64) {
         match along {
-            _ if self.in_pixels => ("px", 1.0),
+            _ if self.axes == Axes::Pixels => ("px", 1.0),
             Direction::X if self.grid.polar => ("deg", 1f64.to_degrees()),
             _ => ("m", 1.0),
         }
@@ -115,7 +131,7 @@ impl Source {
     /// Grid coordinates, row's and column's, of a place as typed: in the scene frame, but degrees and range of a polar
     /// grid and column and row of an array.
     pub(super) fn coordinates(&self, at: &At) -> anyhow::Result<[f64; 2]> {
-        if self.in_pixels || self.grid.polar {
+        if self.axes != Axes::Scene || self.grid.polar {
             if at.z.is_some() {
                 let what =
                     "--at: the third number says nothing to an array or a polar grid: leave it out";
@@ -154,8 +170,14 @@ impl Source {
     /// A measured point in words: its place in the scene, or in an array.
     pub(super) fn place(&self, response: &Response) -> String {
         let (row_value, column_value) = (response.row_value, response.column_value);
-        if self.in_pixels {
-            return format!("column {column_value:.3}, row {row_value:.3}");
+        match self.axes {
+            Axes::Pixels => return format!("column {column_value:.3}, row {row_value:.3}"),
+            Axes::Plane => {
+                return format!(
+                    "{column_value:.4} m along columns and {row_value:.4} m along rows from the reference point"
+                );
+            }
+            Axes::Scene => {}
         }
         let [x, y, z] = response.position_m;
         let scene = format!("x {x:.4} m, y {y:.4} m, z {z:.4} m");
@@ -169,11 +191,16 @@ impl Source {
     /// The axes across and up as they are shown, each with its label: those of the scene where the grid's run along them.
     pub(super) fn shown_axes(&self) -> [(String, Axis); 2] {
         let grid = &self.grid;
-        if self.in_pixels {
-            return [
-                ("column".to_owned(), grid.columns),
-                ("row".to_owned(), grid.rows),
-            ];
+        let named = |across: &str, up: &str| {
+            [
+                (across.to_owned(), grid.columns),
+                (up.to_owned(), grid.rows),
+            ]
+        };
+        match self.axes {
+            Axes::Pixels => return named("column", "row"),
+            Axes::Plane => return named("along columns (m)", "along rows (m)"),
+            Axes::Scene => {}
         }
         if grid.polar {
             let degrees = Axis {
@@ -199,16 +226,20 @@ impl Source {
     }
 }
 
+/// Two images on the same pixels, in memory.
+pub(super) struct Both {
+    pub(super) image: Image,
+    pub(super) reference: Image,
+    /// Whether values are complex; amplitudes otherwise.
+    pub(super) complex: bool,
+    pub(super) notes: Vec<String>,
+}
+
 impl Source {
-    /// All of the image and of another, to be set against one another, if the budget allows: at most six times their own
-    /// size, of which registration takes most.
-    pub(super) fn both(&self, session: &Session, other: &Self) -> anyhow::Result<[Image; 2]> {
-        let whole = |source: &Self| {
-            let (rows, columns) = source.pixels.size();
-            [0..rows, 0..columns]
-        };
+    /// The part that the image and another have in common, if the budget allows: at most six times their size, of which registration takes most.
+    pub(super) fn both(&self, session: &Session, other: &Self) -> anyhow::Result<Both> {
         let pixels = |source: &Self| {
-            let (rows, columns) = source.pixels.size();
+            let (rows, columns) = source.pixels().size();
             rows as u128 * columns as u128
         };
         let bytes = 6 * 8 * (pixels(self) + pixels(other));
@@ -220,10 +251,119 @@ impl Source {
                 text::bytes(session.memory_bytes.into())
             );
         }
-        let read = |source: &Self| {
-            let read = source.pixels.window(&whole(source));
+        let looks = [self.image.looks(), other.image.looks()];
+        let looks = [looks[0].as_ref(), looks[1].as_ref()];
+        let pair = Pair::new(&self.image, &other.image, looks)?;
+        let read = |parts: &dyn ImageSource| {
+            let (rows, columns) = parts.size();
+            let read = parts.window(&[0..rows, 0..columns]);
             read.map_err(|error| anyhow::anyhow!(error))
         };
-        Ok([read(self)?, read(other)?])
+        let (image, reference) = (read(&*pair.image)?, read(&*pair.reference)?);
+        let mut notes = pair.notes;
+        let [image, reference] = match pair.whole {
+            true => [image, reference],
+            false => {
+                let place = largest_common(&image, &reference).with_context(|| {
+                    format!("{} and {} have no pixel in common", self.name, other.name)
+                })?;
+                let [rows, columns] = &place;
+                if (rows.len(), columns.len()) != (reference.rows, reference.columns) {
+                    notes.push(format!(
+                        "compared on {} x {} pixels from row {}, column {}: the largest rectangle that both have",
+                        rows.len(),
+                        columns.len(),
+                        rows.start,
+                        columns.start
+                    ));
+                }
+                let part = |image: &Image| {
+                    let part = image.window(&place);
+                    part.map_err(|error| anyhow::anyhow!(error))
+                };
+                [part(&image)?, part(&reference)?]
+            }
+        };
+        Ok(Both {
+            image,
+            reference,
+            complex: pair.complex,
+            notes,
+        })
+    }
+}
+
+/// The largest rectangle of pixels that both images have; `None` if they have none in common.
+///
+/// Row by row: the pixels above and with each one that are there form columns of a histogram, whose largest rectangle a stack finds in one pass.
+fn largest_common(image: &Image, reference: &Image) -> Option<[Range<usize>; 2]> {
+    let columns = image.columns;
+    let has = |i: usize| !image.pixels[i].is_nan() && !reference.pixels[i].is_nan();
+    let mut heights = vec![0; columns + 1];
+    let mut best: Option<[Range<usize>; 2]> = None;
+    for row in 0..image.rows {
+        for (column, height) in heights[..columns].iter_mut().enumerate() {
+            *height = if has(row * columns + column) {
+                *height + 1
+            } else {
+                0
+            };
+        }
+        // Columns of ascending heights; the last height is 0 and ends all.
+        let mut open: Vec<usize> = Vec::new();
+        for column in 0..=columns {
+            while let Some(&last) = open.last() {
+                if heights[last] <= heights[column] {
+                    break;
+                }
+                open.pop();
+                let first = open.last().map_or(0, |before| before + 1);
+                let rectangle = [row + 1 - heights[last]..row + 1, first..column];
+                let area = |[rows, columns]: &[Range<usize>; 2]| rows.len() * columns.len();
+                if best
+                    .as_ref()
+                    .is_none_or(|best| area(&rectangle) > area(best))
+                {
+                    best = Some(rectangle);
+                }
+            }
+            open.push(column);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture::num_complex::Complex32;
+
+    /// By hand: the largest rectangle without a gap is rows 1 to 3 of columns 1 to 4.
+    #[test]
+    fn largest_rectangle_without_gaps_is_found() {
+        let picture = ["#....", ".####", "#####", ".####", ".##.#"];
+        let pixels = picture.iter().flat_map(|line| line.bytes());
+        let image = Image {
+            rows: 5,
+            columns: 5,
+            pixels: pixels
+                .map(|c| match c {
+                    b'#' => Complex32::ONE,
+                    _ => Complex32::new(f32::NAN, f32::NAN),
+                })
+                .collect(),
+        };
+        let whole = Image {
+            pixels: vec![Complex32::ONE; 25],
+            ..image.clone()
+        };
+        assert_eq!(largest_common(&image, &whole), Some([1..4, 1..5]));
+        assert_eq!(largest_common(&whole, &image), Some([1..4, 1..5]));
+        assert_eq!(largest_common(&whole, &whole), Some([0..5, 0..5]));
+        let nothing = Image {
+            pixels: vec![Complex32::new(f32::NAN, 0.0); 25],
+            ..whole.clone()
+        };
+        assert_eq!(largest_common(&whole, &nothing), None);
     }
 }

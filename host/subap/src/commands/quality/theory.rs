@@ -1,4 +1,4 @@
-//! What theory says of a point's cuts: by the support of the recording where it is known, else by the window alone.
+//! Theoretical cuts of a point response, from the recording's spectral support or else from the window alone.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -13,13 +13,13 @@ use super::source::Source;
 /// Samples of a band of which only the window is known.
 const SAMPLES: usize = 512;
 
-/// What theory rests on.
+/// Basis of the theoretical response.
 pub(super) enum Basis {
     /// What the image was formed from, and its windows over fast and slow time.
     Looks(Looks, [Window; 2]),
     /// The window of a band of unknown width.
     Window(Window),
-    /// Nothing.
+    /// Neither support nor window is known.
     Nothing,
 }
 

@@ -1,4 +1,4 @@
-//! `subap radio calibrate`: two captures in, what cables and channels do out.
+//! `subap radio calibrate`: estimate cable and channel responses from two captures.
 
 use serde_json::json;
 use subaperture::SPEED_OF_LIGHT_M_S;
@@ -15,8 +15,9 @@ use crate::{log, text};
 pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &[&typed.sky, &typed.reflector]);
     claims.file(&typed.out, Kind::Record)?;
-    let mut sky = Recording::open(&typed.sky)?;
-    let mut reflector = Recording::open(&typed.reflector)?;
+    let open = |path| Recording::open_within(path, session.memory_bytes / 2);
+    let mut sky = open(&typed.sky)?;
+    let mut reflector = open(&typed.reflector)?;
     let setup = reflector.setup().clone();
     let named = |setup: &Setup| Setup {
         name: String::new(),

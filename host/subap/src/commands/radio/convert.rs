@@ -1,4 +1,4 @@
-//! `subap radio convert`: a capture in, phase history out, as CPHD.
+//! `subap radio convert`: convert a capture to phase history in CPHD.
 
 use serde_json::json;
 use subaperture::geometry::SceneFrame;
@@ -46,6 +46,12 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
             y_axis_ecf,
         },
     })?;
+    if track.is_none() {
+        messages::warning(
+            "no --track: every pulse is at the scene's origin, so that the file has no aperture and focus makes no image of it. Give the track \
+             of what carried the antennas; or find it from the echoes of two receivers: subap track FILE -o TRACK.csv, and focus --track TRACK.csv",
+        );
+    }
     // They are of all receivers alike.
     for warning in channels.channel(0).warnings() {
         messages::warning(warning);

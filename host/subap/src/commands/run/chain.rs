@@ -1,4 +1,4 @@
-//! The stages of a job, and what each of them depends on.
+//! Stages of a job and their dependencies.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use subaperture::phase_history::InputFile;
 use super::options::Options;
 use crate::args;
 
-/// A stage.
+/// Stage of a job's chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {
     Track,

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use serde_json::{Map, Value};
 use subaperture::describe::error::Found;
-use subaperture::describe::values::{Value as Given, Values};
+use subaperture::describe::values::{Value as OptionValues, Values};
 use subaperture::geometry::Geodetic;
 use subaperture::job::JobText;
 
@@ -43,6 +43,8 @@ const FOCUS: Keys = &[
     ("grid", "geoid", "geoid"),
     ("grid", "troposphere", "troposphere"),
     ("former", "allow_error", "allow-error"),
+    ("former", "beam", "beam"),
+    ("former", "squint", "squint"),
     ("former", "velocity", "velocity"),
     ("former", "portable", "portable"),
     ("former", "scratch", "scratch"),
@@ -94,7 +96,7 @@ pub(super) struct Told<T> {
 pub(super) struct Options {
     /// What the report is called.
     pub(super) name: String,
-    /// The job's folder.
+    /// Folder of the job's outputs.
     pub(super) out: PathBuf,
     pub(super) track: Option<Told<Box<args::Track>>>,
     pub(super) autofocus: Option<Told<Box<args::Autofocus>>>,
@@ -264,7 +266,7 @@ impl Typing<'_> {
         autofocus: Option<&args::Autofocus>,
     ) -> Result<Told<Box<args::Focus>>, Vec<Found>> {
         let mut words = self.inputs();
-        // Tiles that are there are of this very job, or there are none.
+        // Existing tiles, if any, belong to this job.
         words.extend(["--out".into(), self.out.into(), "--resume".into()]);
         words.extend(self.force());
         let keys = [INPUT, FOCUS, FORMER];
@@ -407,24 +409,24 @@ impl Typing<'_> {
     }
 
     /// A value as it is typed for `option`.
-    fn typed(&self, option: &str, value: &Given) -> Vec<OsString> {
+    fn typed(&self, option: &str, value: &OptionValues) -> Vec<OsString> {
         let one = |text: String| vec![OsString::from(format!("--{option}={text}"))];
         match value {
-            Given::Text(text) => one(match option {
+            OptionValues::Text(text) => one(match option {
                 "surface" => self.surface(text),
                 "geoid" => self.geoid(text),
                 _ => text.clone(),
             }),
-            Given::Flag(true) => vec![format!("--{option}").into()],
-            Given::Flag(false) => Vec::new(),
-            Given::Count(count) => one(count.to_string()),
-            Given::Number(number) => one(number.to_string()),
-            Given::Numbers(numbers) => {
+            OptionValues::Flag(true) => vec![format!("--{option}").into()],
+            OptionValues::Flag(false) => Vec::new(),
+            OptionValues::Count(count) => one(count.to_string()),
+            OptionValues::Number(number) => one(number.to_string()),
+            OptionValues::Numbers(numbers) => {
                 let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
                 one(numbers.join(","))
             }
             // Such options are of files.
-            Given::Texts(texts) => {
+            OptionValues::Texts(texts) => {
                 let word = |text: &String| {
                     let mut word = OsString::from(format!("--{option}="));
                     word.push(self.job.path(text));
@@ -432,7 +434,7 @@ impl Typing<'_> {
                 };
                 texts.iter().map(word).collect()
             }
-            Given::Rows(_) => Vec::new(),
+            OptionValues::Rows(_) => Vec::new(),
         }
     }
 }

@@ -35,7 +35,7 @@ ul { padding-left: 1.2rem; margin: .4rem 0 }
 }
 ";
 
-/// Text as HTML.
+/// Escape text for HTML.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -54,7 +54,7 @@ pub(super) struct Page {
 pub(super) enum Cells {
     /// To the right but the first.
     Numbers,
-    /// To the left.
+    /// Left-aligned cells of text.
     Words,
 }
 
@@ -76,7 +76,7 @@ impl Page {
         }
     }
 
-    /// Begins a section.
+    /// Begin a section of the page.
     pub(super) fn section(&mut self, id: &str, title: &str) {
         self.close();
         self.open = true;
@@ -159,7 +159,7 @@ impl Page {
         self.html.push_str("</div>\n");
     }
 
-    /// The whole.
+    /// Close the page and return its HTML.
     pub(super) fn finish(mut self) -> String {
         self.close();
         self.html.push_str("</body>\n</html>\n");

@@ -1,8 +1,8 @@
-//! What a job will take, stage by stage, from short measured parts of the work; nothing is written.
+//! Time and memory forecast of a job by stage, from short measured parts of the work. Writes no files.
 
 use serde_json::{Value, json};
 use subaperture::focus::formers;
-use subaperture::focus::{ImageFormer, Means, Task};
+use subaperture::focus::{ImageFormer, Numerics, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::free_bytes;
 use subaperture::job::State;
@@ -13,7 +13,7 @@ use super::options::Options;
 use crate::args::ImageFormat;
 use crate::commands::air::Recorded;
 use crate::commands::forming::{self, Forming};
-use crate::commands::surface;
+use crate::commands::{focus, surface};
 use crate::config::Session;
 use crate::text;
 
@@ -89,9 +89,9 @@ pub(super) fn tell(
             .seconds
             .map(|s| format!("about {}", text::seconds(rounded(s))));
         let disk = takes.disk_bytes.map(|bytes| text::bytes(bytes.into()));
-        let unknown = |told: Option<String>| match (&why[..], told) {
+        let unknown = |assumptions: Option<String>| match (&why[..], assumptions) {
             ("", _) => String::new(),
-            (_, told) => told.unwrap_or_else(|| "little".to_owned()),
+            (_, assumptions) => assumptions.unwrap_or_else(|| "little".to_owned()),
         };
         vec![
             link.name().to_owned(),
@@ -156,37 +156,42 @@ impl Measured {
         let history = air.history();
         let survey = forming::survey(history)?;
         let grid = surface::grid(session, &typed.image, history, || &survey)?;
-        let former = typed.image.former.former()?;
+        let of = (history, typed.velocity);
+        let former = focus::beam::former(session, &typed.image, of, &grid)?;
         let windows = [typed.image.window, typed.image.slow_window];
         let progress = session.progress("measuring");
         let mut memory_bytes = 0;
-        let mut time = |grid: &ImageGrid, former: &dyn ImageFormer, means: Means| {
-            let forming = Forming::new(session, history, grid, windows, means);
+        let mut time = |grid: &ImageGrid, former: &dyn ImageFormer, numerics: Numerics| {
+            let forming = Forming::by(former, session, history, grid, windows, numerics)?;
             let task: Task = forming.task(&progress);
             let Some(cost) = cost(former, &task) else {
                 return anyhow::Ok(None);
             };
             let held_bytes = (8 * grid.num_pixels()).saturating_add(cost.bytes(1.0));
-            let bytes = session.memory.own_bytes()
+            let bytes = session.memory.own_bytes_for(grid.num_pixels())
                 + history.held_bytes()
                 + held_bytes.min(session.memory_bytes);
             memory_bytes = memory_bytes.max(bytes);
             Ok(forecast_of(former, &task, &cost)?.map(|time| time.seconds))
         };
-        let focus_s = time(&grid, &*former, typed.image.means(None))?;
+        let focus_s = time(&grid, &*former, typed.image.numerics(None))?;
         let autofocus_s = match &options.autofocus {
             None => None,
-            Some(told) => {
-                let grid = told.typed.grid.as_ref().unwrap_or(&grid);
-                let one = time(grid, &*told.typed.former.former()?, Means::default())?;
-                one.map(|one_s| one_s * (told.typed.rounds + 1) as f64)
+            Some(assumptions) => {
+                let grid = assumptions.typed.grid.as_ref().unwrap_or(&grid);
+                let one = time(
+                    grid,
+                    &*assumptions.typed.former.former()?,
+                    Numerics::default(),
+                )?;
+                one.map(|one_s| one_s * (assumptions.typed.rounds + 1) as f64)
             }
         };
         let exact_s = match options.check {
             0 => None,
             _ => {
                 let exact = formers::former("exact", &json!({}))?;
-                time(&grid, &*exact, Means::default())?
+                time(&grid, &*exact, Numerics::default())?
             }
         };
         progress.finish();

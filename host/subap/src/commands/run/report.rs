@@ -1,4 +1,4 @@
-//! The report of a job: what was done and what came of it, on one page. All numbers are those of the records that stages left.
+//! Report of a job on one page. All numbers come from the records of its stages.
 
 use std::fs;
 use std::io::Write;
@@ -8,7 +8,10 @@ use std::time::{Instant, SystemTime};
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
-use subaperture::job::{Basis, JobText, Made, State, Why, fingerprint, stamp};
+use subaperture::io::input::open_file;
+use subaperture::io::json::{self, JsonError};
+use subaperture::io::product::RECORD_LIMITS;
+use subaperture::job::{Basis, FinishedStage, JobText, RunReason, State, fingerprint, stamp};
 use subaperture::phase_history::InputFile;
 
 use super::Stood;
@@ -20,7 +23,7 @@ use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
 use crate::config::Session;
 use crate::{log, text};
 
-/// The page's file.
+/// File name of the report.
 pub(super) const NAME: &str = "report.html";
 
 /// Makes the report, unless nothing was done since.
@@ -37,7 +40,7 @@ pub(super) fn stage(
 ) -> anyhow::Result<()> {
     let out = &worker.options.out;
     let last = chain.last().expect("a job has stages");
-    let made: Vec<&Made> = chain.iter().filter_map(|l| state.made(l.name())).collect();
+    let made: Vec<&FinishedStage> = chain.iter().filter_map(|l| state.made(l.name())).collect();
     // Of all that is told: times, sizes, warnings.
     let mut settings = job.settings(&["input", "track", "autofocus", "grid", "former", "check"]);
     settings.extend(job.settings(&["picture", "quality", "products"]));
@@ -62,8 +65,8 @@ pub(super) fn stage(
         });
         return Ok(());
     };
-    if let Why::After(_) = why {
-        why = Why::After("what was done".to_owned());
+    if let RunReason::After(_) = why {
+        why = RunReason::After("what was done".to_owned());
     }
     let begun = Instant::now();
     let about = About {
@@ -83,7 +86,7 @@ pub(super) fn stage(
     })?;
     let seconds = begun.elapsed().as_secs_f64();
     let output = stamp(&out.join(NAME), NAME)?;
-    state.finish(Made {
+    state.finish(FinishedStage {
         basis,
         outputs: output.into_iter().collect(),
         seconds,
@@ -128,9 +131,10 @@ impl About<'_> {
 
     fn record(&self, name: &str) -> anyhow::Result<Value> {
         let path = self.out().join(name);
-        let named = || format!("cannot read {}", path.display());
-        let text = fs::read(&path).with_context(named)?;
-        serde_json::from_slice(&text).with_context(named)
+        open_file(&path)
+            .map_err(JsonError::Io)
+            .and_then(|file| json::value(file, RECORD_LIMITS))
+            .with_context(|| format!("cannot read {}", path.display()))
     }
 
     fn picture(&self, name: &str) -> anyhow::Result<Vec<u8>> {

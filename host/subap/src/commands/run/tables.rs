@@ -1,4 +1,4 @@
-//! The tables of a report, made of the records that stages left.
+//! Tables of a report, from the records of the stages.
 
 use serde_json::{Value, json};
 
@@ -96,7 +96,7 @@ pub(super) fn points(page: &mut Page, points: &[Value], polar: bool) {
     page.table(Cells::Numbers, &header, &rows);
 }
 
-/// What autofocus gained.
+/// Autofocus: figures before and after, on the data used and on held-out data.
 pub(super) fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
     page.section("autofocus", "Autofocus");
     let row = |name: &str, figures: &Value| -> Row {
@@ -108,10 +108,15 @@ pub(super) fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
         ];
         ("", cells)
     };
-    let rows = [
+    let mut rows = vec![
         row("before", &found["before"]),
         row("after", &found["after"]),
     ];
+    let held_out = &found["held_out"];
+    if held_out.is_object() {
+        rows.push(row("held out, before", &held_out["before"]));
+        rows.push(row("held out, after", &held_out["after"]));
+    }
     page.table(Cells::Numbers, &["", "entropy", "contrast", "peak"], &rows);
     let rounds = found["rounds"].as_array().map_or(0, Vec::len);
     let by = match (
@@ -120,7 +125,12 @@ pub(super) fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
     ) {
         (Some(phase), _) => format!("phases of {phase:.3} rad rms were taken away"),
         (None, Some(moved)) => format!("the track was moved by {} rms", text::metres(Some(moved))),
-        _ => "nothing was gained: the recording is best as it is".to_owned(),
+        _ => match &*words(&found["outcome"]) {
+            "unjudged" => "correction refused, for held-out data could not judge it",
+            "not-sharper" => "correction refused, for it does not pass the tests on held-out data",
+            _ => "no correction sharpens the image",
+        }
+        .to_owned(),
     };
     let method = words(&found["method"]);
     page.paragraph(
@@ -205,7 +215,7 @@ pub(super) fn words(value: &Value) -> String {
     }
 }
 
-/// Three digits.
+/// Format a duration with three significant digits.
 pub(super) fn seconds(seconds: f64) -> String {
     text::seconds(format!("{seconds:.2e}").parse().unwrap_or(seconds))
 }

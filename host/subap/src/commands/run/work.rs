@@ -1,4 +1,4 @@
-//! What each stage of a job does: what the command of its name does, silently.
+//! Processing of each stage of a job: the command of the same name, without console output.
 
 use std::fs;
 use std::io::Write;
@@ -7,9 +7,9 @@ use std::path::Path;
 use anyhow::bail;
 use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
-use subaperture::io::claim::Claims;
+use subaperture::io::claim::OutputClaims;
 use subaperture::io::tiles::{self, TileStore};
-use subaperture::job::{FileStamp, State, Why, stamp};
+use subaperture::job::{FileStamp, RunReason, State, stamp};
 
 use super::chain::{Link, Stage};
 use super::options::{AUTOFOCUS_PNG, CORRECTION, Options, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
@@ -55,7 +55,12 @@ impl Worker<'_> {
     }
 
     /// Makes ready for a stage: what it had done is no longer done. Whether it goes on with what an earlier run had begun.
-    pub(super) fn begin(&self, link: &Link, why: &Why, state: &mut State) -> anyhow::Result<bool> {
+    pub(super) fn begin(
+        &self,
+        link: &Link,
+        why: &RunReason,
+        state: &mut State,
+    ) -> anyhow::Result<bool> {
         let (name, fingerprint) = (link.name(), link.basis.fingerprint());
         if link.stage != Stage::Focus {
             state.forget(name);
@@ -64,8 +69,8 @@ impl Worker<'_> {
         }
         // Only the image is gone on with. Its record may be lost, and its tiles whole.
         let goes_on = match why {
-            Why::Begun => true,
-            Why::Output(path) => path != tiles::NAME,
+            RunReason::Begun => true,
+            RunReason::Output(path) => path != tiles::NAME,
             _ => false,
         };
         if !goes_on {
@@ -172,7 +177,7 @@ impl Worker<'_> {
         }
     }
 
-    fn claims(&self) -> Claims {
+    fn claims(&self) -> OutputClaims {
         self.session
             .claims(&self.writing, &self.options.focus.typed.input.paths)
     }

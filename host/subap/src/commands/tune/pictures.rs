@@ -11,7 +11,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::atomic::write_atomically;
 use subaperture::phase_history::{InMemory, PhaseHistory, ReadError, Weights};
-use subaperture::plot::{self, Chart, Colours, Curve, Heat, Panel};
+use subaperture::plot::{self, Chart, Colours, Curve, HeatMap, Panel};
 
 use super::{figure, less_is_better, measure_name, rounded};
 use crate::args::Tune;
@@ -62,7 +62,7 @@ pub(super) fn write(
         let values: Vec<f32> = merits.iter().map(|&merit| merit as f32).collect();
         let finite = || merits.iter().copied().filter(|merit| merit.is_finite());
         let range = (finite().fold(f64::INFINITY, f64::min), found.merit);
-        let map = Heat {
+        let map = HeatMap {
             values: &values,
             rows: up.axis,
             columns: across.axis,
@@ -108,7 +108,7 @@ fn image(
         weights: &Weights::new(history.collection(), typed.window, typed.slow_window),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
-        means: Default::default(),
+        numerics: Default::default(),
     };
     let former = Backprojection {
         error_db: DEFAULT_ERROR_DB,

@@ -1,4 +1,4 @@
-//! What was found, written into the description.
+//! Writing of calibrated values into the description.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

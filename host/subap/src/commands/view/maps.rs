@@ -7,10 +7,10 @@ use anyhow::bail;
 use glam::DVec3;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::SceneFrame;
-use subaperture::image::PartsError;
-use subaperture::onboard::maps::Maps;
-use subaperture::onboard::maps_file::MapFile;
-use subaperture::onboard::range_doppler::map_about;
+use subaperture::image::ImageSourceError;
+use subaperture::module::maps::Maps;
+use subaperture::module::maps_file::MapFile;
+use subaperture::module::range_doppler::map_about;
 use subaperture::phase_history::{Joined, PhaseHistory};
 use subaperture::viewer::product::{DopplerMap, DopplerMaps};
 
@@ -26,7 +26,7 @@ pub(super) fn open(
 ) -> anyhow::Result<Box<dyn DopplerMaps>> {
     let name = path.display().to_string();
     if stored::begins_with(path, b"SUBAPMAP") {
-        let file = MapFile::open(path)?;
+        let file = MapFile::open_within(path, session.memory_bytes / 4)?;
         if file.headers().is_empty() {
             bail!("{name}: there is no map in it");
         }
@@ -92,7 +92,7 @@ impl DopplerMaps for OfFile {
         self.sub_cpis.len()
     }
 
-    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, PartsError> {
+    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, ImageSourceError> {
         let sub_cpi = self.sub_cpis[sub_cpi];
         let there = |patch: &&u16| self.numbers.contains_key(&(sub_cpi, **patch));
         let off = |patch: &u16| place_m.map_or(0.0, |place| self.patches[patch].distance(place));
@@ -134,7 +134,7 @@ fn doppler_bin(time_s: [f64; 2], pulses: usize, bins: usize) -> (f64, bool) {
 struct OfRecording {
     name: String,
     history: Joined,
-    /// Pulses of one.
+    /// Number of pulses in a sub-CPI.
     sub_cpi: usize,
     /// Pulses of the recording; of several channels those of the first.
     pulses: usize,
@@ -154,7 +154,7 @@ impl DopplerMaps for OfRecording {
         (self.pulses / self.sub_cpi).max(1)
     }
 
-    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, PartsError> {
+    fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, ImageSourceError> {
         let place_m = place_m.ok_or(
             "where the image's pixels are is not known, so that no place can be looked at",
         )?;

@@ -1,5 +1,5 @@
 "use strict";
-// Distances, cuts along a line, and responses of points.
+// Measurements: distances, cuts along a line, and point responses.
 const measured = { mode: null, from: null, group: L.layerGroup().addTo(map), curves: [] };
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -8,22 +8,22 @@ function mode(what) {
   measured.from = null;
   for (const each of ["cut", "point", "doppler"]) $(each).setAttribute("aria-pressed", measured.mode === each);
   map.getContainer().style.cursor = measured.mode ? "crosshair" : "";
-  if (measured.mode === "cut") tell("the line's first end: click, or Enter at the crosshair");
-  if (measured.mode === "doppler") tell("the place of the map: click, or Enter at the crosshair");
-  if (measured.mode === "point") tell("a point: click, or Enter at the crosshair");
+  if (measured.mode === "cut") report("select the start of the line: click, or press Enter at the crosshair");
+  if (measured.mode === "doppler") report("select the centre of the map: click, or press Enter at the crosshair");
+  if (measured.mode === "point") report("select a point: click, or press Enter at the crosshair");
 }
-function tell(text, isWrong) { $("told").textContent = text; $("told").classList.toggle("wrong", Boolean(isWrong)); }
+function report(text, isWrong) { $("message").textContent = text; $("message").classList.toggle("wrong", Boolean(isWrong)); }
 function clearAll() {
   measured.group.clearLayers(); measured.curves = []; measured.from = null;
   $("chart").hidden = $("numbers").hidden = true;
-  tell("");
+  report("");
   if (measured.mode) mode(measured.mode);
 }
 
-// Row and column of the pixel at a place: pixel r covers r to r + 1.
+// Row and column at a map position. Pixel r covers r to r + 1, with its centre at r + 0.5.
 const pixelAt = (latlng) => [latlng.lat - 0.5, latlng.lng - 0.5];
 
-// Between two pixels: metres in the grid's plane where that is known.
+// Distance between two pixels: metres in the plane of the grid, or pixels without a grid.
 function distance(about, [a, b]) {
   const pixels = Math.hypot(b[0] - a[0], b[1] - a[1]);
   if (!about.steps_m) return [pixels, "px"];
@@ -40,7 +40,7 @@ async function pick(latlng) {
       measured.group.clearLayers();
       measured.from = [at, latlng];
       L.circleMarker(latlng, { radius: 4, color: "#e69f00" }).addTo(measured.group);
-      tell("the other end");
+      report("select the end of the line");
       return;
     }
     const [from, first] = measured.from;
@@ -48,25 +48,25 @@ async function pick(latlng) {
     L.polyline([first, latlng], { color: "#e69f00", weight: 2 }).addTo(measured.group);
     const [length, unit] = distance(about, [from, at]);
     const numbers = [...from, ...at].map((x) => x.toFixed(3));
-    tell(`${length.toPrecision(5)} ${unit} from row ${Math.round(from[0])}, column ${Math.round(from[1])} to row ${Math.round(at[0])}, column ${Math.round(at[1])}`);
+    report(`${length.toPrecision(5)} ${unit} from row ${Math.round(from[0])}, column ${Math.round(from[1])} to row ${Math.round(at[0])}, column ${Math.round(at[1])}`);
     try {
-      const cut = await (await fetch(`/cut/${n}/${numbers.join("/")}`)).json(), count = cut.levels_db.length;
+      const cut = await (await fetch(`cut/${n}/${numbers.join("/")}`)).json(), count = cut.levels_db.length;
       measured.curves = [{ name: "cut", x: cut.levels_db.map((_, i) => i / (count - 1) * length), y: cut.levels_db }];
       $("numbers").hidden = true;
       chart(unit);
-      const ends = await Promise.all([from, at].map(async (end) => (await fetch(`/value/${n}/${end.map(Math.round).join("/")}`)).json().catch(() => ({}))));
-      if (ends.every((end) => end.latitude_deg !== undefined)) tell(`${$("told").textContent}: ${ends.map(degrees).join(" to ")}`);
-    } catch { tell("the cut could not be read", true); }
+      const ends = await Promise.all([from, at].map(async (end) => (await fetch(`value/${n}/${end.map(Math.round).join("/")}`)).json().catch(() => ({}))));
+      if (ends.every((end) => end.latitude_deg !== undefined)) report(`${$("message").textContent}: ${ends.map(degrees).join(" to ")}`);
+    } catch { report("the cut could not be read", true); }
   } else if (measured.mode === "doppler") {
     lookAt(at.map(Math.round));
   } else if (measured.mode === "point") {
     const [row, column] = at.map(Math.round);
     if (row < 0 || column < 0 || row >= about.rows || column >= about.columns) return;
-    // What is within some pixels of the screen is meant, whatever the zoom.
+    // The search radius is 8 screen pixels, at least 3 and at most 64 image pixels.
     const search = Math.min(64, Math.max(3, Math.round(8 / 2 ** map.getZoom())));
-    tell("measuring");
-    const answer = await fetch(`/point/${n}/${row}/${column}/${search}`).catch(() => null);
-    if (!answer?.ok) { tell(answer ? await answer.text() : "the server has gone", true); $("numbers").hidden = $("chart").hidden = true; return; }
+    report("measuring");
+    const answer = await fetch(`point/${n}/${row}/${column}/${search}`).catch(() => null);
+    if (!answer?.ok) { report(answer ? await answer.text() : "no connection to the server", true); $("numbers").hidden = $("chart").hidden = true; return; }
     response(await answer.json());
   }
 }
@@ -74,9 +74,9 @@ async function pick(latlng) {
 function response(found) {
   measured.group.clearLayers();
   L.circleMarker([found.row + 0.5, found.column + 0.5], { radius: 9, color: "#e69f00", fill: false }).addTo(measured.group);
-  tell(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB${found.latitude_deg === undefined ? "" : `; ${degrees(found)}`}`);
+  report(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB${found.latitude_deg === undefined ? "" : `; ${degrees(found)}`}`);
   const axes = found.in_pixels ? { x: "columns", y: "rows" } : found.polar ? { x: "angle", y: "range" } : { x: "x", y: "y" };
-  // Along and across the line of sight where that is known, else along the grid.
+  // Cuts along and across the line of sight if it is known, otherwise along the grid axes.
   const sighted = found.cuts.some((cut) => cut.along === "range");
   const cuts = found.cuts.map((cut, i) => ({ ...cut, curve: found.curves[i] })).filter((cut) => !sighted || ["range", "cross-range"].includes(cut.along)).map((cut) => {
     const turning = found.polar && cut.along === "x", unit = found.in_pixels ? "px" : turning ? "°" : "m", factor = turning ? 180 / Math.PI : 1;
@@ -87,15 +87,15 @@ function response(found) {
   head.replaceChildren(row("th", ["along", ...cuts.map((cut) => cut.name)]));
   const db = (x) => (x === null || x === undefined ? "–" : `${x.toFixed(1)} dB`);
   body.replaceChildren(
-    row("td", ["width, 3 dB", ...cuts.map((cut) => (cut.width_3db === null ? "–" : `${(cut.width_3db * cut.factor).toPrecision(3)} ${cut.unit}`))]),
-    row("td", ["highest side lobe", ...cuts.map((cut) => db(cut.null_rule.pslr_db))]),
-    row("td", ["side lobes' energy", ...cuts.map((cut) => db(cut.null_rule.islr_db))]));
+    row("td", ["3 dB width", ...cuts.map((cut) => (cut.width_3db === null ? "–" : `${(cut.width_3db * cut.factor).toPrecision(3)} ${cut.unit}`))]),
+    row("td", ["peak sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.pslr_db))]),
+    row("td", ["integrated sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.islr_db))]));
   $("numbers").hidden = false;
   measured.curves = cuts.map((cut) => ({ name: `${cut.name} (${cut.unit})`, x: cut.curve.offsets.map((x) => x * cut.factor), y: cut.curve.levels_db }));
   chart(cuts[0].unit);
 }
 
-// Round steps for an axis of about so many.
+// Axis ticks at round values, about `about` of them.
 function ticks(from, to, about) {
   const rough = (to - from) / Math.max(1, about) || 1, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough * 0.999), all = [];
@@ -112,7 +112,7 @@ function chart(unit) {
   ink.setTransform(ratio, 0, 0, ratio, 0, 0);
   ink.font = "11px system-ui, sans-serif";
   const values = measured.curves.flatMap((curve) => curve.y.filter((y) => y !== null)), xs = measured.curves.flatMap((curve) => curve.x);
-  if (!values.length) { tell("nothing along the line"); return; }
+  if (!values.length) { report("no data along the line"); return; }
   const high = values.reduce((a, b) => Math.max(a, b)), low = Math.max(values.reduce((a, b) => Math.min(a, b)), high - 80) - 1, top = high + 1;
   const [first, last] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
   const edge = { left: 34, right: 8, top: 6, bottom: 20 }, wide = box.width - edge.left - edge.right, tall = box.height - edge.top - edge.bottom;

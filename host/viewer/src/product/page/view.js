@@ -1,12 +1,12 @@
 "use strict";
-// Images of any size: tiles of levels in, canvases out. Nothing is loaded but from this server.
+// Image viewer: draws tiles of levels at any zoom. All resources come from this server.
 const TILE = 256, NONE = -32768, MOST_KEPT = 500, MOST_LOOK = 2;
 const $ = (id) => document.getElementById(id);
 const view = {
   images: [], layers: [], doppler: [], shown: 0, other: -1, blinked: false, swiped: false, maps: null, map: "grey",
   placed: false, top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0, painted: 0,
 };
-// A colour map for phases: it begins where it ends, and its lightness alone tells quarters.
+// Cyclic colour map for phases. Lightness alone distinguishes quarters of a turn.
 const PHASES = [[226, 217, 226], [112, 148, 194], [79, 40, 122], [24, 18, 36], [110, 26, 64], [188, 92, 78], [226, 217, 226]];
 const cyclic = Array.from({ length: 256 }, (_, i) => {
   const at = i / 256 * (PHASES.length - 1), k = Math.floor(at), part = at - k;
@@ -14,7 +14,7 @@ const cyclic = Array.from({ length: 256 }, (_, i) => {
 });
 const ABOVE = { grey: [255, 150, 30], viridis: [255, 110, 90] };
 
-// Tiles as they came, the latest last.
+// Cache of fetched tiles, most recently used last.
 const kept = new Map();
 async function fetched(path, Kind, signal) {
   if (kept.has(path)) { const there = kept.get(path); kept.delete(path); kept.set(path, there); return there; }
@@ -29,16 +29,16 @@ async function fetched(path, Kind, signal) {
 function wrong(text) { $("state").textContent = text; document.body.dataset.state = "wrong"; }
 const image = () => view.images[view.shown];
 
-// Pixels on the page run right and down; rows and columns as an image has them. A tile of the page is a tile of the image, perhaps mirrored.
+// Coordinates of the page run right and down; rows and columns run as defined by the image. A tile of the page is a tile of the image, possibly mirrored.
 function crsOf(about) {
   const steps = about.steps_m ?? [1, 1], least = Math.min(...steps);
-  // Cells are drawn as large as they are in the scene, to whole pixels of a tile.
+  // Cells have the aspect ratio of the scene, rounded to whole pixels per tile.
   const size = steps.map((s) => Math.max(1, Math.round(TILE * s / least)));
   about.tile = L.point(size[1], size[0]);
   const transformation = L.transformation(about.right * size[1] / TILE, 0, -about.up * size[0] / TILE, 0);
   return L.extend({}, L.CRS.Simple, { transformation, infinite: true });
 }
-// Latitude is the row and longitude the column: pixel (r, c) covers r to r + 1 and c to c + 1.
+// Leaflet latitude is the row and longitude the column: pixel (r, c) covers r to r + 1 and c to c + 1.
 const bounds = (about) => L.latLngBounds([0, 0], [about.rows, about.columns]);
 
 const Levels = L.GridLayer.extend({
@@ -52,7 +52,7 @@ const Levels = L.GridLayer.extend({
     this.load(canvas);
     return canvas;
   },
-  // The latest of a tile's requests counts; its first answer shows it.
+  // Only the latest request of a tile counts. Its first response displays the tile.
   load(canvas) {
     canvas.abort?.abort();
     const abort = canvas.abort = new AbortController();
@@ -65,9 +65,9 @@ const Levels = L.GridLayer.extend({
     if (row < 0 || column < 0) return;
     const narrow = view.part > 1 && about.aperture && canvas.level <= MOST_LOOK;
     const [from, to] = partOf();
-    const tile = narrow ? `/look/${n}/${from}/${to}/${canvas.level}/${row}/${column}` : `/tile/${n}/${canvas.level}/${row}/${column}`;
+    const tile = narrow ? `look/${n}/${from}/${to}/${canvas.level}/${row}/${column}` : `tile/${n}/${canvas.level}/${row}/${column}`;
     canvas.cells = await fetched(`${tile}?${about.revision}`, Int16Array, signal);
-    canvas.phases = view.phase && canvas.level === 0 ? await fetched(`/phase/${n}/${row}/${column}?${about.revision}`, Uint8Array, signal) : null;
+    canvas.phases = view.phase && canvas.level === 0 ? await fetched(`phase/${n}/${row}/${column}?${about.revision}`, Uint8Array, signal) : null;
     this.paint(canvas);
   },
   paint(canvas) {
@@ -95,7 +95,7 @@ const Levels = L.GridLayer.extend({
   },
   each(what) { for (const key in this._tiles) what(this._tiles[key].el); },
   repaint() { this.each((canvas) => this.paint(canvas)); },
-  // New cells for the tiles that are there: the old ones stay until then.
+  // Reload the displayed tiles; the old contents remain until then.
   again() { this.each((canvas) => this.load(canvas)); },
 });
 
@@ -111,11 +111,11 @@ function layerOf(n) {
   plane.on("tileunload", ({ tile }) => tile.abort?.abort());
   return plane;
 }
-// Whether pixels of one size lie on one another, and at the same places as far as both know theirs.
+// Whether two images have the same size and orientation, and the same grid if both grids are known.
 const alike = (a, b) => ["rows", "columns", "right", "up"].every((key) => a[key] === b[key])
   && (!a.steps_m || !b.steps_m || ["rows_axis", "columns_axis", "steps_m"].every((key) => String(a[key]) === String(b[key])));
 
-// Shows an image, where it was if the one before was as large.
+// Show an image, keeping the view if the previous image has the same grid.
 function show(n, from) {
   const about = view.images[n], before = image(), stays = view.placed && from === undefined && alike(about, before);
   view.shown = n;
@@ -146,7 +146,7 @@ function beside(n) {
   const fits = n >= 0 && n !== view.shown && alike(view.images[n], image());
   $("compare").hidden = !fits;
   $("unlike").hidden = n < 0 || n === view.shown || fits;
-  if (!$("unlike").hidden) $("unlike").textContent = "These images are on different grids: form both on one to compare them.";
+  if (!$("unlike").hidden) $("unlike").textContent = "These images have different grids: form both on the same grid to compare them.";
   $("other").value = String(n);
   if (!fits) { view.swiped = false; swipe(); return; }
   planes.other = layerOf(n).addTo(map);
@@ -176,7 +176,7 @@ function swipe() {
   swipeLine.style.left = `${at - 1}px`;
 }
 
-// Levels: those of the image until somebody chooses others.
+// Display levels: automatic from the image until set by the user.
 function levels() {
   const scale = image().scale;
   if (!view.own && scale) [view.top, view.span] = scale;
@@ -206,21 +206,21 @@ function partOf() {
 function part() {
   $("part").value = String(view.part); $("part-at").value = view.partAt; $("part-at").disabled = view.part === 1;
   const [from, to] = partOf();
-  $("part-text").textContent = view.part === 1 ? "all of it" : `${(from / 10).toFixed(0)} to ${(to / 10).toFixed(0)} %`;
+  $("part-text").textContent = view.part === 1 ? "full aperture" : `${(from / 10).toFixed(0)} to ${(to / 10).toFixed(0)} %`;
   again(); notes(); keepAddress();
 }
 
-// What cannot be seen at this zoom.
+// Notes on what is unavailable at this zoom.
 function notes() {
   const near = map.getZoom() >= 0.0 - 0.5;
-  $("phase-note").textContent = view.phase && !near ? "zoom in: phases are of pixels (1)" : "";
+  $("phase-note").textContent = view.phase && !near ? "zoom in: phase needs zoom 1:1 (key 1)" : "";
   const looked = Math.round(-map.getZoom()) <= MOST_LOOK;
   $("part-note").hidden = view.part === 1 || looked;
-  $("part-note").textContent = "zoom in: parts of the aperture are of at most 4 x 4 pixels a cell";
-  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Of the image's spectrum, tile by tile, with sharp edges: near to what those pulses alone would show."; }
+  $("part-note").textContent = "zoom in: sub-apertures need at most 4 x 4 pixels per cell";
+  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Computed from the image spectrum, tile by tile, with sharp edges: an approximation of the image formed from those pulses alone."; }
 }
 
-// The address is that of the view.
+// The fragment of the address holds the view.
 let writing = null;
 function keepAddress() {
   if (!view.placed) return;
@@ -251,7 +251,7 @@ function fromAddress() {
   dopplerAt(words.get("d"));
 }
 
-// Layers: shapes in rows and columns, fetched once for each image.
+// Layers: shapes in rows and columns, fetched once per image.
 const shapes = { group: L.layerGroup().addTo(map), off: new Set(), there: new Map(), latest: 0 };
 async function drawLayers() {
   const number = ++shapes.latest;
@@ -261,11 +261,11 @@ async function drawLayers() {
     if (shapes.off.has(i)) continue;
     const key = `${i}/${n}`;
     if (!shapes.there.has(key)) {
-      const answer = await fetch(`/layer/${key}`).catch(() => null);
+      const answer = await fetch(`layer/${key}`).catch(() => null);
       if (!answer?.ok) continue;
       shapes.there.set(key, await answer.json());
     }
-    // A later drawing has begun meanwhile.
+    // Superseded by a later call.
     if (number !== shapes.latest) return;
     const colour = ink[i % ink.length];
     for (const feature of shapes.there.get(key).features) for (const { kind, places } of feature.shapes) {
@@ -280,7 +280,7 @@ async function drawLayers() {
   document.body.dataset.layers = shapes.group.getLayers().length;
 }
 
-// What is under the cursor: at once from the tile, then from the pixel.
+// Readout at the cursor: at once from the tile, then exactly from the pixel.
 let asking = false, asked = null, latest = null;
 const degrees = (at) => `${Math.abs(at.latitude_deg).toFixed(6)}° ${at.latitude_deg < 0 ? "S" : "N"}, ${Math.abs(at.longitude_deg).toFixed(6)}° ${at.longitude_deg < 0 ? "W" : "E"}`;
 const fixed = (x, n) => (x === null || x === undefined ? "–" : x.toFixed(n));
@@ -294,10 +294,10 @@ async function readout(latlng) {
   while (asked) {
     const now = asked; asked = null;
     try {
-      const answer = await fetch(`/value/${now.join("/")}`);
+      const answer = await fetch(`value/${now.join("/")}`);
       if (!answer.ok) break;
       const pixel = await answer.json();
-      // The cursor has gone elsewhere.
+      // The cursor has moved on.
       if (now !== latest) continue;
       const words = [];
       if (pixel.position_m) words.push(`x ${fixed(pixel.position_m[0], 2)} m, y ${fixed(pixel.position_m[1], 2)} m`);
@@ -305,20 +305,20 @@ async function readout(latlng) {
       if (pixel.latitude_deg !== undefined) words.push(degrees(pixel));
       $("where").textContent = `row ${pixel.row}, column ${pixel.column}`;
       $("place").textContent = words.map((word) => ` · ${word}`).join("");
-      $("level").textContent = pixel.level_db === null ? "nothing" : `${fixed(pixel.level_db, 1)} dB, ${fixed(pixel.phase_deg, 0)}°`;
+      $("level").textContent = pixel.level_db === null ? "no data" : `${fixed(pixel.level_db, 1)} dB, ${fixed(pixel.phase_deg, 0)}°`;
     } catch { break; }
   }
   asking = false;
 }
 
-// How far things are; tiles are asked for again when they have become better.
+// Poll the progress, and reload tiles when their image has changed.
 async function poll() {
   let wait = 1000;
   try {
-    const told = await (await fetch("/state")).json();
+    const state = await (await fetch("state")).json();
     const before = view.images;
-    told.images.forEach((about, i) => { about.tile = before[i]?.tile; });
-    view.images = told.images; view.layers = told.layers; view.doppler = told.maps;
+    state.images.forEach((about, i) => { about.tile = before[i]?.tile; });
+    view.images = state.images; view.layers = state.layers; view.doppler = state.maps;
     if (!before.length) begin();
     const changed = view.images.map((about, i) => before[i] && (about.revision !== before[i].revision));
     const now = image();
@@ -328,12 +328,12 @@ async function poll() {
     if (fault) wrong(`${fault.name}: ${fault.fault}`);
     else {
       document.body.dataset.state = now.settled ? "ready" : "reading";
-      $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} % there`;
+      $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} % complete`;
     }
     const settled = view.images.every((about) => about.settled);
     wait = now.revision === 0 ? 60 : settled ? 3000 : 400;
   } catch {
-    document.body.dataset.state = "lost"; $("state").textContent = "the server has gone";
+    document.body.dataset.state = "lost"; $("state").textContent = "no connection to the server";
   }
   setTimeout(poll, wait);
 }
@@ -370,7 +370,7 @@ on("phase", "click", phase);
 on("part", "change", () => { view.part = +$("part").value; part(); });
 on("part-at", "input", () => { view.partAt = +$("part-at").value; part(); });
 on("keys", "click", () => { $("help").hidden = !$("help").hidden; $("keys").setAttribute("aria-expanded", !$("help").hidden); });
-// Whether the crosshair is seen: the map has the keyboard.
+// Whether the crosshair is visible: the map has keyboard focus.
 const byKeys = () => map.getContainer().matches(":focus-visible");
 map.on("mousemove", (event) => readout(event.latlng));
 map.on("move zoom resize", () => { swipe(); if (byKeys()) readout(map.getCenter()); });
@@ -391,6 +391,6 @@ document.addEventListener("keydown", (event) => {
   if (what) { event.preventDefault(); what(); }
 });
 
-// The other scripts are there before anything begins.
+// Start after the other scripts are loaded.
 const loaded = new Promise((done) => addEventListener("DOMContentLoaded", done));
-Promise.all([fetch("/colours").then((answer) => answer.json()), loaded]).then(([maps]) => { view.maps = maps; poll(); }, () => { document.body.dataset.state = "lost"; });
+Promise.all([fetch("colours").then((answer) => answer.json()), loaded]).then(([maps]) => { view.maps = maps; poll(); }, () => { document.body.dataset.state = "lost"; });

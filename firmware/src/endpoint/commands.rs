@@ -1,0 +1,263 @@
+//! Execution of commands from the host, and reasons to refuse them.
+
+use subaperture_core::Pulse;
+use subaperture_core::link::{self, Command, Refusal, State, f32s};
+use subaperture_core::stream::{Patch, PulseError};
+
+use super::{Module, Transfer};
+use crate::engine::WireEngine;
+use crate::products::Products;
+
+impl<E: WireEngine> Module<'_, E> {
+    pub(super) fn execute(&mut self, sequence: u32, command: &Command<'_>) {
+        let answered = !matches!(
+            command,
+            Command::Hello
+                | Command::Pulse { .. }
+                | Command::Channel { .. }
+                | Command::Burst { .. }
+                | Command::Sweep { .. }
+        );
+        let refusal = match *command {
+            Command::Hello => {
+                self.due.identity = true;
+                Ok(())
+            }
+            Command::Configure(configuration) => self.configure(&configuration),
+            Command::Weights { first, weights } => self.set_weights(first.into(), weights),
+            Command::Patch {
+                index,
+                count,
+                patch,
+            } => self.set_patch(index, count, &patch),
+            Command::Start { run, first } => self.start(run, first),
+            Command::Pulse {
+                pulse,
+                encoding,
+                samples,
+            } => self.push(&pulse, encoding, samples),
+            Command::Stop => {
+                if self.state == State::Running {
+                    if self.makes_maps() {
+                        self.processor.finish();
+                    }
+                    self.state = State::Finishing;
+                }
+                Ok(())
+            }
+            Command::Status => Ok(()),
+            Command::Abort => {
+                self.abort();
+                Ok(())
+            }
+            Command::Chip(grid) => {
+                let columns = self.row.len() / link::Encoding::Complex32.sample_bytes();
+                self.add_product(|products| products.set_chip(&grid, columns))
+            }
+            Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
+            Command::Motion(configuration) => self.configure_increments(&configuration),
+            Command::Antennas {
+                transmitters,
+                places,
+            } => self.set_antennas(transmitters, places),
+            Command::Channel {
+                pulse,
+                channel,
+                reference_path_m,
+                encoding,
+                samples,
+            } => self.push_channel((pulse, channel), reference_path_m, encoding, samples),
+            Command::Profiles(configuration) => self.configure_profiles(&configuration),
+            Command::Burst {
+                sweep,
+                carrier,
+                first,
+                samples,
+            } => self.push_burst((sweep, carrier, first), samples),
+            Command::Sweep { sweep } => self.ask_for_profile(sweep),
+        };
+        match refusal {
+            Ok(()) => self.due.status |= answered,
+            Err(refusal) => self.due.refusal = Some((sequence, refusal)),
+        }
+    }
+
+    pub(super) fn is_busy(&self) -> bool {
+        matches!(self.state, State::Running | State::Finishing)
+    }
+
+    fn configure(&mut self, configuration: &link::Configuration) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        let setup = &configuration.setup;
+        self.processor.configure(setup).map_err(Refusal::Setup)?;
+        self.increments.clear();
+        self.profiles.clear();
+        self.configuration = configuration.id;
+        self.weights = 0;
+        self.patches = 0;
+        self.transfer = Transfer::Nothing;
+        self.products.clear();
+        self.state = State::Idle;
+        Ok(())
+    }
+
+    /// Whether the current configuration produces maps.
+    fn makes_maps(&self) -> bool {
+        self.processor.setup().is_some()
+            && !self.increments.is_configured()
+            && !self.profiles.is_configured()
+    }
+
+    fn set_weights(&mut self, first: usize, weights: &[u8]) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if self.profiles.is_configured() {
+            return self.set_profile_weights(first, weights);
+        }
+        if !self.makes_maps() {
+            return Err(Refusal::NotConfigured);
+        }
+        // Accept weights in order only, so that all were received when the last one was.
+        if first > self.weights || !weights.len().is_multiple_of(4) {
+            return Err(Refusal::Weights);
+        }
+        let weights = f32s(weights);
+        let end = first.saturating_add(weights.len());
+        self.processor
+            .set_weights(first, weights)
+            .map_err(Refusal::Setup)?;
+        self.weights = self.weights.max(end);
+        self.update_state();
+        Ok(())
+    }
+
+    fn set_patch(&mut self, index: u16, count: u16, patch: &Patch) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if !self.makes_maps() {
+            return Err(Refusal::NotConfigured);
+        }
+        let have = self.processor.patches().len();
+        let other_list = index > 0 && count != self.patches;
+        if index >= count || usize::from(index) > have || other_list {
+            return Err(Refusal::PatchIndex);
+        }
+        self.processor
+            .set_patch(index.into(), patch)
+            .map_err(Refusal::Setup)?;
+        self.patches = count;
+        self.update_state();
+        Ok(())
+    }
+
+    fn add_product(
+        &mut self,
+        add: impl FnOnce(&mut Products<'_>) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
+        match self.state {
+            State::Running | State::Finishing => Err(Refusal::Running),
+            _ if !self.makes_maps() => Err(Refusal::NotConfigured),
+            _ => add(&mut self.products),
+        }
+    }
+
+    /// Set the state to ready once all announced weights and patches were received.
+    fn update_state(&mut self) {
+        let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
+        let all_weights = self.weights == usize::from(frequencies);
+        let all_patches =
+            self.patches > 0 && self.processor.patches().len() == usize::from(self.patches);
+        self.state = if all_weights && all_patches {
+            State::Ready
+        } else {
+            State::Idle
+        };
+    }
+
+    fn start(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
+        if self.run == Some(run) && self.state != State::Ready && self.state != State::Idle {
+            return Ok(());
+        }
+        match self.state {
+            State::Idle => return Err(Refusal::NotConfigured),
+            State::Running | State::Finishing => return Err(Refusal::Running),
+            State::Ready | State::Done => {}
+        }
+        if self.increments.is_configured() {
+            self.start_increments(run, first);
+            return Ok(());
+        }
+        if self.profiles.is_configured() {
+            self.start_profiles(run, first);
+            return Ok(());
+        }
+        let patches = self.processor.patches().len();
+        let chip = self.products.chip;
+        if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
+            return Err(Refusal::PatchIndex);
+        }
+        self.processor.start(first).map_err(Refusal::Setup)?;
+        self.run = Some(run);
+        self.maps = 0;
+        self.transfer = Transfer::Nothing;
+        self.products.begin_run();
+        self.chip_sent = false;
+        self.pulse_refused = false;
+        self.reported_credit = self.processor.accept_through();
+        self.state = State::Running;
+        Ok(())
+    }
+
+    fn abort(&mut self) {
+        if self.is_busy() && self.increments.is_configured() {
+            self.abort_increments();
+        } else if self.is_busy() && self.profiles.is_configured() {
+            self.stop_profiles();
+        } else if self.is_busy() {
+            self.processor.stop();
+            self.transfer = Transfer::Nothing;
+            self.state = State::Done;
+        }
+    }
+
+    fn push(
+        &mut self,
+        pulse: &Pulse,
+        encoding: link::Encoding,
+        samples: &[u8],
+    ) -> Result<(), Refusal> {
+        if self.state != State::Running {
+            // Late pulses of a finished run are ignored.
+            return Ok(());
+        }
+        if !self.makes_maps() {
+            return self.refuse_pulses(Refusal::NotConfigured);
+        }
+        let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {
+            None => Refusal::Encoding,
+            Some(Err(PulseError::Length)) => {
+                let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
+                let expected = usize::from(frequencies) * encoding.sample_bytes();
+                Refusal::PulseLength {
+                    expected: expected as u32,
+                    got: samples.len() as u32,
+                }
+            }
+            // Counted by the processor.
+            Some(_) => return Ok(()),
+        };
+        self.refuse_pulses(refusal)
+    }
+
+    /// Send only the first refusal of a run, so that answers do not fill the line.
+    pub(super) fn refuse_pulses(&mut self, refusal: Refusal) -> Result<(), Refusal> {
+        match core::mem::replace(&mut self.pulse_refused, true) {
+            true => Ok(()),
+            false => Err(refusal),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Image tiles formed block by block, each block from its own pulses.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use num_complex::Complex32;
+
+use super::choices::{Choices, Part};
+use crate::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
+use subaperture_model::image::copy_common;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{BlockIllumination, Stretch};
+
+/// Approximate samples read at a time for the reference sum: 1 MiB.
+const BLOCK_SAMPLES: usize = 1 << 17;
+
+/// Former opened for each block of a grid.
+pub(super) struct InBlocks<'a> {
+    former: Arc<dyn ImageFormer>,
+    spec: ImageSpec<'a>,
+    lit: Arc<BlockIllumination>,
+    choices: Choices,
+    /// Whether all pulses have been read once in ascending order.
+    read: AtomicBool,
+}
+
+impl<'a> InBlocks<'a> {
+    pub(super) fn new(
+        former: Arc<dyn ImageFormer>,
+        spec: ImageSpec<'a>,
+        lit: Arc<BlockIllumination>,
+        choices: Choices,
+    ) -> Self {
+        Self {
+            former,
+            spec,
+            lit,
+            choices,
+            read: AtomicBool::new(false),
+        }
+    }
+
+    /// Read all pulses once in ascending order. The comparison with the exact sum adds pulses as they are read, whereas blocks read
+    /// their pulses in another order.
+    /// theirs in another order.
+    fn read_all(&self, work: &Work) -> Result<(), FormError> {
+        if self.read.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let (count, width) = (
+            self.spec.collection.pulses.len(),
+            self.spec.collection.num_samples,
+        );
+        let block = (BLOCK_SAMPLES / width.max(1)).clamp(1, count.max(1));
+        let mut held = Vec::new();
+        for first in (0..count).step_by(block) {
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            let pulses = first..(first + block).min(count);
+            if work.history.at_hand(pulses.clone()).is_none() {
+                held.resize(pulses.len() * width, Complex32::ZERO);
+                work.history.read(pulses, &mut held)?;
+            }
+        }
+        self.read.store(true, Ordering::Relaxed);
+        Ok(())
+    }
+}
+
+impl Forming for InBlocks<'_> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        self.read_all(work)?;
+        let meets = |tile: &Tile, place: &[Range<usize>; 2]| {
+            let own = tile.place.place();
+            [0, 1]
+                .iter()
+                .all(|&axis| own[axis].start < place[axis].end && place[axis].start < own[axis].end)
+        };
+        let blocks: Vec<usize> = (0..self.lit.num_blocks())
+            .filter(|&block| self.choices.get(block).is_some())
+            .filter(|&block| {
+                let place = self.lit.place(block);
+                tiles.iter().any(|tile| meets(tile, &place))
+            })
+            .collect();
+        for (done, &block) in blocks.iter().enumerate() {
+            let Some(choices) = self.choices.get(block) else {
+                continue;
+            };
+            let part = Part::of(&self.spec, &self.lit, block);
+            let history = Stretch::new(work.history, self.lit.pulses(block));
+            let forming = self.former.open(part.spec(&self.spec), choices)?;
+            let monitor = Share {
+                whole: work.monitor,
+                from: done as f64 / blocks.len() as f64,
+                share: 1.0 / blocks.len() as f64,
+            };
+            let mut own = Tile::whole(&part.grid);
+            let held_bytes =
+                8 * own.pixels.len() as u64 + size_of_val(part.collection.pulses.as_slice()) as u64;
+            let within = Work {
+                history: &history,
+                memory_bytes: work.memory_bytes.saturating_sub(held_bytes),
+                monitor: &monitor,
+            };
+            forming.form(&within, std::slice::from_mut(&mut own))?;
+            let place = self.lit.place(block);
+            for tile in tiles.iter_mut().filter(|tile| meets(tile, &place)) {
+                let whole = tile.place.place();
+                copy_common(&whole, &mut tile.pixels, &place, &own.pixels);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Progress of one block as a share of the whole image.
+struct Share<'a> {
+    whole: &'a dyn Monitor,
+    from: f64,
+    share: f64,
+}
+
+impl Monitor for Share<'_> {
+    fn progress(&self, part: f64) {
+        self.whole.progress(self.from + self.share * part);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.whole.cancelled()
+    }
+
+    fn begins(&self, stage: &'static str) {
+        self.whole.begins(stage);
+    }
+
+    fn ends(&self, stage: &'static str) {
+        self.whole.ends(stage);
+    }
+}

@@ -1,0 +1,209 @@
+//! Strip-map images: each point is formed from the pulses whose beam illuminates it.
+//!
+//! In a strip map the beam passes each point once. Pulses outside this pass hold no echo of the point, and the matched filter of the point is undersampled
+//! in slow time there. Echoes of points whose Doppler frequency differs by a multiple of the pulse repetition frequency then add up to ghosts (azimuth
+//! ambiguities). A point `p` is therefore formed from the pulses
+//!
+//! ```text
+//! { n : |theta_n(p) - squint| <= width / 2 },    sin theta_n(p) = v_n . (p - a_n) / |p - a_n|
+//! ```
+//!
+//! where `a_n` is the antenna position (midpoint of transmitter and receiver) and `v_n` its heading. The slow-time window spans these pulses from
+//! first to last, and the sum is divided by their weights: a unit scatterer seen equally by all of them reads 1, as in every image of this crate.
+//!
+//! The grid is divided into blocks of one size, over which the aperture centre moves by at most an eighth of the aperture length. Each block is formed from
+//! the pulses that illuminate its centre. This division defines the image: the blocks ([`BlockIllumination`]) are part of its weights, and the float64 reference sum
+//! uses the same weighted pulses ([`crate::accuracy`]).
+//!
+//! [`InBeam`] adapts any former to such images. It makes a plan for each block with the pulses and pixels of that block. Its plan contains those of all blocks,
+//! so that a stored plan is complete and tiles are bit-identical to the whole image. [`estimate`] derives width and squint from the azimuth Doppler
+//! spectrum of the recording.
+//!
+//! **Neglected.** Within a block the aperture does not follow the pixel: it is shifted by at most a sixteenth of its length, which makes the effective window asymmetric by that amount.
+//! The beam is an interval of angles; the antenna pattern within it is not compensated. Ambiguities received within the beam, from points whose Doppler frequency there
+//! differs by a multiple of the pulse repetition frequency, cannot be separated and remain. The bound on echoes of scatterers outside the grid ([`crate::accuracy`]) treats the grid
+//! as one block.
+//!
+//! **Errors.** Each block, and so the image, meets the error bound of the former against its own reference sum. A track with two passes over a point
+//! is refused. **Cost.** The cost of the former for each block with its own pulses, plus one more pass over all pulses for the reference sum.
+
+mod blocks;
+mod choices;
+mod estimate;
+mod forming;
+mod track;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde_json::Value;
+
+use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{
+    BlockIllumination, Collection, PhaseHistory, Stretch, Weights,
+};
+use subaperture_signal::window::Window;
+
+pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
+pub use subaperture_model::phase_history::{Beam, BeamSource};
+
+use track::Track;
+
+/// Adapter that forms each point from the pulses that illuminate it.
+pub struct InBeam {
+    former: Arc<dyn ImageFormer>,
+    beam: Beam,
+}
+
+/// Settings key of the beam.
+const KEY: &str = "beam";
+
+impl InBeam {
+    /// Wrap `former` for images in `beam`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if the beam has no width or looks along the track.
+    pub fn new(former: Box<dyn ImageFormer>, beam: Beam) -> Result<Self, FormError> {
+        match beam.is_sound() {
+            true => Ok(Self {
+                former: former.into(),
+                beam,
+            }),
+            false => Err(FormError::unsuited(format!(
+                "a beam {:.3} deg wide, {:.3} deg forward of broadside: its width is to be above 0, and its edges less than 90 deg from broadside",
+                beam.width_rad.to_degrees(),
+                beam.squint_rad.to_degrees()
+            ))),
+        }
+    }
+
+    /// Separate the settings of the wrapped former from the beam; `None` for settings without a beam.
+    pub(crate) fn split(settings: &Value) -> Option<(Value, Result<Beam, serde_json::Error>)> {
+        let mut own = settings.as_object()?.clone();
+        let beam = own.remove(KEY)?;
+        Some((Value::Object(own), serde_json::from_value(beam)))
+    }
+}
+
+impl ImageFormer for InBeam {
+    fn name(&self) -> &'static str {
+        self.former.name()
+    }
+
+    fn settings(&self) -> Value {
+        let mut settings = self.former.settings();
+        settings[KEY] = serde_json::to_value(self.beam).expect("a beam is of numbers");
+        settings
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        self.former.bound_db()
+    }
+
+    fn follows_sweeps(&self) -> bool {
+        self.former.follows_sweeps()
+    }
+
+    fn follows_relief(&self) -> bool {
+        self.former.follows_relief()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        Some(self.beam)
+    }
+
+    fn weights(
+        &self,
+        collection: &Collection,
+        grid: &ImageGrid,
+        fast: Window,
+        slow: Window,
+    ) -> Result<Weights, FormError> {
+        crate::check(collection, grid)?;
+        let lit = blocks::lit(&self.beam, collection, grid, slow)?;
+        Ok(Weights {
+            lit: Some(Arc::new(lit)),
+            ..Weights::new(collection, fast, slow)
+        })
+    }
+
+    fn decide(
+        &self,
+        spec: &ImageSpec,
+        goal: &ErrorGoal,
+        monitor: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
+        let lit = lit_of(spec.weights)?;
+        choices::decide(&*self.former, &self.beam, lit, spec, goal, monitor)
+    }
+
+    fn open<'a>(
+        &self,
+        spec: ImageSpec<'a>,
+        choices: &Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        let lit = Arc::clone(lit_of(spec.weights)?);
+        let former = self.former.name();
+        let choices = choices::Choices::of(former, choices, &lit)?;
+        let former = Arc::clone(&self.former);
+        Ok(Box::new(forming::InBlocks::new(former, spec, lit, choices)))
+    }
+
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self {
+            former: self.former.planning_for(error_db)?.into(),
+            beam: self.beam,
+        }))
+    }
+}
+
+/// Illuminated blocks of weights made for a beam.
+fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
+    let why = "the weights do not say which pulses see which pixels: a former in a beam takes those of ImageFormer::weights";
+    weights.lit.as_ref().ok_or_else(|| FormError::unsuited(why))
+}
+
+/// Refuse beam weights for a former that uses all pulses for every pixel, and uniform weights for a former in a beam.
+///
+/// # Errors
+/// [`FormError::Unsuited`].
+pub(crate) fn check<F: ImageFormer + ?Sized>(
+    former: &F,
+    weights: &Weights,
+) -> Result<(), FormError> {
+    match (former.beam(), &weights.lit) {
+        (Some(_), None) => lit_of(weights).map(drop),
+        (None, Some(_)) => Err(FormError::unsuited(format!(
+            "the weights are those of a beam, but {} forms every pixel from all pulses",
+            former.name()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Restrict a history to the pulses that illuminate a point, for measurements of the image there.
+///
+/// # Errors
+/// [`FormError::Unsuited`] if no pulse or more than one pass illuminates the point.
+pub fn seeing<'a>(
+    beam: &Beam,
+    history: &'a dyn PhaseHistory,
+    place_m: DVec3,
+) -> Result<Stretch<'a>, FormError> {
+    let collection = history.collection();
+    let pulses = Track::of(collection, beam)?.seeing(beam, place_m)?;
+    match pulses.is_empty() {
+        false => Ok(Stretch::new(history, pulses)),
+        true => Err(blocks::unseen(beam, &collection.name)),
+    }
+}
+
+/// Whether all pulses illuminate every block, so that the beam excludes no pulse.
+pub fn sees_all(weights: &Weights) -> bool {
+    weights.lit.as_ref().is_some_and(|lit| {
+        let all = 0..weights.slow.len();
+        (0..lit.num_blocks()).all(|block| lit.pulses(block) == all)
+    })
+}

@@ -1,0 +1,138 @@
+//! Antenna positions and headings per pulse, and the pulses that illuminate a point.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::Beam;
+use crate::FormError;
+use subaperture_model::phase_history::Collection;
+
+/// Largest number of pulses in the coarse search for the illumination of a point. A pass shorter than the coarse step is searched
+/// pulse by pulse only where the coarse search finds no other pass.
+const COARSE: usize = 2048;
+
+/// Largest heading change, radians, and largest relative step deviation for a Doppler spectrum of the whole track. Larger values smear the spectrum.
+const MAX_TURN_RAD: f64 = 0.035;
+const MAX_UNEVEN: f64 = 0.1;
+
+/// Antenna track relative to the moving target.
+pub(super) struct Track<'a> {
+    name: &'a str,
+    places_m: Vec<DVec3>,
+    /// Heading of each pulse, unit vector.
+    headings: Vec<DVec3>,
+    /// Along-track distance from each pulse to the next, metres, relative to the target.
+    steps_m: Vec<f64>,
+}
+
+impl<'a> Track<'a> {
+    /// Compute the track of a single-channel collection relative to a target that moves at `beam.target_m_s`.
+    pub(super) fn of(collection: &'a Collection, beam: &Beam) -> Result<Self, FormError> {
+        let name = &collection.name;
+        let count = collection.pulses.len();
+        if collection.num_turns() != count {
+            return Err(FormError::unsuited(format!(
+                "{name}: its pulses are of several channels, and a beam's aperture is of one: name a channel"
+            )));
+        }
+        let places_m: Vec<DVec3> = collection
+            .pulses
+            .iter()
+            .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
+            .collect();
+        let target_m_s = beam.target_m_s.map(DVec3::from_array).unwrap_or_default();
+        let moved_m = |before: usize, after: usize| {
+            let [from_s, to_s] = [before, after].map(|n| collection.pulses[n].time_s);
+            places_m[after] - places_m[before] + target_m_s * (to_s - from_s)
+        };
+        let heading =
+            |n: usize| moved_m(n.saturating_sub(1), (n + 1).min(count - 1)).normalize_or_zero();
+        let steps_m = (1..count).map(|n| moved_m(n - 1, n).length()).collect();
+        let headings: Vec<DVec3> = (0..count).map(heading).collect();
+        match headings.iter().position(|heading| *heading == DVec3::ZERO) {
+            None => Ok(Self {
+                name,
+                places_m,
+                headings,
+                steps_m,
+            }),
+            Some(n) => Err(FormError::unsuited(format!(
+                "{name}: the antenna does not move at pulse {n} (from 0), so that the beam's angle has no direction to be measured from"
+            ))),
+        }
+    }
+
+    /// Sine of the angle of a point forward of broadside at pulse `n`.
+    pub(super) fn sine(&self, n: usize, place_m: DVec3) -> f64 {
+        let from = place_m - self.places_m[n];
+        (self.headings[n].dot(from) / from.length()).clamp(-1.0, 1.0)
+    }
+
+    /// Mean pulse spacing, metres, of a straight track with even spacing.
+    ///
+    /// # Errors
+    /// Message that names the violated condition.
+    pub(super) fn even_step_m(&self) -> Result<f64, String> {
+        let mean: DVec3 = self.headings.iter().sum();
+        let least = self
+            .headings
+            .iter()
+            .map(|heading| heading.dot(mean.normalize_or_zero()));
+        let most_rad = libm::acos(least.fold(1.0, f64::min).clamp(-1.0, 1.0));
+        if most_rad > MAX_TURN_RAD {
+            return Err(format!(
+                "the track's heading varies by up to {:.1} deg; the Doppler spectrum needs a straight track",
+                most_rad.to_degrees()
+            ));
+        }
+        let count = self.steps_m.len().max(1) as f64;
+        let mean_m = self.steps_m.iter().sum::<f64>() / count;
+        let uneven = self.steps_m.iter().map(|step| (step / mean_m - 1.0).abs());
+        let most = uneven.fold(0.0, f64::max);
+        match most <= MAX_UNEVEN {
+            true => Ok(mean_m),
+            false => Err(format!(
+                "pulse spacing differs from its mean by up to {:.0} %; the Doppler spectrum needs even spacing",
+                100.0 * most
+            )),
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.places_m.len()
+    }
+
+    /// Pulses that illuminate a point; an empty range if no pulse does.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if the beam passes the point more than once.
+    pub(super) fn seeing(&self, beam: &Beam, place_m: DVec3) -> Result<Range<usize>, FormError> {
+        let half_rad = 0.5 * beam.width_rad;
+        let edges = [beam.squint_rad - half_rad, beam.squint_rad + half_rad].map(libm::sin);
+        let sees = |n: usize| (edges[0]..=edges[1]).contains(&self.sine(n, place_m));
+        let step = self.len().div_ceil(COARSE).max(1);
+        for step in [step, 1] {
+            let mut seeing = (0..self.len()).step_by(step).filter(|&n| sees(n));
+            let Some(first) = seeing.next() else {
+                continue;
+            };
+            let (mut last, mut passes) = (first, 1);
+            for n in seeing {
+                passes += usize::from(n != last + step);
+                last = n;
+            }
+            if passes > 1 {
+                return Err(FormError::unsuited(format!(
+                    "{}: its track sees x {:.3} m, y {:.3} m, z {:.3} m in {passes} passes; a beam's aperture is one pass: focus each pass by itself",
+                    self.name, place_m.x, place_m.y, place_m.z
+                )));
+            }
+            // The pass extends up to one coarse step beyond either end.
+            let begins = (first.saturating_sub(step - 1)..=first).find(|&n| sees(n));
+            let ends = (last..self.len().min(last + step)).rev().find(|&n| sees(n));
+            return Ok(begins.unwrap_or(first)..ends.unwrap_or(last) + 1);
+        }
+        Ok(0..0)
+    }
+}

@@ -1,0 +1,45 @@
+//! Transforms and timing model selected by the caller, as part of a task, request, plan or record.
+
+pub use subaperture_fft::Transforms;
+
+use crate::Settings;
+use crate::time_model::TimeModel;
+
+/// Transforms and timing model for forming an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numerics<'a> {
+    /// Fourier transforms. Portable transforms make the image bit-identical on every machine; all other steps already are.
+    pub transforms: Transforms,
+    /// Timing model for the choice between methods. Each choice keeps the error bound for any model.
+    pub model: &'a TimeModel,
+}
+
+static DEFAULT_MODEL: TimeModel = TimeModel::DEFAULT;
+
+impl Default for Numerics<'_> {
+    fn default() -> Self {
+        Self {
+            transforms: Transforms::Fastest,
+            model: &DEFAULT_MODEL,
+        }
+    }
+}
+
+impl Numerics<'_> {
+    /// Select portable transforms: bit-identical images on every machine, at lower speed.
+    #[must_use]
+    pub fn portable(self) -> Self {
+        let transforms = Transforms::Portable;
+        Self { transforms, ..self }
+    }
+
+    /// Record the selection in the settings of an image; the default timing model is recorded by its name only.
+    pub(crate) fn note(&self, settings: &mut Settings) {
+        let model = match *self.model == DEFAULT_MODEL {
+            true => serde_json::json!(self.model.name),
+            false => serde_json::json!(self.model),
+        };
+        settings.insert("transforms".to_owned(), serde_json::json!(self.transforms));
+        settings.insert("time_model".to_owned(), model);
+    }
+}

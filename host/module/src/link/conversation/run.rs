@@ -1,0 +1,155 @@
+//! Run control: pulses of a run, from the first pulse to the last map.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use subaperture_core::link::{State as ModuleState, Status};
+
+use super::streaming::{Clock, Progress, Stream};
+use super::{Conversation, State, Step, TICK, since};
+use crate::link::ending::LinkError;
+use crate::link::line::Outbox;
+
+/// Backlog in bytes above which no pulse is added, so that answers stay prompt.
+const BACKLOG_BYTES: usize = 8192;
+
+/// Factor on the idle timeout for a module that answers without progress: a large map takes seconds on a small processor.
+const STUCK_IDLES: u32 = 6;
+
+impl Conversation<'_> {
+    // Runs.
+
+    /// State that starts the next run, or the end.
+    pub(super) fn next_run(&mut self) -> State {
+        let taken = self.ledger.counts.maps_taken;
+        match self.runs.next(&mut self.intake, taken, self.clock.as_ref()) {
+            Some(_) => State::Starting,
+            None => State::Over,
+        }
+    }
+
+    /// Pulses of the current run.
+    pub(super) fn pulses(&self) -> Range<u32> {
+        let (wanted, sub_cpis) = (self.intake.wanted(), &self.runs.current);
+        wanted.first_pulse(sub_cpis.start)..wanted.first_pulse(sub_cpis.end)
+    }
+
+    /// Whether the module has started the current run.
+    pub(super) fn has_begun(&self, status: &Status) -> Result<bool, LinkError> {
+        match status.configuration == self.ledger.configuration {
+            true => Ok(status.run == self.ledger.run && status.state != ModuleState::Idle),
+            false => Err(LinkError::Restarted),
+        }
+    }
+
+    pub(super) fn run_begins(&mut self, now: Instant) {
+        self.ledger.counts.runs += 1;
+        self.intake.begin();
+        self.in_run = true;
+        self.times.advanced = now;
+        if let Some(rate_hz) = self.ledger.settings.rate_hz {
+            // The clock starts with the first run and its first pulse.
+            self.clock.get_or_insert(Clock {
+                rate_hz,
+                start: Instant::now(),
+            });
+        }
+    }
+
+    /// Process a status of this run while pulses are sent.
+    pub(super) fn track_progress(
+        &mut self,
+        stream: Stream,
+        status: Status,
+        now: Instant,
+        outbox: &mut Outbox,
+    ) {
+        let mut stream = stream;
+        match stream.hear(status, self.clock.is_some(), now) {
+            Progress::On => self.times.advanced = now,
+            Progress::Back(pulses) => {
+                self.ledger.counts.pulses_resent += u64::from(pulses);
+            }
+            Progress::None => {}
+        }
+        if status.next_pulse >= stream.next {
+            outbox.is_clear();
+        }
+        self.state = State::Streaming(stream);
+    }
+
+    /// Send pulses as far as allowed.
+    pub(super) fn stream(&mut self, now: Instant, outbox: &mut Outbox) -> Step {
+        if let State::Streaming(stream) = &mut self.state {
+            stream.look_ahead(self.clock.as_ref());
+        }
+        self.next_pulse(now, outbox)
+    }
+
+    /// Note that a pulse was sent.
+    pub(super) fn sent(&mut self, now: Instant, outbox: &mut Outbox) -> Step {
+        self.ledger.counts.pulses_sent += 1;
+        if let State::Streaming(stream) = &mut self.state {
+            stream.next += 1;
+        }
+        self.next_pulse(now, outbox)
+    }
+
+    /// Next pulse, if allowed and if the line has room.
+    fn next_pulse(&mut self, now: Instant, outbox: &mut Outbox) -> Step {
+        let State::Streaming(stream) = &mut self.state else {
+            return self.wait();
+        };
+        if stream.next < stream.limit && outbox.backlog() < BACKLOG_BYTES {
+            return Step::Pulse(stream.next);
+        }
+        if self.clock.is_some() {
+            self.ledger.counts.pulses_unsent += u64::from(stream.skip_overdue());
+        }
+        if stream.is_sent() && (stream.is_taken() || self.clock.is_some()) {
+            let last_status = stream.last_status;
+            return self.enter(State::Stopping(last_status), now, outbox);
+        }
+        match &self.clock {
+            Some(clock) => Step::Exchange(TICK.min(clock.quarter_period())),
+            None => self.wait(),
+        }
+    }
+
+    /// Fail if the run made no progress for too long.
+    pub(super) fn fail_if_stuck(&self, now: Instant) -> Result<(), LinkError> {
+        let limit = self.ledger.settings.idle * STUCK_IDLES;
+        match since(self.times.advanced, now) > limit {
+            true => Err(LinkError::Stuck(limit)),
+            false => Ok(()),
+        }
+    }
+
+    /// The run is over and all its maps were received or lost. Returns the next state.
+    pub(super) fn run_over(&mut self, last_status: &Status) -> State {
+        self.intake.made(last_status.maps);
+        self.in_run = false;
+        let counts = &mut self.ledger.counts;
+        counts.module_pulses.add(&last_status.pulses);
+        self.intake.end(counts);
+        // The module cannot know of pulses lost at the end.
+        let unknown = self.pulses().end.saturating_sub(last_status.next_pulse);
+        self.ledger.counts.module_pulses.lost += u64::from(unknown);
+        self.next_run()
+    }
+
+    /// The run was interrupted, before it started or after this status.
+    pub(super) fn run_interrupted(&mut self, last_status: Option<&Status>) {
+        let counts = &mut self.ledger.counts;
+        if let Some(last_status) = last_status {
+            // It still counts as active, so that the module is told to end it.
+            counts.module_pulses.add(&last_status.pulses);
+            self.intake.end(counts);
+        }
+        self.tries.without_progress = match self.runs.interrupt(counts.maps_taken) {
+            true => 0,
+            false => self.tries.without_progress + 1,
+        };
+        self.tries.recoveries = 0;
+    }
+}

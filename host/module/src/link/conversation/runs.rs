@@ -1,0 +1,75 @@
+//! Scheduling of the runs of sub-CPIs.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use super::streaming::Clock;
+use crate::link::intake::Intake;
+
+/// Runs of a job.
+pub(super) struct Runs {
+    /// Maximum number of passes over missing maps, and number started.
+    most_passes: u32,
+    passes: u32,
+    /// Ranges left in this pass.
+    todo: VecDeque<Range<u32>>,
+    /// Sub-CPIs of the current run.
+    pub(super) current: Range<u32>,
+    /// Maps received before it.
+    taken_before: u64,
+    /// Whether the run was interrupted; its missing sub-CPIs come first.
+    broken: bool,
+}
+
+impl Runs {
+    /// Plan one pass over all sub-CPIs and up to `retries` passes over those with missing maps. At a fixed rate (`paced`) nothing is
+    /// repeated.
+    pub(super) fn new(retries: u32, paced: bool) -> Self {
+        Self {
+            most_passes: if paced { 1 } else { retries.saturating_add(1) },
+            passes: 0,
+            todo: VecDeque::new(),
+            current: 0..0,
+            taken_before: 0,
+            broken: false,
+        }
+    }
+
+    /// Start the next run. `None` if nothing is left.
+    pub(super) fn next(
+        &mut self,
+        intake: &mut Intake<'_>,
+        taken: u64,
+        clock: Option<&Clock>,
+    ) -> Option<Range<u32>> {
+        if self.broken {
+            self.broken = false;
+            self.resume_interrupted(intake, clock);
+        }
+        if self.todo.is_empty() && self.passes < self.most_passes {
+            intake.fetch_again(self.passes > 0);
+            self.passes += 1;
+            self.todo = intake.missing(0..intake.wanted().num_sub_cpis());
+        }
+        self.current = self.todo.pop_front()?;
+        self.taken_before = taken;
+        Some(self.current.clone())
+    }
+
+    /// Sub-CPIs missing from the interrupted run; at a fixed rate, only those still to come.
+    fn resume_interrupted(&mut self, intake: &Intake<'_>, clock: Option<&Clock>) {
+        let mut rest = self.current.clone();
+        if let Some(clock) = clock {
+            rest.start = intake.wanted().sub_cpi_from(clock.due()).max(rest.start);
+        }
+        let mut rest = intake.missing(rest);
+        rest.append(&mut self.todo);
+        self.todo = rest;
+    }
+
+    /// Interrupt the run. Returns whether a map was received in it.
+    pub(super) fn interrupt(&mut self, taken: u64) -> bool {
+        self.broken = true;
+        taken > self.taken_before
+    }
+}

@@ -1,0 +1,219 @@
+//! Motion increments from a module that receives the samples of its channels.
+//!
+//! [`Session::increments`] sends the settings of an [`MotionRun`] and then one pulse after another, all channels of each. It
+//! waits for the increment of a pulse before it sends the next; the module runs `core::motion`. If an increment is not
+//! received, all channels of its pulse are sent again until it is. Unreadable pulses are skipped; the module estimates the
+//! motion across the gap.
+//!
+//! **Output**: [`Increment`]s in the array frame at the previous pulse; see [`subaperture_core::motion`] for their
+//! definition and what they neglect. **Memory**: a pulse of one channel. **Errors**: [`LinkError`]; earlier increments are
+//! valid. **Accuracy**: bit-identical to the core (`tests/link/increments.rs`, over lossy lines;
+//! `tests/firmware/increments.rs`, from the emulated module).
+
+use std::time::Instant;
+
+use num_complex::Complex32;
+use subaperture_core::link::{
+    Command, Encoding, Increment, MAX_ANTENNAS, MotionConfiguration, State, Status,
+    write_complex32s, write_places,
+};
+use subaperture_core::motion::Setup;
+use subaperture_model::phase_history::{PhaseHistory, ReadError};
+
+use super::asking::MIN_TRIES;
+use super::ending::{LinkError, Mismatch};
+use super::session::{Session, SessionObserver};
+
+/// Input of a motion run.
+pub struct MotionRun<'a> {
+    /// Settings of the odometer. [`MotionRun::check`] compares them with the recording.
+    pub setup: Setup,
+    /// Transmitter positions in the array frame in metres: x along the array, y along boresight.
+    pub transmitters_m: &'a [[f64; 2]],
+    /// Receiver positions in the array frame in metres.
+    pub receivers_m: &'a [[f64; 2]],
+    /// Channels, transmitters outermost, receivers innermost. Pulse `n` of each belongs to the same time.
+    pub channels: &'a [&'a dyn PhaseHistory],
+}
+
+/// Result of a motion run.
+#[derive(Debug)]
+pub struct Odometer {
+    /// Increments in the order of pulses.
+    pub increments: Vec<Increment>,
+    /// Number of pulses that could not be read and were skipped.
+    pub unreadable: u32,
+    /// Number of pulses that were sent more than once.
+    pub again: u32,
+    /// How the run ended.
+    pub ending: Result<(), LinkError>,
+}
+
+impl MotionRun<'_> {
+    /// Check that antennas, channels and setup are consistent. Does not involve the module.
+    ///
+    /// # Errors
+    /// [`LinkError::Mismatch`] naming the inconsistency.
+    pub fn check(&self) -> Result<(), LinkError> {
+        let [transmitters, receivers] = [self.transmitters_m.len(), self.receivers_m.len()];
+        if transmitters + receivers > MAX_ANTENNAS {
+            return Err(Mismatch::Antennas(transmitters + receivers).into());
+        }
+        let channels = self.channels.len();
+        if transmitters * receivers != channels {
+            return Err(Mismatch::Channels {
+                transmitters,
+                receivers,
+                channels,
+            }
+            .into());
+        }
+        for (channel, history) in self.channels.iter().enumerate() {
+            let collection = history.collection();
+            let (samples, frequencies) = (collection.num_samples, self.setup.num_frequencies);
+            if samples != usize::from(frequencies) {
+                return Err(Mismatch::Samples {
+                    channel,
+                    samples,
+                    frequencies,
+                }
+                .into());
+            }
+            let (start_hz, step_hz) = (self.setup.start_hz, self.setup.step_hz);
+            let is_other = |pulse: &subaperture_model::phase_history::Pulse| {
+                pulse.start_hz != start_hz || pulse.step_hz != step_hz
+            };
+            if let Some(pulse) = collection.pulses.iter().position(is_other) {
+                return Err(Mismatch::Band { channel, pulse }.into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of pulses common to all channels.
+    fn num_pulses(&self) -> u32 {
+        let counts = self.channels.iter().map(|c| c.collection().pulses.len());
+        u32::try_from(counts.min().unwrap_or(0)).unwrap_or(u32::MAX)
+    }
+}
+
+impl Session<'_> {
+    /// Run the odometer of the module on all pulses.
+    pub fn increments(
+        &mut self,
+        task: &MotionRun<'_>,
+        watch: &mut dyn SessionObserver,
+    ) -> Odometer {
+        let mut result = Odometer {
+            increments: Vec::new(),
+            unreadable: 0,
+            again: 0,
+            ending: Ok(()),
+        };
+        let ending = task
+            .check()
+            .and_then(|()| self.run_increments(task, &mut result, watch));
+        result.ending = self.leave(ending);
+        result
+    }
+
+    fn run_increments(
+        &mut self,
+        task: &MotionRun<'_>,
+        result: &mut Odometer,
+        watch: &mut dyn SessionObserver,
+    ) -> Result<(), LinkError> {
+        let (id, run) = self.next_run();
+        let setup = task.setup;
+        let antennas = [task.transmitters_m, task.receivers_m].concat();
+        let mut bytes = [0; 16 * MAX_ANTENNAS];
+        let places = write_places(&antennas, &mut bytes).unwrap_or(&[]);
+        let configure = [
+            Command::Motion(MotionConfiguration { id, setup }),
+            Command::Antennas {
+                transmitters: task.transmitters_m.len() as u16,
+                places,
+            },
+        ];
+        self.start((id, run), &configure, watch)?;
+        self.ledger.counts.pulses = task.num_pulses().into();
+        for pulse in 0..task.num_pulses() {
+            match read(task, pulse)? {
+                Some(samples) => self.pulse(task, pulse, &samples, result, watch)?,
+                None => result.unreadable = result.unreadable.saturating_add(1),
+            }
+        }
+        self.stop(run, watch)
+    }
+
+    /// Send a pulse repeatedly until its increment is received.
+    fn pulse(
+        &mut self,
+        task: &MotionRun<'_>,
+        pulse: u32,
+        samples: &[Vec<u8>],
+        result: &mut Odometer,
+        watch: &mut dyn SessionObserver,
+    ) -> Result<(), LinkError> {
+        let (idle, run) = (self.ledger.settings.idle, self.ledger.run);
+        let begun = Instant::now();
+        for tries in 0u32.. {
+            if tries > 0 {
+                result.again = result.again.saturating_add(u32::from(tries == 1));
+                self.ledger.counts.pulses_resent += 1;
+                self.connection.line.outbox.send(&Command::Status);
+            }
+            for (channel, (samples, history)) in (0..).zip(samples.iter().zip(task.channels)) {
+                let pulses = &history.collection().pulses;
+                let own = pulses.get(pulse as usize);
+                self.connection.line.outbox.send(&Command::Channel {
+                    pulse,
+                    channel,
+                    reference_path_m: own.map_or(0.0, |own| own.reference_path_m),
+                    encoding: Encoding::Complex32,
+                    samples,
+                });
+            }
+            self.ledger.counts.pulses_sent += 1;
+            let asked = Instant::now();
+            while self.waits(asked) {
+                let news = self.hear(None, watch)?;
+                if let Some(increment) = news.increment.filter(|own| own.pulse == pulse) {
+                    // A repeated pulse gets repeated answers.
+                    self.connection.line.outbox.is_clear();
+                    result.increments.push(increment);
+                    return Ok(());
+                }
+                if let Some(refusal) = news.refusal {
+                    return Err(LinkError::Refused(refusal));
+                }
+                let is_ours = |status: &Status| status.run == run && status.state == State::Running;
+                if news.status.is_some_and(|status| !is_ours(&status)) {
+                    return Err(LinkError::BeganAnew(pulse));
+                }
+            }
+            if tries + 1 >= MIN_TRIES && begun.elapsed() > idle {
+                break;
+            }
+        }
+        Err(LinkError::Stuck(idle))
+    }
+}
+
+/// Encoded samples of all channels of a pulse. `None` if one of them cannot be read.
+fn read(task: &MotionRun<'_>, pulse: u32) -> Result<Option<Vec<Vec<u8>>>, LinkError> {
+    let mut all = Vec::with_capacity(task.channels.len());
+    let n = pulse as usize;
+    for channel in task.channels {
+        let count = channel.collection().num_samples;
+        let mut samples = vec![Complex32::ZERO; count];
+        match channel.read(n..n + 1, &mut samples) {
+            Err(ReadError::NotFinite { .. }) => return Ok(None),
+            other => other?,
+        }
+        let mut bytes = vec![0; Encoding::Complex32.sample_bytes() * count];
+        write_complex32s(&samples, &mut bytes);
+        all.push(bytes);
+    }
+    Ok(Some(all))
+}

@@ -1,0 +1,248 @@
+//! Work of a module: settings, patches, and pulses in the module's encoding.
+//!
+//! **Scale.** 16-bit samples are the recording's samples times `scale`, one factor for the whole recording, chosen so that the
+//! largest part of any sample is 32766 of 32768: the full range without the value that indicates clipping. Maps are too large
+//! by `scale`, and image formation divides by it.
+//!
+//! **Cost**: one pass over the recording to find the scale; 64 pulses in memory.
+
+use num_complex::Complex32;
+use subaperture_core::link::{Encoding, write_complex32s, write_sc16s};
+use subaperture_core::stream::{MapHeader, Patch, Setup};
+use subaperture_core::{Pulse, Sc16};
+
+use subaperture_model::phase_history::{self, PhaseHistory, ReadError};
+
+/// Number of pulses read at a time.
+const BLOCK_PULSES: usize = 64;
+
+/// Largest part of a scaled sample.
+const LARGEST: f32 = 32766.0 / 32768.0;
+
+/// Work of a module.
+pub struct Job<'a> {
+    /// Settings of the stream processor.
+    pub setup: Setup,
+    /// Fast-time window weights, one per frequency. They sum to 1.
+    pub fast_weights: Vec<f32>,
+    /// Patches.
+    pub patches: Vec<Patch>,
+    /// Pulses.
+    pub pulses: PulseSource<'a>,
+}
+
+impl<'a> Job<'a> {
+    /// Number of sub-CPIs, including a last one with fewer pulses.
+    pub fn num_sub_cpis(&self) -> u32 {
+        self.wanted().num_sub_cpis()
+    }
+
+    /// Expected maps.
+    pub(super) fn wanted(&self) -> Wanted<'a> {
+        Wanted {
+            num_pulses: u32::from(self.setup.num_pulses).max(1),
+            patches: self.patches.clone(),
+            pulses: &self.pulses.history.collection().pulses,
+        }
+    }
+}
+
+/// Expected maps: one per patch and sub-CPI.
+pub(super) struct Wanted<'a> {
+    /// Pulses per sub-CPI.
+    num_pulses: u32,
+    pub(super) patches: Vec<Patch>,
+    pulses: &'a [phase_history::Pulse],
+}
+
+impl Wanted<'_> {
+    /// No maps.
+    pub(super) fn nothing() -> Self {
+        Self {
+            num_pulses: 1,
+            patches: Vec::new(),
+            pulses: &[],
+        }
+    }
+
+    /// Number of sub-CPIs, including a last one with fewer pulses.
+    pub(super) fn num_sub_cpis(&self) -> u32 {
+        (self.pulses.len() as u32).div_ceil(self.num_pulses)
+    }
+
+    /// Total number of maps.
+    pub(super) fn num_maps(&self) -> u64 {
+        u64::from(self.num_sub_cpis()) * self.patches.len() as u64
+    }
+
+    /// Number of the first pulse of sub-CPI `n`. Beyond the last one, the number of pulses.
+    pub(super) fn first_pulse(&self, n: u32) -> u32 {
+        n.saturating_mul(self.num_pulses)
+            .min(self.pulses.len() as u32)
+    }
+
+    /// First sub-CPI that begins at or after pulse `number`.
+    pub(super) fn sub_cpi_from(&self, number: u32) -> u32 {
+        number.div_ceil(self.num_pulses)
+    }
+
+    /// Whether a map with this header is expected.
+    pub(super) fn asks_for(&self, header: &MapHeader) -> bool {
+        if header.sub_cpi >= self.num_sub_cpis() {
+            return false;
+        }
+        let first = self.first_pulse(header.sub_cpi) as usize;
+        let end = self.first_pulse(header.sub_cpi + 1) as usize;
+        let times_s = [self.pulses[first].time_s, self.pulses[end - 1].time_s];
+        self.patches.get(usize::from(header.patch_index)) == Some(&header.patch)
+            && usize::from(header.num_pulses) == end - first
+            && header.time_s == times_s
+    }
+}
+
+/// Pulses of a recording, encoded for the link.
+pub struct PulseSource<'a> {
+    history: &'a dyn PhaseHistory,
+    slow_weights: Vec<f32>,
+    encoding: Encoding,
+    scale: f32,
+    block: Vec<Complex32>,
+    first: usize,
+    bytes: Vec<u8>,
+    clamped: u64,
+}
+
+impl<'a> PulseSource<'a> {
+    /// Create a source of pulses with slow-time weights, one per pulse. For [`Encoding::Sc16`] the recording is read once to find
+    /// its scale.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the recording cannot be read, or the number of weights differs from the number of pulses.
+    pub fn new(
+        history: &'a dyn PhaseHistory,
+        slow_weights: &[f64],
+        encoding: Encoding,
+    ) -> Result<Self, ReadError> {
+        let collection = history.collection();
+        let count = collection.pulses.len();
+        if slow_weights.len() != count || u32::try_from(count).is_err() {
+            return Err(ReadError::Mismatch(format!(
+                "{}: slow-time weights: expected one per pulse ({count}), found {}",
+                collection.name,
+                slow_weights.len()
+            )));
+        }
+        let mut source = Self {
+            history,
+            slow_weights: slow_weights.iter().map(|&weight| weight as f32).collect(),
+            encoding,
+            scale: 1.0,
+            block: Vec::new(),
+            first: 0,
+            bytes: vec![0; encoding.sample_bytes() * collection.num_samples],
+            clamped: 0,
+        };
+        if encoding == Encoding::Sc16 {
+            let mut largest = 0.0f32;
+            for first in (0..count).step_by(BLOCK_PULSES) {
+                source.load(first)?;
+                let parts = source.block.iter().flat_map(|z| [z.re.abs(), z.im.abs()]);
+                largest = parts.fold(largest, f32::max);
+            }
+            let scale = LARGEST / largest;
+            // A recording that is zero or almost zero is not scaled.
+            source.scale = if scale.is_finite() && scale > 0.0 {
+                scale
+            } else {
+                1.0
+            };
+        }
+        Ok(source)
+    }
+
+    /// Number of pulses.
+    pub fn len(&self) -> u32 {
+        self.slow_weights.len() as u32
+    }
+
+    /// Whether there are no pulses.
+    pub fn is_empty(&self) -> bool {
+        self.slow_weights.is_empty()
+    }
+
+    /// Factor applied to the samples; 1 in floating point.
+    pub fn amplitude_scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Encoding of the samples.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// Sum of the slow-time weights of all pulses.
+    pub fn weight_sum(&self) -> f64 {
+        self.slow_weights
+            .iter()
+            .map(|&weight| f64::from(weight))
+            .sum()
+    }
+
+    /// Number of sample parts clamped so far.
+    pub(super) fn clamped(&self) -> u64 {
+        self.clamped
+    }
+
+    /// Read the block that begins with pulse `first`.
+    fn load(&mut self, first: usize) -> Result<(), ReadError> {
+        let collection = self.history.collection();
+        let end = (first + BLOCK_PULSES).min(collection.pulses.len());
+        self.block.clear();
+        self.block
+            .resize((end - first) * collection.num_samples, Complex32::ZERO);
+        self.history.read(first..end, &mut self.block)?;
+        self.first = first;
+        Ok(())
+    }
+
+    /// Metadata and encoded samples of pulse `number`, counted from 0.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the pulse cannot be read.
+    ///
+    /// # Panics
+    /// Panics if `number` is out of range.
+    pub fn pulse(&mut self, number: u32) -> Result<(Pulse, &[u8]), ReadError> {
+        let index = number as usize;
+        let width = self.history.collection().num_samples;
+        if !(self.first..self.first + self.block.len() / width.max(1)).contains(&index) {
+            self.load(index - index % BLOCK_PULSES)?;
+        }
+        let about = &self.history.collection().pulses[index];
+        let pulse = Pulse {
+            number,
+            time_s: about.time_s,
+            transmitter_m: about.transmitter_m.to_array(),
+            receiver_m: about.receiver_m.to_array(),
+            reference_path_m: about.reference_path_m,
+            weight: self.slow_weights[index],
+        };
+        let start = (index - self.first) * width;
+        let samples = &self.block[start..start + width];
+        let bytes = match self.encoding {
+            Encoding::Complex32 => write_complex32s(samples, &mut self.bytes),
+            Encoding::Sc16 => {
+                let narrow: Vec<Sc16> = samples
+                    .iter()
+                    .map(|&sample| {
+                        let (narrow, clamped) = Sc16::from_complex32(sample * self.scale);
+                        self.clamped += u64::from(clamped);
+                        narrow
+                    })
+                    .collect();
+                write_sc16s(&narrow, &mut self.bytes)
+            }
+        };
+        Ok((pulse, bytes.expect("the buffer has the length of a pulse")))
+    }
+}

@@ -1,0 +1,71 @@
+//! Plan of a module, and check against its capacity.
+
+use subaperture_core::stream::{Capacity, Patch, Setup};
+
+use super::{LinkBudget, RamBudget};
+use crate::maps::Arithmetic;
+use subaperture_focus::patch::PatchSize;
+
+/// Capacity of a module.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ModuleCapacity {
+    /// Total memory for all buffers, whose sizes are free.
+    Ram {
+        /// Memory in bytes.
+        bytes: u64,
+    },
+    /// Buffers with fixed sizes.
+    Built(Capacity),
+}
+
+/// Work plan of a module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModulePlan {
+    /// Settings of the stream processor.
+    pub setup: Setup,
+    /// Patches, row by row of the grid.
+    pub patches: Vec<Patch>,
+    /// Arithmetic of the module.
+    pub arithmetic: Arithmetic,
+    /// Size of a patch in pixels.
+    pub patch_pixels: PatchSize,
+    /// Number of interpolation taps that the range gates have room for.
+    pub taps: usize,
+    /// Number of sub-CPIs in the collection.
+    pub num_sub_cpis: usize,
+    /// Predicted relative RMS error of the image in dB.
+    pub predicted_db: f64,
+    /// Indices of the first pulses after gaps in the track. Sub-CPIs extend across gaps, which may have shortened all of
+    /// them.
+    pub gaps: Vec<usize>,
+    /// Memory of the buffers.
+    pub ram: RamBudget,
+    pub(super) capacity: Capacity,
+}
+
+impl ModulePlan {
+    /// Sizes of the smallest sufficient buffers.
+    pub fn capacity(&self) -> Capacity {
+        self.capacity
+    }
+
+    /// Whether the plan fits the capacity.
+    pub fn fits(&self, room: &ModuleCapacity) -> bool {
+        match room {
+            ModuleCapacity::Ram { bytes } => self.ram.total_bytes <= *bytes,
+            ModuleCapacity::Built(capacity) => {
+                let patches = self.patches.iter();
+                self.setup.check(capacity).is_ok()
+                    && self.patches.len() <= usize::from(capacity.patches)
+                    && patches
+                        .clone()
+                        .all(|patch| self.setup.check_patch(patch, capacity).is_ok())
+            }
+        }
+    }
+
+    /// Load of the plan on a link of `baud` bits per second.
+    pub fn link(&self, baud: u32) -> LinkBudget {
+        LinkBudget::new(self, baud)
+    }
+}

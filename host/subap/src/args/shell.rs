@@ -1,0 +1,18 @@
+//! Options of `subap completions` and `subap man`.
+
+use clap::Args as Group;
+
+/// `subap completions`.
+#[derive(Debug, Group)]
+pub(crate) struct Completions {
+    /// Shell
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// `subap man`.
+#[derive(Debug, Group)]
+pub(crate) struct Man {
+    /// Command, with its subcommand if it has some, as plan focus [default: subap itself]
+    pub(crate) command: Vec<String>,
+}

@@ -1,0 +1,161 @@
+//! Descriptions of captures and radio experiments.
+
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::json;
+use subaperture::radio::experiment::{Device, Experiment};
+use subaperture::radio::sigmf::Recording;
+
+use super::description::{Description, line};
+use crate::text::{bytes, hertz, seconds};
+
+/// A recording as SigMF: carriers, sweeps and what is wrong with steps.
+pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
+    let meta = subaperture::capture_of(path).unwrap_or_else(|| path.to_owned());
+    let recording = Recording::open(&meta)?;
+    let (setup, steps) = (recording.setup(), recording.steps());
+    let band = setup.band();
+    let sweeps = steps
+        .iter()
+        .map(|step| step.sweep)
+        .max()
+        .map_or(0, |last| last + 1);
+    let lasts_s = match (steps.first(), steps.last()) {
+        (Some(first), Some(last)) => last.time_s - first.time_s,
+        _ => 0.0,
+    };
+    let flagged = steps.iter().filter(|step| !step.flags.is_empty()).count();
+    let data = meta.with_extension("sigmf-data");
+    let size = std::fs::metadata(&data)
+        .with_context(|| format!("cannot read {}", data.display()))?
+        .len();
+    let mut text = line("capture", &meta.display().to_string());
+    text += &line("name", &setup.name);
+    text += &line("hardware", &setup.hardware);
+    text += &line(
+        "data",
+        &format!(
+            "{}, {} samples a second",
+            bytes(size.into()),
+            setup.sample_rate_hz
+        ),
+    );
+    text += &line(
+        "carriers",
+        &format!(
+            "{} from {}, {} apart",
+            setup.steps,
+            hertz(setup.start_hz),
+            hertz(setup.step_hz)
+        ),
+    );
+    text += &line(
+        "band",
+        &format!(
+            "{} to {}",
+            hertz(band.start_hz),
+            hertz(band.start_hz + band.step_hz * band.count as f64)
+        ),
+    );
+    text += &line(
+        "holds",
+        &format!(
+            "{} steps of {sweeps} sweeps over {}",
+            steps.len(),
+            seconds(lasts_s)
+        ),
+    );
+    text += &line(
+        "receivers",
+        &format!(
+            "{} and {}",
+            setup.receive_antennas[0], setup.receive_antennas[1]
+        ),
+    );
+    text += &line(
+        "antennas",
+        match setup.antennas {
+            Some(_) => "their places are recorded",
+            None => "no places are recorded",
+        },
+    );
+    if flagged > 0 {
+        text += &line("flagged", &format!("{flagged} steps are not whole"));
+    }
+    if recording.interrupted() {
+        text += &line("interrupted", "steps were taken of its journal");
+    }
+    text += &line(
+        "next",
+        "subap profile makes range profiles, subap radio convert phase history",
+    );
+    Ok(Description {
+        text,
+        json: json!({
+            "path": meta.display().to_string(),
+            "kind": "capture",
+            "name": setup.name,
+            "hardware": setup.hardware,
+            "sample_rate_hz": setup.sample_rate_hz,
+            "carriers": { "start_hz": setup.start_hz, "step_hz": setup.step_hz, "count": setup.steps },
+            "steps": steps.len(),
+            "sweeps": sweeps,
+            "seconds": lasts_s,
+            "flagged": flagged,
+            "bytes": size,
+            "interrupted": recording.interrupted(),
+        }),
+    })
+}
+
+/// An experiment's plan and radio.
+pub(super) fn experiment(path: &Path) -> anyhow::Result<Description> {
+    let experiment = Experiment::read(path, &[])?;
+    let plan = &experiment.plan;
+    let radio = match &experiment.device {
+        Device::Simulated(simulated) => {
+            format!("simulated, of the scene {}", simulated.scenario.display())
+        }
+        Device::Uhd(_) => "a USRP by UHD".to_owned(),
+        Device::Replay(path) => format!("a replay of {}", path.display()),
+    };
+    let sweeps = match plan.sweeps {
+        0 => "as many as there is time for".to_owned(),
+        sweeps => sweeps.to_string(),
+    };
+    let mut text = line("experiment", &path.display().to_string());
+    text += &line("name", &plan.name);
+    text += &line("radio", &radio);
+    text += &line(
+        "carriers",
+        &format!(
+            "{} from {}, {} apart, {} at each",
+            plan.steps,
+            hertz(plan.start_hz),
+            hertz(plan.step_hz()),
+            seconds(plan.dwell_s)
+        ),
+    );
+    text += &line("sweeps", &sweeps);
+    if let Some(live) = &experiment.live {
+        let size = format!(
+            "{} x {} pixels meanwhile, by subap live",
+            live.grid.rows.count, live.grid.columns.count
+        );
+        text += &line("image", &size);
+    }
+    text += &line("next", "subap capture carries it out");
+    Ok(Description {
+        text,
+        json: json!({
+            "path": path.display().to_string(),
+            "kind": "experiment",
+            "name": plan.name,
+            "radio": radio,
+            "carriers": { "start_hz": plan.start_hz, "step_hz": plan.step_hz(), "count": plan.steps },
+            "sweeps": plan.sweeps,
+            "images": experiment.live.is_some(),
+        }),
+    })
+}

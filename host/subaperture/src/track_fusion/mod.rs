@@ -1,0 +1,272 @@
+//! Fusion of a recording's echo-based motion estimate with its navigation into one track.
+//!
+//! ```text
+//! Recovered::steps ── increments, as independent ──┐
+//! Navigation::of_recording, of_logs ── positions,  ├─> navigation::fusion ──> OneTrack: fixes, and how well the two agree
+//!                       inertial moments ──────────┘
+//! ```
+//!
+//! **Frame**: the recording's scene, z up; the radar must move in a horizontal plane. **Times**: the recording's.
+//!
+//! **Trust.** Echoes are trusted if they fit their own track and no array moves backwards ([`Recovered::seen`]'s faults). Navigation that
+//! contradicts them beyond its stated errors is then down-weighted to its actual errors, and this is reported. If the echoes do not fit their own track and also
+//! disagree with navigation, neither is trusted: [`TrackFusionError::Neither`]. Navigation within the recording states no errors; size and correlation
+//! time of its errors are estimated from its deviation from the echo-based track.
+//!
+//! **Cost**: that of [`crate::navigation::fusion::fuse`].
+
+mod navigation;
+
+pub use navigation::{About, Navigation, NoNavigation, Source};
+
+use glam::{DMat3, DVec3};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::track::Fix;
+use subaperture_navigation::fusion::{
+    Assumed, Fused, FusionError, Increment, Inputs, Measured, Model, Sample, fuse,
+};
+use subaperture_targets::{Fault, Recovered};
+
+/// Squares of errors over what is stated of them from which on two sources disagree.
+const DISAGREE: f64 = 2.0;
+/// Of a wavelength: navigation that is off the echoes by more would not focus an image by itself.
+const FOCUSED: f64 = 0.125;
+
+/// Fused track, with the contribution of each source.
+pub struct FusedTrack {
+    /// Track, with estimated clocks, scale and other parameters.
+    pub fused: Fused,
+    /// Number of poses estimated from echoes, and the time between the first and the last, seconds.
+    pub radar: (usize, f64),
+    /// Contribution of each navigation source, by file.
+    pub sources: Vec<Source>,
+    /// RMS distance of the positions from the track in its plane, metres, estimated from the median to exclude outliers; `None` without positions.
+    pub positions_off_m: Option<f64>,
+    /// Number of increments, positions and inertial epochs that were rejected or weighted by less than half.
+    pub left_out: [usize; 3],
+    /// Factor by which stated navigation errors were increased; `None` if they are consistent.
+    pub widened: Option<f64>,
+}
+
+/// Error of fusing echoes and navigation.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrackFusionError {
+    /// Echoes and navigation disagree, and neither is consistent by itself.
+    #[error(
+        "neither can be trusted: echoes are off their own track by {echoes:.1} times their noise, and navigation is off the echoes by {navigation}"
+    )]
+    Neither {
+        /// Square root of chi-square divided by its expectation.
+        echoes: f64,
+        /// Description of the navigation's deviation.
+        navigation: String,
+    },
+    /// The echoes are consistent, but no track fits them and the navigation.
+    #[error(
+        "echoes and navigation contradict each other ({0}): times, lever arm or axes of the navigation may not be the recording's"
+    )]
+    Contradict(FusionError),
+    /// Invalid values in a log or the echoes, or no absolute position.
+    #[error("no track can be computed: {0}")]
+    Unfit(FusionError),
+    /// The radar does not move in a horizontal plane.
+    #[error("the array is not level: a track of both is found where the radar moves level")]
+    Tilted,
+    /// The computation was cancelled.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Known mounting of the sensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mounting {
+    /// Lever arm from the centre of the radar's antennas to the navigation antenna, in the radar's axes, metres.
+    pub arm_m: DVec3,
+}
+
+impl FusedTrack {
+    /// Fuse a recording's echoes with its navigation.
+    ///
+    /// # Errors
+    /// [`TrackFusionError`].
+    pub fn new(
+        found: &Recovered,
+        navigation: &Navigation,
+        mounting: &Mounting,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, TrackFusionError> {
+        let up = found.seen.arrangement.attitude * DVec3::Z;
+        if up.distance(DVec3::Z) > 1e-3 {
+            return Err(TrackFusionError::Tilted);
+        }
+        let increments = increments(found);
+        let model = model(found, navigation, mounting);
+        let fits = fits(found);
+        let [sum, expected] = found.chi_square;
+        let echoes = (sum / expected.max(1.0)).sqrt();
+        let fused = |navigation: &Navigation| {
+            let inputs = Inputs {
+                increments: &increments,
+                positions: &navigation.positions,
+                inertial: &navigation.inertial,
+            };
+            fuse(&inputs, &model, monitor)
+        };
+        let contradicted = |error: FusionError| match (error, fits) {
+            (FusionError::Cancelled, _) => TrackFusionError::Cancelled,
+            (
+                error @ (FusionError::Input { .. }
+                | FusionError::Model { .. }
+                | FusionError::Nowhere),
+                _,
+            ) => TrackFusionError::Unfit(error),
+            (error, true) => TrackFusionError::Contradict(error),
+            (error, false) => TrackFusionError::Neither {
+                echoes,
+                navigation: format!("more than any track explains: {error}"),
+            },
+        };
+        let mut found_of_both = fused(navigation).map_err(contradicted)?;
+        let mut widened = None;
+        let [sum, expected] = found_of_both.chi_square;
+        let mut off = navigation.off(&found_of_both, mounting.arm_m);
+        let ratio = (sum / expected.max(1.0)).max(off.map_or(0.0, |off| off.square));
+        let most_m = FOCUSED * found.seen.array.wavelength_m;
+        match (fits, navigation.stated_m) {
+            (false, None) if ratio > DISAGREE => {
+                return Err(TrackFusionError::Neither {
+                    echoes,
+                    navigation: format!("{:.1} times what it states", ratio.sqrt()),
+                });
+            }
+            (false, Some(shown_m)) if shown_m > most_m => {
+                return Err(TrackFusionError::Neither {
+                    echoes,
+                    navigation: format!("{shown_m:.3} m, too much to focus an image"),
+                });
+            }
+            (true, None) if ratio > DISAGREE => {
+                widened = Some(ratio.sqrt());
+                found_of_both = fused(&navigation.widened(ratio.sqrt())).map_err(contradicted)?;
+                off = navigation.off(&found_of_both, mounting.arm_m);
+            }
+            _ => {}
+        }
+        let of = |kinds: &[Measured]| {
+            let outliers = found_of_both.outliers.iter();
+            outliers.filter(|one| kinds.contains(&one.of)).count()
+        };
+        Ok(Self {
+            radar: (found.moments.len(), span_s(found)),
+            sources: navigation.sources.clone(),
+            positions_off_m: off.map(|off| off.rms_m),
+            left_out: [
+                of(&[Measured::Increments]),
+                of(&[Measured::Position, Measured::Velocity]),
+                of(&[
+                    Measured::InertialPosition,
+                    Measured::InertialVelocity,
+                    Measured::InertialHeading,
+                ]),
+            ],
+            widened,
+            fused: found_of_both,
+        })
+    }
+
+    /// Chi-square divided by its expectation: about 1 if both sources are consistent with their stated errors.
+    pub fn agreement(&self) -> f64 {
+        let [sum, expected] = self.fused.chi_square;
+        sum / expected.max(1.0)
+    }
+
+    /// Fixes of the track within an interval, with one fix on either side if available.
+    pub fn fixes(&self, [from_s, to_s]: [f64; 2]) -> Vec<Fix> {
+        let all = self.fused.fixes();
+        let first = all.partition_point(|fix| fix.time_s < from_s);
+        let end = all.partition_point(|fix| fix.time_s <= to_s);
+        all[first.saturating_sub(1)..(end + 1).min(all.len())].to_vec()
+    }
+
+    /// Move poses and targets of the echoes onto this track, with its covariances.
+    pub fn lay(&self, found: &mut Recovered) {
+        let Some(before) = found.moments.get(found.moments.len() / 2).cloned() else {
+            return;
+        };
+        for moment in &mut found.moments {
+            if let Some(sample) = self.nearest(moment.time_s) {
+                let c = &sample.covariance;
+                moment.position_m = sample.position_m;
+                moment.attitude = sample.attitude;
+                // Of x, y and heading.
+                let column = |k: usize| [c[k][0], c[k][1], c[k][3]];
+                moment.covariance = DMat3::from_cols_array_2d(&[column(0), column(1), column(3)]);
+            }
+        }
+        // As they were seen from the middle of the track.
+        let after = &found.moments[found.moments.len() / 2];
+        let turn = after.attitude * before.attitude.inverse();
+        for place in &mut found.places {
+            place.position_m = after.position_m + turn * (place.position_m - before.position_m);
+        }
+    }
+
+    /// State of the fusion nearest to a time.
+    pub fn nearest(&self, time_s: f64) -> Option<&Sample> {
+        let all = &self.fused.samples;
+        let after = all.partition_point(|sample| sample.time_s < time_s);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let away = |sample: &&Sample| (sample.time_s - time_s).abs();
+        let near = near.filter_map(|n| all.get(n));
+        near.min_by(|a, b| away(a).total_cmp(&away(b)))
+    }
+}
+
+/// Whether the echo-based track is consistent by itself.
+fn fits(found: &Recovered) -> bool {
+    let wrong = |fault: &Fault| matches!(fault, Fault::Misfit { .. } | Fault::Reversed);
+    found.settled && !found.seen.faults.iter().any(wrong)
+}
+
+fn span_s(found: &Recovered) -> f64 {
+    match (found.moments.first(), found.moments.last()) {
+        (Some(first), Some(last)) => last.time_s - first.time_s,
+        _ => 0.0,
+    }
+}
+
+/// Echo-based motion between successive poses.
+fn increments(found: &Recovered) -> Vec<Increment> {
+    let pairs = found.moments.windows(2).zip(&found.steps);
+    pairs
+        .filter(|(pair, _)| pair[1].time_s > pair[0].time_s)
+        .map(|(pair, (step, covariance))| Increment {
+            from_s: pair[0].time_s,
+            to_s: pair[1].time_s,
+            moved_m: step.moved_m.to_array(),
+            turned_rad: step.turn_rad,
+            covariance: *covariance,
+        })
+        .collect()
+}
+
+/// What is assumed: sensors on one body and one clock, and increments that were looked at as a whole before.
+fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Model {
+    let arm_m = Assumed {
+        value: mounting.arm_m,
+        sigma: DVec3::ZERO,
+    };
+    let model = Model::default();
+    Model {
+        // Those of a joint estimate are noisy one by one, and right as a whole.
+        doubted: None,
+        receiver_arm_m: arm_m,
+        inertial_arm_m: arm_m,
+        squint_rad: Assumed {
+            value: navigation.squint_rad(found).unwrap_or(0.0),
+            ..model.squint_rad
+        },
+        ..model
+    }
+}

@@ -1,0 +1,344 @@
+//! `subap focus --beam`: a long strip without the ghosts that pulses make whose beam is elsewhere.
+
+use std::fs;
+use std::path::Path;
+
+use subaperture::image::{Image, power};
+use subaperture::io::npy;
+use subaperture_tests::subap::run;
+
+/// Half-power width of the antenna, degrees: of each of both ways.
+const WIDTH_DEG: f64 = 2.0;
+const RANGE_M: f64 = 1000.0;
+const SPEED_M_S: f64 = 100.0;
+const PRI_S: f64 = 1.0 / 300.0;
+const WAVELENGTH_M: f64 = 299_792_458.0 / 10e9;
+
+/// A strip of 240 m past one point, by an antenna that sees 35 m of it at a time.
+fn strip() -> String {
+    strip_looking("0, 1, 0", "kind = \"ideal\"")
+}
+
+/// The same by antennas with this boresight, body axes, and a radar of this kind.
+fn strip_looking(boresight: &str, radar: &str) -> String {
+    format!(
+        r#"name = "strip"
+
+[scene]
+reference = "0, 1000, 0 m"
+x = "-60, 60 m"
+y = "997, 1003 m"
+
+[[scene.point]]
+position = "0, 1000, 0 m"
+
+[radar]
+{radar}
+pulses = 721
+pri = "{} ms"
+centre = "10 GHz"
+bandwidth = "50 MHz"
+samples = 48
+
+[[radar.transmitter]]
+pattern = "gaussian"
+boresight = "{boresight}"
+azimuth = "{WIDTH_DEG} deg"
+elevation = "40 deg"
+
+[[radar.receiver]]
+pattern = "gaussian"
+boresight = "{boresight}"
+azimuth = "{WIDTH_DEG} deg"
+elevation = "40 deg"
+
+[platform]
+kind = "linear"
+position = "0, 0, 0 m"
+velocity = "{SPEED_M_S}, 0, 0 m/s"
+at = "middle"
+"#,
+        1e3 * PRI_S
+    )
+}
+
+const COLUMNS: usize = 481;
+const STEP_M: f64 = 0.25;
+
+fn focused(at: &Path, options: &str) -> Image {
+    let line = format!(
+        "focus strip.cphd --grid x=-60:60.1:{STEP_M},y=999:1001.1:1 --window none --slow-window none -a bp --out image {options}"
+    );
+    run(at, &line).succeeded();
+    npy::read(&at.join("image/image.npy")).unwrap()
+}
+
+/// Largest level in a stretch of x along the point's range, dB.
+fn level_db(image: &Image, from_m: f64, to_m: f64) -> f64 {
+    assert_eq!((image.rows, image.columns), (3, COLUMNS));
+    let column = |x_m: f64| ((x_m + 60.0) / STEP_M).round() as usize;
+    let line = &image.pixels[COLUMNS..2 * COLUMNS];
+    let most = line[column(from_m)..=column(to_m)]
+        .iter()
+        .map(|&z| power(z))
+        .fold(0.0, f64::max);
+    10.0 * most.log10()
+}
+
+/// Amplitude of both ways at an angle from the beam's middle, degrees: half the power one way at half the width.
+fn two_way(angle_deg: f64) -> f64 {
+    (-4.0 * std::f64::consts::LN_2 * (angle_deg / WIDTH_DEG).powi(2)).exp()
+}
+
+/// Mean of both ways' amplitude over a beam's width about an angle.
+fn mean(angle_deg: f64) -> f64 {
+    let count = 2001;
+    let at = |i: i32| angle_deg + WIDTH_DEG * (f64::from(i) / f64::from(count - 1) - 0.5);
+    (0..count).map(|i| two_way(at(i))).sum::<f64>() / f64::from(count)
+}
+
+/// An echo is sampled at the repetition frequency, so that it also fits a place that is `lambda R / (2 v T)` along the track. Of all pulses that ghost is as high as the
+/// point but for its range, which is off by a metre and a half of three; of those that see the ghost's place the point is in the antenna's flank.
+#[test]
+fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("strip.toml"), strip()).unwrap();
+    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    let ghost_m = WAVELENGTH_M * RANGE_M / (2.0 * SPEED_M_S * PRI_S);
+    let ghost_deg = (ghost_m / RANGE_M).asin().to_degrees();
+    let ghosts = |image: &Image| {
+        let right = level_db(image, ghost_m - 4.0, ghost_m + 4.0);
+        right.max(level_db(image, -ghost_m - 4.0, -ghost_m + 4.0))
+    };
+    let all = focused(at, "--beam none");
+    let before_db = ghosts(&all) - level_db(&all, -1.0, 1.0);
+    let one = focused(at, "--beam 2deg");
+    let point_db = level_db(&one, -1.0, 1.0);
+    let after_db = ghosts(&one) - point_db;
+    println!(
+        "ghost at {ghost_m:.1} m: {before_db:.1} dB of all pulses, {after_db:.1} dB in the beam"
+    );
+    assert!(before_db > -8.0, "{before_db}");
+    // Coherent at the worst: the mean amplitude that the point has in pulses that see the ghost's place, shifted towards it by half an eighth of the
+    // aperture, which is what a block's aperture is off at the most, and 4 m for where the ghost is sought; over the point's own.
+    let nearest_deg = ghost_deg - WIDTH_DEG / 16.0 - (4.0 / RANGE_M).to_degrees();
+    let bound_db = 20.0 * (mean(nearest_deg) / mean(WIDTH_DEG / 16.0)).log10();
+    assert!(after_db < bound_db, "{after_db} {bound_db}");
+    assert!(after_db < before_db - 15.0, "{after_db} {before_db}");
+    // A unit scatterer reads the mean of its amplitude over the pulses of its aperture: between that of an aperture about it and of one that is shifted.
+    let [least_db, most_db] = [WIDTH_DEG / 16.0, 0.0].map(|off| 20.0 * mean(off).log10());
+    assert!(
+        point_db > least_db - 0.05 && point_db < most_db + 0.05,
+        "{point_db}"
+    );
+    // Another former, the same image: each within -60 dB of its sums.
+    let line = "focus strip.cphd --grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a ffbp --beam 2deg --out other";
+    run(at, line).succeeded();
+    let compared = run(at, "compare other image --error-db -54");
+    compared.succeeded();
+}
+
+#[test]
+fn what_a_beam_does_not_see_is_zero_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("strip.toml"), strip()).unwrap();
+    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    let grid = "--grid x=100:160:1,y=999:1001.1:1 -a bp --out edge";
+    let edge = run(at, &format!("focus strip.cphd {grid} --beam 2deg"));
+    edge.succeeded();
+    assert!(edge.stderr.contains("seen by no pulse"), "{edge:?}");
+    let grid = "--grid x=1000:1060:1,y=999:1001.1:1 -a bp --out away";
+    run(at, &format!("focus strip.cphd {grid} --beam 2deg")).failed(1, &["no pulse sees the grid"]);
+    run(
+        at,
+        &format!("focus strip.cphd {grid} --beam 100deg --squint 60deg"),
+    )
+    .failed(2, &["--beam", "along the track"]);
+}
+
+/// Of a beam line, the width and the squint, degrees.
+fn beam_line(stderr: &str) -> [f64; 2] {
+    let (_, line) = stderr
+        .split_once("note: beam: ")
+        .unwrap_or_else(|| panic!("no beam: {stderr}"));
+    let number = |text: &str| text.trim().parse::<f64>().unwrap();
+    let (width, rest) = line.split_once(" deg wide,").unwrap();
+    let (squint, _) = rest.split_once(" deg forward").unwrap();
+    [number(width), number(squint)]
+}
+
+fn record(at: &Path, image: &str) -> serde_json::Value {
+    let text = fs::read_to_string(at.join(image).join("image.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// A tenth of the beam: the spectrum of one point that passes through the whole Gaussian beam is the pattern itself, over angles that the track cuts off at 3 widths, where the power
+/// is below 1e-20 of its middle's, and weighted by `d theta / d x = cos^2 theta / R`, which differs by 1 % over it. The 48 frequencies differ by 0.5 %. A tenth is far more.
+const TOLERANCE_DEG: f64 = 0.1 * WIDTH_DEG;
+
+/// Places are seen under 13.7 deg and the pulses sample 2.6 deg without ambiguity: without an option the beam is estimated, weighted by, and stated.
+#[test]
+fn strip_is_weighted_by_its_doppler_spectrum_unless_told_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("strip.toml"), strip()).unwrap();
+    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    let ghost_m = WAVELENGTH_M * RANGE_M / (2.0 * SPEED_M_S * PRI_S);
+    let grid = "--grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
+    let by_default = run(at, &format!("focus strip.cphd {grid} --out image"));
+    by_default.succeeded();
+    let [width_deg, squint_deg] = beam_line(&by_default.stderr);
+    assert!((width_deg - WIDTH_DEG).abs() < TOLERANCE_DEG, "{width_deg}");
+    assert!(squint_deg.abs() < TOLERANCE_DEG, "{squint_deg}");
+    let image = npy::read(&at.join("image/image.npy")).unwrap();
+    let ghost_db = level_db(&image, ghost_m - 4.0, ghost_m + 4.0) - level_db(&image, -1.0, 1.0);
+    println!("estimated {width_deg} deg, ghost {ghost_db:.1} dB");
+    assert!(ghost_db < -20.0, "{ghost_db}");
+    let beam = record(at, "image")["settings"]["resolved"]["beam"].clone();
+    assert_eq!(beam["source"], "estimated");
+    assert!((beam["width_deg"].as_f64().unwrap() - width_deg).abs() < 1e-3);
+    // The error against the float64 sum of the same pulses is measured within the bound.
+    let checked = run(
+        at,
+        &format!("focus strip.cphd {grid} --check 200 --out checked"),
+    );
+    checked.succeeded();
+    let check = record(at, "checked")["check"].clone();
+    assert!(
+        check["relative_to_image_db"].as_f64().unwrap() < -60.0,
+        "{check}"
+    );
+    // Tiles, a plan carried out and a rehearsal are of the same beam.
+    run(at, &format!("focus strip.cphd {grid} --tiled --out tiled")).succeeded();
+    run(at, "compare image tiled --error-db -120").succeeded();
+    run(at, &format!("plan focus strip.cphd {grid} --out plan.json")).succeeded();
+    run(at, "focus strip.cphd --plan plan.json --out planned").succeeded();
+    run(at, "compare image planned --error-db -120").succeeded();
+    assert_eq!(record(at, "planned")["settings"]["resolved"]["beam"], beam);
+    let rehearsed = run(at, &format!("focus strip.cphd {grid} --dry-run --out none"));
+    rehearsed.succeeded();
+    assert_eq!(beam_line(&rehearsed.stderr), [width_deg, squint_deg]);
+    // A target at rest is one that moves at 0 m/s.
+    run(
+        at,
+        &format!("focus strip.cphd {grid} --velocity 0,0 --beam auto --out still"),
+    )
+    .succeeded();
+    run(at, "compare image still --error-db -100").succeeded();
+}
+
+/// At 5 deg forward, 1.94 turns a pulse, the squint is one of several that differ by 2.6 deg.
+#[test]
+fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let boresight = format!(
+        "{}, {}, 0",
+        5f64.to_radians().sin(),
+        5f64.to_radians().cos()
+    );
+    fs::write(
+        at.join("strip.toml"),
+        strip_looking(&boresight, "kind = \"ideal\""),
+    )
+    .unwrap();
+    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    let grid = "--grid x=-20:20.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
+    let said = run(
+        at,
+        &format!("focus strip.cphd {grid} --beam auto --squint 4.4 --out image"),
+    );
+    said.succeeded();
+    let [width_deg, squint_deg] = beam_line(&said.stderr);
+    println!("{width_deg} deg at {squint_deg} deg");
+    assert!((width_deg - WIDTH_DEG).abs() < TOLERANCE_DEG, "{width_deg}");
+    assert!((squint_deg - 5.0).abs() < TOLERANCE_DEG, "{squint_deg}");
+    // The point reads what the beam's mean amplitude is, as it does at broadside.
+    let image = npy::read(&at.join("image/image.npy")).unwrap();
+    let brightest = image.pixels.iter().map(|&z| power(z)).fold(0.0, f64::max);
+    let [least_db, most_db] =
+        [WIDTH_DEG / 16.0 + TOLERANCE_DEG, 0.0].map(|off| 20.0 * mean(off).log10());
+    let level_db = 10.0 * brightest.log10();
+    assert!(
+        level_db > least_db - 0.5 && level_db < most_db + 0.5,
+        "{level_db}"
+    );
+    // Without a word the samples decide, or nothing is weighted: never at the wrong one.
+    let unsaid = run(at, &format!("focus strip.cphd {grid} --out unsaid"));
+    unsaid.succeeded();
+    if unsaid.stderr.contains("note: beam: ") {
+        let [_, squint_deg] = beam_line(&unsaid.stderr);
+        assert!((squint_deg - 5.0).abs() < TOLERANCE_DEG, "{squint_deg}");
+    }
+}
+
+/// Antennas that look everywhere, on the same track: all pulses form all pixels, and who asks for the spectrum's beam is refused.
+#[test]
+fn recording_without_a_beam_is_not_weighted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let isotropic: Vec<String> = strip()
+        .lines()
+        .filter(|line| {
+            !["pattern", "boresight", "azimuth", "elevation"]
+                .iter()
+                .any(|key| line.starts_with(key))
+        })
+        .map(str::to_owned)
+        .collect();
+    fs::write(at.join("all.toml"), isotropic.join("\n")).unwrap();
+    run(at, "simulate all.toml -o all.cphd").succeeded();
+    let grid = "--grid x=-60:60.1:0.5,y=999:1001.1:1 -a bp";
+    let plain = run(at, &format!("focus all.cphd {grid} --out image"));
+    plain.succeeded();
+    assert!(!plain.stderr.contains("beam"), "{}", plain.stderr);
+    assert!(record(at, "image")["settings"]["resolved"]["beam"].is_null());
+    run(
+        at,
+        &format!("focus all.cphd {grid} --beam auto --out other"),
+    )
+    .failed(1, &["Doppler spectrum", "shows no beam"]);
+}
+
+/// The description's own widths and boresight are taken without an option.
+#[test]
+fn described_antennas_weigh_pulses_by_their_beam() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let radar = "kind = \"stepped\"\nstep_time = \"10 us\"";
+    fs::write(at.join("strip.toml"), strip_looking("0, 1, 0", radar)).unwrap();
+    run(at, "simulate strip.toml --echoes raw").succeeded();
+    let described = at.join("raw/recording.toml");
+    let plain = fs::read_to_string(&described).unwrap();
+    let grid = "--grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
+    let antenna = |kind: &str| {
+        format!(
+            "\n[[radar.{kind}]]\npattern = \"gaussian\"\nazimuth = \"2 deg\"\nelevation = \"40 deg\"\n"
+        )
+    };
+    fs::write(
+        &described,
+        plain + &antenna("transmitter") + &antenna("receiver"),
+    )
+    .unwrap();
+    let stated = run(at, &format!("focus raw/recording.toml {grid} --out image"));
+    stated.succeeded();
+    let [width_deg, squint_deg] = beam_line(&stated.stderr);
+    assert!(
+        (width_deg - 2.0).abs() < 1e-3 && squint_deg.abs() < 1e-3,
+        "{}",
+        stated.stderr
+    );
+    assert_eq!(
+        record(at, "image")["settings"]["resolved"]["beam"]["source"],
+        "stated"
+    );
+    run(
+        at,
+        &format!("focus raw/recording.toml {grid} --beam 2deg --out given"),
+    )
+    .succeeded();
+    run(at, "compare image given --error-db -120").succeeded();
+}

@@ -1,0 +1,251 @@
+//! Recordings and logs on which earlier versions gave wrong answers, each with its right value.
+//!
+//! The files are read from `../shared/cases`; a test prints what it skips where they are missing. Every fault has a test on input of its own too, named in the
+//! doc of the case.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use subaperture_tests::subap::{root, run};
+use tempfile::TempDir;
+
+/// A copy of a case, or `None` with a message.
+fn case(name: &str) -> Option<TempDir> {
+    let source = root().join("../shared/cases").join(name);
+    if !source.exists() {
+        println!("skipped: {} not found", source.display());
+        return None;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let copy = |from: &Path| {
+        fs::copy(from, folder.path().join(from.file_name().unwrap())).unwrap();
+    };
+    if source.is_file() {
+        copy(&source);
+    } else {
+        for entry in fs::read_dir(&source).unwrap() {
+            copy(&entry.unwrap().path());
+        }
+    }
+    Some(folder)
+}
+
+/// Place and amplitude of the brightest pixel, as the record states them.
+fn brightest(folder: &Path, image: &str) -> ([f64; 2], f64) {
+    let record = fs::read(folder.join(image).join("image.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    let brightest = &record["brightest"];
+    let number = |value: &Value| value.as_f64().unwrap();
+    let place = [0, 1].map(|i| number(&brightest["position_m"][i]));
+    (place, 10f64.powf(number(&brightest["level_db"]) / 20.0))
+}
+
+/// Rows of a track as numbers.
+fn rows(folder: &Path, file: &str) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(folder.join(file)).unwrap();
+    let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
+    rows.map(|row| row.split(',').map(|cell| cell.parse().unwrap()).collect())
+        .collect()
+}
+
+/// Also `track::strays` and tests/recordings.
+#[test]
+fn cphd_position_of_zero_is_left_out_and_named() {
+    let Some(folder) = case("cphd-position-of-zero") else {
+        return;
+    };
+    for file in ["zero.cphd", "jump.cphd"] {
+        let ran = run(folder.path(), &format!("info {file}"));
+        assert!(
+            ran.succeeded().contains("aperture         110 m long"),
+            "{ran:?}"
+        );
+        assert!(
+            ran.stderr.contains("warning:") && ran.stderr.contains('7'),
+            "{ran:?}"
+        );
+    }
+}
+
+/// Also tests/images/terrain.rs: `nad83_models_are_read_as_wgs_84_with_a_warning`.
+#[test]
+fn dem_nad83_is_read_with_a_warning() {
+    let Some(folder) = case("dem-nad83") else {
+        return;
+    };
+    let ran = run(
+        folder.path(),
+        "focus flight.cphd --surface dem:nad83.tif --out i",
+    );
+    ran.succeeded();
+    assert!(ran.stderr.contains("NAD83"), "{ran:?}");
+}
+
+/// Also tests/recordings/fmcw_samples.rs.
+#[test]
+fn fmcw_real_and_plain_iq_show_the_target() {
+    let Some(folder) = case("fmcw-real-and-plain-iq") else {
+        return;
+    };
+    // The description states no order: that of the sharper image is taken.
+    for (file, amplitude) in [("iqiq", 3000.0), ("real", 1500.0)] {
+        let line =
+            format!("focus {file}.toml --grid x=-0.1:0.1:0.002,y=1.1:1.3:0.005,z=0 --out {file}");
+        run(folder.path(), &line).succeeded();
+        let (place, found) = brightest(folder.path(), file);
+        assert!(
+            (place[0] - 0.05).hypot(place[1] - 1.2) < 0.003,
+            "{file}: {place:?}"
+        );
+        assert!((found / amplitude - 1.0).abs() < 0.02, "{file}: {found}");
+    }
+}
+
+/// Also tests/recordings/arrays.rs.
+#[test]
+fn h5_half_precision_is_read_and_its_sign_asked_for() {
+    let Some(folder) = case("h5-half-and-integer-complex") else {
+        return;
+    };
+    // As sharp with either sign: the file must state it.
+    run(folder.path(), "info half.h5").failed(1, &["half.h5", "give 'sign'"]);
+}
+
+#[test]
+fn message_names_both_files_of_one_collection() {
+    let Some(folder) = case("message-names-both-files-alike") else {
+        return;
+    };
+    let ran = run(folder.path(), "info first.cphd second.cphd");
+    ran.failed(
+        1,
+        &[
+            "first.cphd and second.cphd share 10 pulses",
+            "pulse 0 of second.cphd",
+        ],
+    );
+}
+
+/// Also the unit tests of `navigation`'s motion-capture reader.
+#[test]
+fn motion_capture_euler_angles_are_those_of_the_quaternion() {
+    let Some(folder) = case("motion-capture-euler") else {
+        return;
+    };
+    for file in ["euler", "quaternion"] {
+        let line = format!("focus {file}.toml --grid x=-0.75:1.25:.02,y=3:5:.02,z=0 --out {file}");
+        run(folder.path(), &line).succeeded();
+        let (place, found) = brightest(folder.path(), file);
+        assert!(
+            (place[0] - 0.25).hypot(place[1] - 4.0) < 0.011,
+            "{file}: {place:?}"
+        );
+        assert!((found - 1.0).abs() < 0.02, "{file}: {found}");
+    }
+}
+
+#[test]
+fn nav_equal_times_are_named_and_not_called_damage() {
+    let Some(folder) = case("nav-equal-times-called-damage") else {
+        return;
+    };
+    let ran = run(folder.path(), "navigation twice.csv -o t.csv");
+    ran.succeeded();
+    assert!(ran.stderr.contains("times that do not ascend"), "{ran:?}");
+    assert!(!ran.stderr.contains("damaged"), "{ran:?}");
+}
+
+#[test]
+fn nav_no_checksum_is_read() {
+    let Some(folder) = case("nav-no-checksum") else {
+        return;
+    };
+    let ran = run(folder.path(), "navigation plain.nmea");
+    assert!(ran.succeeded().contains("8 records"), "{ran:?}");
+}
+
+#[test]
+fn nav_novatel_abbreviated_is_read() {
+    let Some(folder) = case("nav-novatel-abbreviated") else {
+        return;
+    };
+    let ran = run(folder.path(), "navigation abbreviated.asc -o t.csv");
+    assert!(ran.succeeded().contains("BESTPOS   5 records"), "{ran:?}");
+    // The frame's origin is the first place; its height above the ellipsoid is 90 - 20 m.
+    let text = fs::read_to_string(folder.path().join("t.csv")).unwrap();
+    assert!(text.contains("height 70.0"), "{text}");
+}
+
+#[test]
+fn nav_origin_south_is_taken() {
+    let Some(folder) = case("nav-origin-south") else {
+        return;
+    };
+    run(
+        folder.path(),
+        "navigation south.csv --origin -33.5,151.5,0 -o t.csv",
+    )
+    .succeeded();
+    let rows = rows(folder.path(), "t.csv");
+    assert_eq!(rows.len(), 5);
+    assert!(
+        rows[0][1].hypot(rows[0][2]) < 1e-3 && (rows[0][3] - 100.0).abs() < 1e-3,
+        "{rows:?}"
+    );
+}
+
+#[test]
+fn nav_sbet_week_wraps() {
+    let Some(folder) = case("nav-sbet-week-wraps") else {
+        return;
+    };
+    run(
+        folder.path(),
+        "navigation weekend.sbet --week 2400 -o t.csv",
+    )
+    .succeeded();
+    let rows = rows(folder.path(), "t.csv");
+    assert_eq!(rows.len(), 10);
+    let (first, last) = (&rows[0], &rows[9]);
+    assert!((last[0] - first[0] - 4.5).abs() < 1e-6, "{rows:?}");
+    assert!((last[1] - first[1] - 7.19).abs() < 0.01, "{rows:?}");
+}
+
+#[test]
+fn nav_undulation_comes_and_goes() {
+    let Some(folder) = case("nav-undulation-comes-and-goes") else {
+        return;
+    };
+    run(folder.path(), "navigation mixed.nmea -o t.csv").succeeded();
+    let rows = rows(folder.path(), "t.csv");
+    assert!(
+        rows.len() == 10 && rows.iter().all(|row| row[3].abs() < 1e-3),
+        "{rows:?}"
+    );
+}
+
+/// Four reflectors alone (mp, mpt) and with a fifth target that stands (mpm0) or moves (mpm). Also tests/cli/track.rs.
+#[test]
+fn mp_mpm_mpm0_and_mpt_give_tracks_of_9_6_m() {
+    for (name, movers) in [("mp", 0), ("mpt", 0), ("mpm0", 0), ("mpm", 1)] {
+        let Some(folder) = case(&format!("{name}.toml")) else {
+            continue;
+        };
+        let at = folder.path();
+        run(at, &format!("simulate {name}.toml -o a.cphd")).succeeded();
+        let ran = run(at, "track a.cphd -o track.csv --json");
+        let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
+        let length_m = result["length_m"].as_f64().unwrap();
+        assert!((length_m - 9.615).abs() < 0.02, "{name}: {result}");
+        let found = result["movers"].as_array().unwrap();
+        assert_eq!(found.len(), movers, "{name}: {result}");
+        for mover in found {
+            let velocity = [0, 1].map(|i| mover["velocity_m_s"][i].as_f64().unwrap());
+            assert!(
+                (velocity[0] - 0.3).hypot(velocity[1] - 0.4) < 0.02,
+                "{velocity:?}"
+            );
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! Every former in a beam: against the plain sum over the pulses that see each block, in tiles, and by a stored plan.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture::focus::beam::{Beam, BeamSource, InBeam};
+use subaperture::focus::formers::{self, FORMERS};
+use subaperture::focus::patch::PatchSize;
+use subaperture::focus::plan::{InMemory as Tiles, Request};
+use subaperture::focus::{BoundPolicy, FormError, ImageFormer, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{
+    Collection, InMemory, PhaseHistory, Pulse, Stretch, Sweep, Weights,
+};
+use subaperture::signal::window::Window;
+use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
+use subaperture_tests::plain_sum::hamming;
+
+const GRID: &str = "x=-24:20.6:0.6,y=297:303.1:0.75";
+const WIDTH_RAD: f64 = 0.07;
+const SQUINT_RAD: f64 = 0.03;
+const PULSES: usize = 240;
+
+/// A straight strip past points, each seen by a Gaussian beam a few degrees forward.
+fn strip() -> InMemory {
+    let pulses = (0..PULSES).map(|n| {
+        let antenna_m = DVec3::new(0.4 * (n as f64 - 0.5 * PULSES as f64), 0.0, 60.0);
+        Pulse {
+            transmitter_m: antenna_m,
+            receiver_m: antenna_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: 0.0,
+            start_hz: 9.95e9,
+            step_hz: 3e6,
+            time_s: 0.01 * n as f64,
+            sweep: Sweep::AT_ONCE,
+        }
+    });
+    let collection = Collection {
+        name: "strip".to_owned(),
+        frame: SceneFrame::Local,
+        pulses: pulses.collect(),
+        num_samples: 32,
+        timed: true,
+        extent: None,
+    };
+    let points_m = [[-15.0, 299.0, 0.0], [0.3, 301.2, 0.0], [12.0, 300.0, 0.0]];
+    let mut samples = Vec::new();
+    for pulse in &collection.pulses {
+        let plain = plain_pulse(pulse, 1.0);
+        let seen = points_m.map(|point_m| {
+            let off = (sine(pulse, point_m.into()).asin() - SQUINT_RAD) / WIDTH_RAD;
+            (point_m, [(-4.0 * 2f64.ln() * off * off).exp(), 0.0])
+        });
+        for k in 0..collection.num_samples {
+            let [re, im] = plain.echo(k, &seen);
+            samples.push(Complex32::new(re as f32, im as f32));
+        }
+    }
+    InMemory::new(collection, samples).unwrap()
+}
+
+/// Of the angle forward of broadside, on a track along x.
+fn sine(pulse: &Pulse, place_m: DVec3) -> f64 {
+    let from = place_m - pulse.transmitter_m;
+    from.x / from.length()
+}
+
+fn beam() -> Beam {
+    Beam::new(WIDTH_RAD, SQUINT_RAD, BeamSource::Given)
+}
+
+fn in_beam(name: &str) -> InBeam {
+    let former = formers::former(name, &serde_json::json!({})).unwrap();
+    InBeam::new(former, beam()).unwrap()
+}
+
+/// The plain sum at every pixel, over the pulses whose angle to the middle of the pixel's block is within the beam, under this test's own Hamming window over them.
+fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
+    let lit = weights.lit.as_ref().unwrap();
+    let columns = grid.columns.count;
+    let mut values = vec![Complex64::ZERO; grid.rows.count * columns];
+    for block in 0..lit.num_blocks() {
+        let [rows, across] = lit.place(block);
+        let middle = [rows.start + rows.len() / 2, across.start + across.len() / 2];
+        let middle_m = grid.position_m(middle[0], middle[1]);
+        let pulses = &history.collection().pulses;
+        let sees =
+            |n: &usize| (sine(&pulses[*n], middle_m).asin() - SQUINT_RAD).abs() <= 0.5 * WIDTH_RAD;
+        let seeing: Vec<usize> = (0..PULSES).filter(sees).collect();
+        let range = seeing[0]..seeing[seeing.len() - 1] + 1;
+        assert_eq!(lit.pulses(block), range);
+        let part = Stretch::new(history, range.clone());
+        let own = Weights {
+            fast: hamming(32),
+            slow: hamming(range.len()),
+            lit: None,
+        };
+        let pixels: Vec<usize> = rows
+            .flat_map(|row| across.clone().map(move |column| row * columns + column))
+            .collect();
+        let points_m: Vec<[f64; 3]> = pixels
+            .iter()
+            .map(|i| grid.position_m(i / columns, i % columns).to_array())
+            .collect();
+        let sums = complex(&plain_sum(&part, &own).at(&points_m));
+        for (pixel, sum) in pixels.into_iter().zip(sums) {
+            values[pixel] = sum;
+        }
+    }
+    values
+}
+
+fn error_db(formed: &[Complex32], expected: &[Complex64]) -> f64 {
+    let (mut error, mut all) = (0.0, 0.0);
+    for (formed, expected) in formed.iter().zip(expected) {
+        let formed = Complex64::new(formed.re.into(), formed.im.into());
+        error += (formed - expected).norm_sqr();
+        all += expected.norm_sqr();
+    }
+    10.0 * (error / all).log10()
+}
+
+#[test]
+fn every_former_keeps_its_bound_in_a_beam() {
+    let history = strip();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let mut formed_by = 0;
+    for entry in &FORMERS {
+        let former = in_beam(entry.name);
+        let weights = former
+            .weights(
+                history.collection(),
+                &grid,
+                Window::Hamming,
+                Window::Hamming,
+            )
+            .unwrap();
+        assert!(weights.lit.as_ref().unwrap().num_blocks() > 4);
+        let task = Task {
+            history: &history,
+            grid: &grid,
+            weights: &weights,
+            numerics: Default::default(),
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+        };
+        let formed = match former.form_best(&task) {
+            Ok(formed) => formed,
+            // A former that cannot form a block says so.
+            Err(error @ FormError::Unsuited(_)) => {
+                println!("{}: {error}", entry.name);
+                continue;
+            }
+            Err(error) => panic!("{}: {error}", entry.name),
+        };
+        let measured_db = error_db(&formed.image.pixels, &expected(&history, &grid, &weights));
+        println!(
+            "{}: {measured_db:.1} dB, predicted {:.1} dB",
+            entry.name, formed.predicted_error_db
+        );
+        assert!(measured_db <= formed.predicted_error_db, "{}", entry.name);
+        assert_eq!(
+            formed.bound_missed,
+            former
+                .bound_db()
+                .is_some_and(|bound_db| formed.predicted_error_db > bound_db)
+        );
+        formed_by += 1;
+    }
+    assert!(formed_by >= 4, "{formed_by}");
+}
+
+#[test]
+fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
+    let history = strip();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    for name in ["bp", "ffbp", "auto"] {
+        let former = in_beam(name);
+        let request = Request {
+            collection: history.collection(),
+            grid: &grid,
+            fast: Window::Hamming,
+            slow: Window::Hamming,
+            scratch_bytes: SCRATCH_BYTES,
+            bound_policy: BoundPolicy::Allowed,
+            numerics: Default::default(),
+        };
+        let weights = former
+            .weights(
+                history.collection(),
+                &grid,
+                Window::Hamming,
+                Window::Hamming,
+            )
+            .unwrap();
+        let task = Task {
+            history: &history,
+            grid: &grid,
+            weights: &weights,
+            numerics: Default::default(),
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+        };
+        let whole = former.form_planned(&task).unwrap().image.pixels;
+        let text = Plan::new(&former, &request, &Silent).unwrap().to_text();
+        // Tiles of any size, in any order, a few a pass, some of which cut blocks.
+        for (tile, most_a_pass, backwards) in
+            [([9, 75], 9, false), ([5, 17], 2, true), ([1, 30], 3, false)]
+        {
+            let mut plan = Plan::from_text(&text).unwrap();
+            plan.tile = PatchSize {
+                rows: tile[0],
+                columns: tile[1],
+            };
+            let weights = plan.weights(history.collection()).unwrap();
+            let opened = plan.open(history.collection(), &weights).unwrap();
+            let mut indices: Vec<usize> = (0..plan.num_tiles()).collect();
+            if backwards {
+                indices.reverse();
+            }
+            let work = Work {
+                history: &history,
+                memory_bytes: 1 << 30,
+                monitor: &Silent,
+            };
+            let mut image = Tiles::new(&grid);
+            opened
+                .form(&work, &indices, most_a_pass, &mut image)
+                .unwrap();
+            assert_eq!(image.image.pixels, whole, "{name} {tile:?}");
+            let records: Vec<_> = image.records.into_values().collect();
+            let judged = opened.judge_again(&records, &history, &Silent).unwrap();
+            let measured_db = error_db(&whole, &expected(&history, &grid, &weights));
+            assert!(
+                measured_db <= judged.predicted_db(),
+                "{name}: {measured_db} {judged:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn weights_of_a_beam_and_formers_without_one_refuse_each_other() {
+    let history = strip();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let former = in_beam("bp");
+    let of_beam = former
+        .weights(history.collection(), &grid, Window::None, Window::None)
+        .unwrap();
+    let plain = Weights::new(history.collection(), Window::None, Window::None);
+    let task = |weights| Task {
+        history: &history,
+        grid: &grid,
+        weights,
+        numerics: Default::default(),
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let bp = formers::former("bp", &serde_json::json!({})).unwrap();
+    let refused = bp.form(&task(&of_beam)).unwrap_err().to_string();
+    assert!(refused.contains("those of a beam"), "{refused}");
+    let refused = former.form(&task(&plain)).unwrap_err().to_string();
+    assert!(
+        refused.contains("which pulses see which pixels"),
+        "{refused}"
+    );
+    // Settings as a plan has them make the same former again.
+    let again = formers::former("bp", &former.settings()).unwrap();
+    assert_eq!(again.beam(), Some(beam()));
+    let wide = Beam::new(4.0, 0.0, BeamSource::Given);
+    assert!(InBeam::new(bp, wide).is_err());
+}

@@ -1,2 +1,0 @@
-#![no_main]
-subaperture_fuzz::program!("station");
