@@ -10,7 +10,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::plan::{InMemory, Request};
+use subaperture::focus::plan::InMemory;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection, Thesis};
 use subaperture::focus::{
     BoundPolicy, FormError, Formed, ImageFormer, ImageSpec, Plan, Remedy, SCRATCH_BYTES, Task,
@@ -159,19 +159,18 @@ fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
     let mut without_room = 0;
     for bound_db in [-40.0, -45.0, -50.0, -60.0] {
         let former = FastFactorised { error_db: bound_db };
-        let request = Request {
+        let weights = Weights::new(history.collection(), Window::None, Window::None);
+        let spec = ImageSpec {
             collection: history.collection(),
             grid: &grid,
-            fast: Window::None,
-            slow: Window::None,
+            weights: &weights,
             scratch_bytes: SCRATCH_BYTES,
-            bound_policy: BoundPolicy::Refused,
             numerics: Default::default(),
         };
         let judged = |plan: &Plan| {
             let weights = plan.weights(history.collection()).unwrap();
             let opened = plan.open(history.collection(), &weights).unwrap();
-            let mut sink = InMemory::new(&grid);
+            let mut sink = InMemory::of(plan);
             let all: Vec<usize> = (0..plan.num_tiles()).collect();
             let work = Work {
                 history: &history,
@@ -180,10 +179,13 @@ fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
             };
             opened.form(&work, &all, usize::MAX, &mut sink).unwrap();
             let records: Vec<_> = sink.records.into_values().collect();
-            let judgement = opened.judge_again(&records, &history, &Silent).unwrap();
+            let judgement = opened
+                .judge_again(&records, &history, None, &Silent)
+                .unwrap();
             (sink.image, judgement)
         };
-        let plan = Plan::for_recording(&former, &request, &history, &Silent).unwrap();
+        let plan =
+            Plan::for_recording(&former, &spec, BoundPolicy::Refused, &history, &Silent).unwrap();
         let (image, judgement) = judged(&plan);
         let exact = form(
             &Exact,
@@ -200,7 +202,7 @@ fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
         assert_eq!(plan.bound_db, Some(bound_db));
         assert!(judgement.check(&plan.goal()).is_ok(), "{judgement:?}");
         assert!(measured <= judgement.predicted_db() && judgement.predicted_db() <= bound_db);
-        let of_geometry = Plan::new(&former, &request, &Silent).unwrap();
+        let of_geometry = Plan::new(&former, &spec, BoundPolicy::Refused, &Silent).unwrap();
         without_room += usize::from(judged(&of_geometry).1.predicted_db() > bound_db);
     }
     assert!(without_room > 0);

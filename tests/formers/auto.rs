@@ -5,13 +5,12 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 use subaperture::focus::auto::{Auto, CANDIDATES};
 use subaperture::focus::formers::former;
-use subaperture::focus::plan::Request;
 use subaperture::focus::{
-    BoundPolicy, FormError, ImageFormer, Numerics, Plan, SCRATCH_BYTES, TimeModel,
+    BoundPolicy, FormError, ImageFormer, ImageSpec, Numerics, Plan, SCRATCH_BYTES, TimeModel,
 };
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{Collection, Pulse, Sweep};
+use subaperture::phase_history::{Collection, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
 
 /// Past a scene 2 km away, a little bent.
@@ -48,19 +47,18 @@ fn plan(
     model: &TimeModel,
 ) -> Result<Plan, FormError> {
     let grid: ImageGrid = grid.parse().unwrap();
-    let request = Request {
+    let weights = Weights::new(collection, Window::Hamming, Window::Hamming);
+    let spec = ImageSpec {
         collection,
         grid: &grid,
-        fast: Window::Hamming,
-        slow: Window::Hamming,
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy,
         numerics: Numerics {
             model,
             ..Numerics::default()
         },
     };
-    Plan::new(former, &request, &Silent)
+    Plan::new(former, &spec, bound_policy, &Silent)
 }
 
 #[test]

@@ -232,16 +232,15 @@ fn plans_tell_what_they_take() {
     let grid = grid(200);
     for entry in &FORMERS {
         let former = entry.within(-60.0);
-        let request = subaperture::focus::plan::Request {
+        let weights = Weights::new(history.collection(), Window::None, Window::None);
+        let spec = ImageSpec {
             collection: history.collection(),
             grid: &grid,
-            fast: Window::None,
-            slow: Window::None,
+            weights: &weights,
             scratch_bytes: SCRATCH_BYTES,
-            bound_policy: BoundPolicy::Allowed,
             numerics: Default::default(),
         };
-        let plan = Plan::new(&*former, &request, &Silent).unwrap();
+        let plan = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap();
         let text: Value = serde_json::from_str(&plan.to_text()).unwrap();
         let pixels = (plan.tile.rows * plan.tile.columns) as f64;
         let own = plan.cost.operations - plan.cost.shared_operations;

@@ -73,6 +73,7 @@ impl Scene {
             fast: hamming(num_samples),
             slow: hamming(num_pulses),
             lit: None,
+            windows: None,
         };
         let history = InMemory::new(collection, samples).unwrap();
         let grid: ImageGrid = grid.parse().unwrap();

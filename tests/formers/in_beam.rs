@@ -5,8 +5,10 @@ use num_complex::{Complex32, Complex64};
 use subaperture::focus::beam::{Beam, BeamSource, InBeam};
 use subaperture::focus::formers::{self, FORMERS};
 use subaperture::focus::patch::PatchSize;
-use subaperture::focus::plan::{InMemory as Tiles, Request};
-use subaperture::focus::{BoundPolicy, FormError, ImageFormer, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::plan::InMemory as Tiles;
+use subaperture::focus::{
+    BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work,
+};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
@@ -95,6 +97,7 @@ fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Comp
             fast: hamming(32),
             slow: hamming(range.len()),
             lit: None,
+            windows: None,
         };
         let pixels: Vec<usize> = rows
             .flat_map(|row| across.clone().map(move |column| row * columns + column))
@@ -177,15 +180,6 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
     let grid: ImageGrid = GRID.parse().unwrap();
     for name in ["bp", "ffbp", "auto"] {
         let former = in_beam(name);
-        let request = Request {
-            collection: history.collection(),
-            grid: &grid,
-            fast: Window::Hamming,
-            slow: Window::Hamming,
-            scratch_bytes: SCRATCH_BYTES,
-            bound_policy: BoundPolicy::Allowed,
-            numerics: Default::default(),
-        };
         let weights = former
             .weights(
                 history.collection(),
@@ -194,6 +188,13 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
                 Window::Hamming,
             )
             .unwrap();
+        let spec = ImageSpec {
+            collection: history.collection(),
+            grid: &grid,
+            weights: &weights,
+            scratch_bytes: SCRATCH_BYTES,
+            numerics: Default::default(),
+        };
         let task = Task {
             history: &history,
             grid: &grid,
@@ -203,7 +204,9 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
             monitor: &Silent,
         };
         let whole = former.form_planned(&task).unwrap().image.pixels;
-        let text = Plan::new(&former, &request, &Silent).unwrap().to_text();
+        let text = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent)
+            .unwrap()
+            .to_text();
         // Tiles of any size, in any order, a few a pass, some of which cut blocks.
         for (tile, most_a_pass, backwards) in
             [([9, 75], 9, false), ([5, 17], 2, true), ([1, 30], 3, false)]
@@ -224,13 +227,15 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
                 memory_bytes: 1 << 30,
                 monitor: &Silent,
             };
-            let mut image = Tiles::new(&grid);
+            let mut image = Tiles::of(&plan);
             opened
                 .form(&work, &indices, most_a_pass, &mut image)
                 .unwrap();
             assert_eq!(image.image.pixels, whole, "{name} {tile:?}");
             let records: Vec<_> = image.records.into_values().collect();
-            let judged = opened.judge_again(&records, &history, &Silent).unwrap();
+            let judged = opened
+                .judge_again(&records, &history, None, &Silent)
+                .unwrap();
             let measured_db = error_db(&whole, &expected(&history, &grid, &weights));
             assert!(
                 measured_db <= judged.predicted_db(),

@@ -8,6 +8,7 @@ mod costs;
 mod crooked_tracks;
 mod defining_sum;
 mod edges;
+mod execution;
 mod frequency_domain;
 mod gotcha;
 mod in_beam;

@@ -5,9 +5,9 @@
 
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::formers::former;
-use subaperture::focus::plan::{InMemory, Request};
+use subaperture::focus::plan::InMemory;
 use subaperture::focus::{
-    BoundPolicy, Formed, Numerics, Plan, SCRATCH_BYTES, Task, Transforms, Work,
+    BoundPolicy, Formed, ImageSpec, Numerics, Plan, SCRATCH_BYTES, Task, Transforms, Work,
 };
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::glam::DVec3;
@@ -148,16 +148,17 @@ fn a_plan_carries_its_transforms() {
     let history = history();
     let grid = grid();
     let former = former("omega-k", &serde_json::json!({})).unwrap();
-    let request = Request {
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let spec = ImageSpec {
         collection: history.collection(),
         grid: &grid,
-        fast: Window::Hamming,
-        slow: Window::default(),
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Allowed,
         numerics: Numerics::default().portable(),
     };
-    let text = Plan::new(&*former, &request, &Silent).unwrap().to_text();
+    let text = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent)
+        .unwrap()
+        .to_text();
     let plan = Plan::from_text(&text).unwrap();
     assert_eq!(plan.transforms, Transforms::Portable);
     let weights = plan.weights(history.collection()).unwrap();
@@ -167,7 +168,7 @@ fn a_plan_carries_its_transforms() {
         memory_bytes: 1 << 30,
         monitor: &Silent,
     };
-    let mut image = InMemory::new(&plan.grid);
+    let mut image = InMemory::of(&plan);
     let all: Vec<usize> = (0..plan.num_tiles()).collect();
     opened.form(&work, &all, usize::MAX, &mut image).unwrap();
     let at_once = formed("omega-k", "{}", Numerics::default().portable());

@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use num_complex::Complex32;
 use subaperture::focus::formers::{FORMERS, former};
-use subaperture::focus::plan::{InMemory, PlanError, Request};
+use subaperture::focus::plan::{InMemory, PlanError};
 use subaperture::focus::stages::{READING, SAMPLES, StageTime, StageTimer, StageTimes};
-use subaperture::focus::{BoundPolicy, Numerics, Plan, SCRATCH_BYTES, TimeModel, Work};
+use subaperture::focus::{BoundPolicy, ImageSpec, Numerics, Plan, SCRATCH_BYTES, TimeModel, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Preset, Variation};
 
@@ -34,16 +34,15 @@ fn plan_by(
 ) -> Plan {
     let former = former(name, settings).unwrap();
     let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
-    let request = Request {
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let spec = ImageSpec {
         collection: history.collection(),
         grid: &grid,
-        fast: Window::Hamming,
-        slow: Window::default(),
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Allowed,
         numerics,
     };
-    Plan::new(&*former, &request, &Silent).unwrap()
+    Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }
 
 /// The image of a plan's text, and what its stages took.
@@ -60,7 +59,7 @@ fn formed(plan: &Plan, history: &PointTargetHistory) -> (Vec<Complex32>, Vec<Sta
             times: &times,
         },
     };
-    let mut image = InMemory::new(&plan.grid);
+    let mut image = InMemory::of(&plan);
     let all: Vec<usize> = (0..plan.num_tiles()).collect();
     let begun = Instant::now();
     opened.form(&work, &all, usize::MAX, &mut image).unwrap();

@@ -11,9 +11,11 @@ use rayon::prelude::*;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::plan::{InMemory as Sink, Request};
+use subaperture::focus::plan::InMemory as Sink;
 use subaperture::focus::rdbp::{Mode, RangeDopplerBackprojection};
-use subaperture::focus::{BoundPolicy, FormError, ImageFormer, Plan, SCRATCH_BYTES, Work};
+use subaperture::focus::{
+    BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Work,
+};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
@@ -57,20 +59,19 @@ fn carry_out(
     case: &Case,
     history: &InMemory,
     exact: &[Complex64],
-    make: impl FnOnce(&Request) -> Result<Plan, FormError>,
+    make: impl FnOnce(&ImageSpec) -> Result<Plan, FormError>,
 ) -> Outcome {
     let grid = case.plane.grid();
     let [fast, slow] = case.windows;
-    let request = Request {
+    let weights = Weights::new(history.collection(), fast, slow);
+    let spec = ImageSpec {
         collection: history.collection(),
         grid: &grid,
-        fast,
-        slow,
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Refused,
         numerics: Default::default(),
     };
-    let plan = match make(&request) {
+    let plan = match make(&spec) {
         Ok(plan) => Plan::from_text(&plan.to_text()).unwrap(),
         Err(error) => {
             let has_reason = matches!(
@@ -83,7 +84,7 @@ fn carry_out(
     };
     let weights = plan.weights(history.collection()).unwrap();
     let opened = plan.open(history.collection(), &weights).unwrap();
-    let mut sink = Sink::new(&grid);
+    let mut sink = Sink::of(&plan);
     let all: Vec<usize> = (0..plan.num_tiles()).collect();
     let work = Work {
         history,
@@ -92,7 +93,9 @@ fn carry_out(
     };
     opened.form(&work, &all, usize::MAX, &mut sink).unwrap();
     let records: Vec<_> = sink.records.into_values().collect();
-    let judgement = opened.judge_again(&records, history, &Silent).unwrap();
+    let judgement = opened
+        .judge_again(&records, history, Some(&sink.image), &Silent)
+        .unwrap();
     let (mut error, mut power) = (0.0, 0.0);
     for (got, expected) in sink.image.pixels.iter().zip(exact) {
         let got = Complex64::new(f64::from(got.re), f64::from(got.im));
@@ -133,11 +136,11 @@ fn check(cases: u64) {
             let exact = exact_sum(&case, &history, &weights);
             FORMERS.map(|name| {
                 let former = former(name, case.bound_db);
-                let for_recording = carry_out(&case, &history, &exact, |request| {
-                    Plan::for_recording(&*former, request, &history, &Silent)
+                let for_recording = carry_out(&case, &history, &exact, |spec| {
+                    Plan::for_recording(&*former, spec, BoundPolicy::Refused, &history, &Silent)
                 });
-                let of_geometry = carry_out(&case, &history, &exact, |request| {
-                    Plan::new(&*former, request, &Silent)
+                let of_geometry = carry_out(&case, &history, &exact, |spec| {
+                    Plan::new(&*former, spec, BoundPolicy::Refused, &Silent)
                 });
                 [for_recording, of_geometry]
             })
@@ -160,6 +163,16 @@ fn check(cases: u64) {
             )),
             share(0, &|outcome| outcome == Outcome::Refused { needless: true }),
         );
+        // Every pixel of these small images is compared where the estimate alone would refuse them.
+        let needless = |made| {
+            outcomes
+                .iter()
+                .filter(|all| all[of][made] == Outcome::Refused { needless: true })
+                .count()
+        };
+        if needless(0) + needless(1) > 0 {
+            faults.push(format!("{name}: images within the bound are refused"));
+        }
         // Room for scatterers outside the grid does not refuse more than it saves.
         if with_room > without {
             faults.push(format!(

@@ -8,8 +8,8 @@ use num_complex::{Complex32, Complex64};
 use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::patch::PatchSize;
-use subaperture::focus::plan::{InMemory, Request};
-use subaperture::focus::{BoundPolicy, ImageFormer, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::plan::InMemory;
+use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work};
 use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -259,16 +259,15 @@ fn tiles_on_surfaces_are_parts_of_the_whole() {
     let grid = on_hills("x=-40:37.4:1.09,y=-38:39.9:1.47", 12.0);
     for name in ["exact", "bp", "ffbp", "auto"] {
         let own = former(name, &serde_json::json!({})).unwrap();
-        let request = Request {
+        let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+        let spec = ImageSpec {
             collection: history.collection(),
             grid: &grid,
-            fast: Window::Hamming,
-            slow: Window::default(),
+            weights: &weights,
             scratch_bytes: SCRATCH_BYTES,
-            bound_policy: BoundPolicy::Allowed,
             numerics: Default::default(),
         };
-        let plan = Plan::new(&*own, &request, &Silent).unwrap();
+        let plan = Plan::new(&*own, &spec, BoundPolicy::Allowed, &Silent).unwrap();
         let formed = |tile: Option<[usize; 2]>, threads: usize| -> Vec<Complex32> {
             let mut plan = Plan::from_text(&plan.to_text()).unwrap();
             assert_eq!(plan.grid, grid);
@@ -283,7 +282,7 @@ fn tiles_on_surfaces_are_parts_of_the_whole() {
                 monitor: &Silent,
             };
             let indices: Vec<usize> = (0..plan.num_tiles()).rev().collect();
-            let mut image = InMemory::new(&plan.grid);
+            let mut image = InMemory::of(&plan);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let pool = pool.build().unwrap();
             pool.install(|| opened.form(&work, &indices, 3, &mut image))

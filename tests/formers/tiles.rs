@@ -5,8 +5,10 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::patch::PatchSize;
-use subaperture::focus::plan::{InMemory, PlanError, Request};
-use subaperture::focus::{BoundPolicy, DEFAULT_ERROR_DB, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::focus::plan::{InMemory, PlanError};
+use subaperture::focus::{
+    BoundPolicy, DEFAULT_ERROR_DB, ImageSpec, Plan, SCRATCH_BYTES, Task, Work,
+};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{self, PhaseHistory, Weights};
@@ -44,16 +46,15 @@ fn plan_on(
     scratch_bytes: u64,
 ) -> Plan {
     let former = subaperture::focus::formers::former(name, settings).unwrap();
-    let request = Request {
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let spec = ImageSpec {
         collection: history.collection(),
         grid,
-        fast: Window::Hamming,
-        slow: Window::default(),
+        weights: &weights,
         scratch_bytes,
-        bound_policy: BoundPolicy::Allowed,
         numerics: Default::default(),
     };
-    Plan::new(&*former, &request, &Silent).unwrap()
+    Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }
 
 /// How a plan is carried out: nothing of it may matter.
@@ -89,7 +90,7 @@ fn carried_out(plan: &Plan, history: &dyn PhaseHistory, way: &Way) -> Vec<Comple
     if way.backwards {
         indices.reverse();
     }
-    let mut image = InMemory::new(&plan.grid);
+    let mut image = InMemory::of(&plan);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(way.threads);
     pool.build()
         .unwrap()

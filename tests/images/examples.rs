@@ -98,7 +98,7 @@ fn example_measures_simulated_point() {
 #[test]
 fn example_tiles_form_whole_image() {
     let text = prints(Path::new("."), "tiles", &[]);
-    assert!(numbers(&text, "expected error:")[0] < -60.0, "{text}");
+    assert!(numbers(&text, "predicted error:")[0] < -60.0, "{text}");
     assert_eq!(
         numbers(&text, "pixels that differ from the whole image:"),
         [0.0]

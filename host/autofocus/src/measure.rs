@@ -139,6 +139,7 @@ pub fn merits(
             fast: weights.fast.clone(),
             slow: weights.slow[range].to_vec(),
             lit: None,
+            windows: None,
         };
         let weight = weights.slow.iter().sum::<f64>() / total_weight;
         let mut pixels = Vec::with_capacity(num_pixels as usize);

@@ -47,12 +47,13 @@ use num_complex::Complex64;
 
 use super::budget::Budget;
 use super::compared::{self, Compared, Planned};
-use super::sampled::{Probes, Sampled, TileRecord};
+use super::sampled::{Probes, TileRecord};
 use super::second_look::{Estimate, add_all, look_again, look_at_all};
 use super::{
     Decision, FormError, Formed, ImageFormer, ImageSpec, Reason, Remedy, Task, Tile, Work, dark,
     rounding, second_look, sweep,
 };
+use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
 
@@ -106,57 +107,6 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
     bound_db.is_some_and(|bound_db| predicted_db.is_nan() || predicted_db > bound_db)
 }
 
-/// Form the image of `task` by `form` as `former` decides, under the accuracy contract.
-///
-/// # Errors
-/// Errors of the former and of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
-pub(super) fn keep<F: ImageFormer + ?Sized>(
-    former: &F,
-    task: &Task,
-    bound_policy: BoundPolicy,
-    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
-) -> Result<Formed, FormError> {
-    let goal = former.goal(bound_policy);
-    attempt(former, task, None, &goal, form)?.judge(&goal)
-}
-
-/// Form the image of `task`, and form it again with a stricter plan ([`ImageFormer::planning_for`]) where the plan keeps the bound but the image
-/// exceeds it. The stricter plan may fall short of its target if its error is less than that of the first one.
-///
-/// # Errors
-/// Errors of [`keep`].
-pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
-    former: &F,
-    task: &Task,
-    bound_policy: BoundPolicy,
-) -> Result<Formed, FormError> {
-    let goal = former.goal(bound_policy);
-    let first = attempt(former, task, None, &goal, opened(former, task))?;
-    let next = first.judgement.next_plan_db(&goal);
-    let Some((next_db, stricter)) = next.and_then(|db| Some((db, former.planning_for(db)?))) else {
-        return first.judge(&goal);
-    };
-    let planning = stricter.goal(BoundPolicy::Allowed);
-    let swept = swept(&*stricter, &task.spec(), &planning)?;
-    let decision = stricter.decide(&task.spec(), &planning, task.monitor)?;
-    let plans = [
-        (first.judgement.planned_db, first.operations),
-        (
-            with_sweep(decision.planned_db, swept),
-            decision.cost.operations,
-        ),
-    ];
-    if !is_worth_forming_again(plans) {
-        return first.judge(&goal);
-    }
-    drop(first);
-    let form = opened(&*stricter, task);
-    let mut second = attempt(&*stricter, task, Some(decision), &goal, form)?;
-    let settings = &mut second.formed.settings;
-    settings.insert("planned_for_db".to_owned(), next_db.into());
-    second.judge(&goal)
-}
-
 /// Smallest reduction of the planned error, dB, and largest factor in operations, for which a stricter plan is used.
 const MIN_GAIN_DB: f64 = 0.5;
 const MAX_TIMES: f64 = 32.0;
@@ -164,18 +114,6 @@ const MAX_TIMES: f64 = 32.0;
 /// Whether to form an image again, from the (planned error in dB, operations) of the first and the second plan.
 pub(super) fn is_worth_forming_again([first, second]: [(f64, f64); 2]) -> bool {
     second.0 <= first.0 - MIN_GAIN_DB && second.1 <= MAX_TIMES * first.1
-}
-
-/// Open the decision of a former.
-fn opened<'a, F: ImageFormer + ?Sized>(
-    former: &'a F,
-    task: &'a Task,
-) -> impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError> + 'a {
-    |decision, work, tiles| {
-        former
-            .open(task.spec(), &decision.choices)?
-            .form(work, tiles)
-    }
 }
 
 /// Increment of a raised bound, dB, and largest number of increments.
@@ -317,89 +255,6 @@ pub(super) fn note_error(
     missed
 }
 
-/// Image with its measured error.
-struct Attempt {
-    formed: Formed,
-    judgement: Judgement,
-    /// Real operations of its plan.
-    operations: f64,
-}
-
-impl Attempt {
-    /// Return the image with its prediction if it keeps the bound, or if the bound may be exceeded.
-    fn judge(mut self, goal: &ErrorGoal) -> Result<Formed, FormError> {
-        let Self {
-            formed, judgement, ..
-        } = &mut self;
-        formed.predicted_error_db = judgement.predicted_db();
-        formed.bound_missed = judgement.note(goal.bound_db, &mut formed.settings);
-        judgement.check(goal)?;
-        Ok(self.formed)
-    }
-}
-
-/// Form the image by `decided`, or by a new decision of `former`, and compare it with the exact sum.
-fn attempt<F: ImageFormer + ?Sized>(
-    former: &F,
-    task: &Task,
-    decided: Option<Decision>,
-    goal: &ErrorGoal,
-    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
-) -> Result<Attempt, FormError> {
-    task.check()?;
-    super::check_surface(former, task.grid)?;
-    let spec = task.spec();
-    let allowed = ErrorGoal {
-        bound_policy: BoundPolicy::Allowed,
-        ..*goal
-    };
-    // A given decision has been accepted already.
-    let agreed = decided.as_ref().map_or(goal, |_| &allowed);
-    let swept = swept(former, &spec, agreed)?;
-    // A stricter plan needs exact sums of its own accuracy rather than that of the bound.
-    let planned_db = decided.as_ref().map(|decision| decision.planned_db);
-    let least_db = goal.bound_db.unwrap_or(f64::NEG_INFINITY);
-    let probes = Probes::new(spec, planned_db.map_or(least_db, |db| db.min(least_db)));
-    let sampled = Sampled {
-        history: task.history,
-        probes: &probes,
-        monitor: task.monitor,
-    };
-    let (tile, decision) = whole(former, task, decided, goal, &sampled, form)?;
-    let planned_db = with_sweep(decision.planned_db, swept);
-    let judgement = match probes.record(&tile) {
-        Some(record) => {
-            let records = [record];
-            let planned = Planned::of_settings(planned_db, &decision.settings);
-            let judgement =
-                judge_again(&spec, task.history, &records, planned, goal, task.monitor)?;
-            // A small image is refused for actual errors only, not for possible ones.
-            let all = match judgement.next_plan_db(goal) {
-                Some(_) if judgement.num_sampled < tile.pixels.len() => {
-                    look_at_all(&spec, task.history, &tile, task.monitor)?
-                }
-                _ => None,
-            };
-            all.map_or(judgement, |all| judge(&spec, &[all], planned, None))
-        }
-        // The former skipped pulses, so the sum of all pulses is not available.
-        None => Judgement {
-            planned_db,
-            measured_db: f64::INFINITY,
-            outside_db: f64::NEG_INFINITY,
-            num_sampled: 0,
-            spacing_cells: dark::spacing_cells(&spec),
-        },
-    };
-    let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
-    task.numerics.note(&mut formed.settings);
-    Ok(Attempt {
-        formed,
-        judgement,
-        operations: decision.cost.operations,
-    })
-}
-
 /// Relative error of the stop-and-go approximation within a pulse, if `former` makes it.
 ///
 /// # Errors
@@ -430,49 +285,29 @@ pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
     }
 }
 
-/// Form the whole image of `task` in memory with the pulses of `history`.
-fn whole<F: ImageFormer + ?Sized>(
-    former: &F,
-    task: &Task,
-    decided: Option<Decision>,
-    goal: &ErrorGoal,
-    history: &dyn PhaseHistory,
-    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
-) -> Result<(Tile, Decision), FormError> {
-    // Check the memory before listing pixels; the grid may be far too large.
-    let budget = Budget::for_task(task, 8)?;
-    let decision = match decided {
-        Some(decision) => decision,
-        None => former.decide(&task.spec(), goal, task.monitor)?,
-    };
-    let work = Work {
-        history,
-        memory_bytes: budget.left_bytes(),
-        monitor: task.monitor,
-    };
-    let mut tile = Tile::whole(task.grid);
-    form(&decision, &work, std::slice::from_mut(&mut tile))?;
-    tile.check_finite(task.grid)?;
-    Ok((tile, decision))
-}
-
-/// Apply [`keep`] to an image whose pixels are moving points, for which there is no exact sum: only the plan is checked.
+/// Form the image of `task` by `form` with the choices of `former`, without a comparison with the exact sum: only the plan is checked.
+///
+/// # Errors
+/// Errors of the former and of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
 pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
     bound_policy: BoundPolicy,
+    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Formed, FormError> {
-    task.check()?;
+    super::check(task.history.collection(), task.grid)?;
     super::check_surface(former, task.grid)?;
     let goal = former.goal(bound_policy);
-    let (tile, decision) = whole(
-        former,
-        task,
-        None,
-        &goal,
-        task.history,
-        opened(former, task),
-    )?;
+    // Check the memory before listing pixels; the grid may be far too large.
+    let budget = Budget::for_task(task, 8)?;
+    let decision = former.decide(&task.spec(), &goal, task.monitor)?;
+    let work = Work {
+        memory_bytes: budget.left_bytes(),
+        ..task.work()
+    };
+    let mut tile = Tile::whole(task.grid);
+    form(&decision, &work, std::slice::from_mut(&mut tile))?;
+    tile.check_finite(task.grid)?;
     let planned_db = decision.planned_db;
     let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
     formed.expect(goal.bound_db, planned_db);
@@ -489,14 +324,15 @@ pub fn comparison_operations(spec: &ImageSpec) -> f64 {
 /// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than planned, and the planned error plus
 /// the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
 /// besides echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
-/// overlaps. A second pass reads all pulses of `history` again.
+/// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
 /// # Errors
-/// [`FormError::Read`]; [`FormError::Cancelled`].
+/// [`FormError::Read`]; [`FormError::Cancelled`]; [`FormError::Sink`] if the image cannot be read.
 pub(super) fn judge_again(
     spec: &ImageSpec,
     history: &dyn PhaseHistory,
     records: &[TileRecord],
+    image: Option<&dyn ImageSource>,
     planned: Planned,
     goal: &ErrorGoal,
     monitor: &dyn Monitor,
@@ -519,7 +355,18 @@ pub(super) fn judge_again(
         return Ok(judgement);
     }
     let again = look_again(spec, history, records, monitor)?;
-    Ok(judge(spec, records, planned, again))
+    let judgement = judge(spec, records, planned, again);
+    // A small image is refused for actual errors only, not for possible ones.
+    let image = image.filter(|_| {
+        judgement.next_plan_db(goal).is_some() && judgement.num_sampled < compared.total
+    });
+    match image {
+        Some(image) => {
+            let all = look_at_all(spec, history, image, monitor)?;
+            Ok(all.map_or(judgement, |all| judge(spec, &[all], planned, None)))
+        }
+        None => Ok(judgement),
+    }
 }
 
 /// Error of an image with planned error `planned`, from the records of all tiles and an optional second pass, by

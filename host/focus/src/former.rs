@@ -1,11 +1,11 @@
 //! Interface of image formers: decide on a plan for an image, then form any part of it.
 //!
 //! ```text
-//! Aim (geometry, grid, weights, scratch) ── decide ──> Decision (choices, planned error)
-//! Aim, choices ── open ──> Forming ── form (pulses, tiles, memory) ──> pixels of these tiles
+//! ImageSpec (geometry, grid, weights, scratch) ── decide ──> Decision (choices, planned error)
+//! ImageSpec, choices ── open ──> Forming ── form (pulses, tiles, memory) ──> pixels of these tiles
 //! ```
 //!
-//! **Reproducibility.** The value of a pixel depends only on the aim, the choices and the samples. It is bit-identical for any number of threads, any
+//! **Reproducibility.** The value of a pixel depends only on the specification, the choices and the samples. It is bit-identical for any number of threads, any
 //! memory, and any tiles formed, in any place, order or number at a time. With portable transforms
 //! ([`super::Transforms`]) it is also bit-identical on every machine. Therefore
 //! - a parameter that affects summation order or table size is a choice, made once for the whole grid and recorded;
@@ -19,6 +19,7 @@ use num_complex::Complex32;
 
 use super::accuracy::{self, BoundPolicy, ErrorGoal};
 use super::cost::Cost;
+use super::execute;
 use super::patch::{PatchSize, Rectangle};
 use super::{FormError, Formed, Numerics, Task};
 use subaperture_model::geometry::ImageGrid;
@@ -229,7 +230,7 @@ pub trait ImageFormer: Send + Sync {
     /// Prepare to form the image of `spec` by choices of [`Self::decide`], possibly made on another machine.
     ///
     /// # Errors
-    /// [`FormError::Choices`] if `choices` do not belong to this former and this aim.
+    /// [`FormError::Choices`] if `choices` do not belong to this former and this image.
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
@@ -260,16 +261,17 @@ pub trait ImageFormer: Send + Sync {
     /// [`FormError`] except [`FormError::BoundMissed`].
     fn form_planned(&self, task: &Task) -> Result<Formed, FormError> {
         super::beam::check(self, task.weights)?;
-        accuracy::keep_planned(self, task, BoundPolicy::Allowed)
+        accuracy::keep_planned(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
+            self.open(task.spec(), &decision.choices)?.form(work, tiles)
+        })
     }
 
-    /// Form the image by [`Self::form`] or [`Self::form_best`], as `misses` says.
+    /// Form the image by [`Self::form`] or [`Self::form_best`], depending on `bound_policy`.
     ///
     /// # Errors
     /// [`FormError`].
     fn form_asked(&self, task: &Task, bound_policy: BoundPolicy) -> Result<Formed, FormError> {
-        super::beam::check(self, task.weights)?;
-        accuracy::keep_replanning(self, task, bound_policy)
+        execute::in_memory(self, task, bound_policy)
     }
 
     /// Make the same former with a planned error of `error_db`; `None` if its error cannot be reduced.
@@ -289,7 +291,7 @@ pub(crate) fn chosen<T: serde::de::DeserializeOwned>(
     T::deserialize(choices).map_err(|error| misfit(former, &error.to_string()))
 }
 
-/// Error for choices that do not belong to this former and aim.
+/// Error for choices that do not belong to this former and image.
 pub(crate) fn misfit(former: &'static str, what: &str) -> FormError {
     FormError::Choices {
         former,

@@ -26,9 +26,9 @@ mod calibrate;
 mod compared;
 pub mod cost;
 pub mod dark;
-mod decided;
 mod drawn;
 mod error;
+mod execute;
 mod fingerprint;
 pub mod forecast;
 pub mod former;
@@ -38,6 +38,7 @@ pub mod live;
 pub mod machine;
 pub mod moving;
 mod numerics;
+mod opened;
 pub mod patch;
 pub mod path_model;
 mod path_tile;
@@ -65,9 +66,9 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights}
 
 pub use accuracy::{BoundPolicy, ErrorGoal, Judgement, Settings};
 pub use cost::{Cost, StageCost};
-pub use decided::DecidedOnce;
 pub use drawn::SampledPixels;
 pub use error::{FormError, Reason, Remedy};
+pub use execute::{Executed, Execution};
 pub use former::{Decision, Forming, ImageFormer, ImageSpec, SCRATCH_BYTES, Tile, Work};
 pub use formers::{auto, bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use numerics::{Numerics, Transforms};
@@ -123,8 +124,13 @@ impl<'a> Task<'a> {
         }
     }
 
-    fn check(&self) -> Result<(), FormError> {
-        check(self.history.collection(), self.grid)
+    /// Source of the pulses, with limits.
+    pub fn work(&self) -> Work<'a> {
+        Work {
+            history: self.history,
+            memory_bytes: self.memory_bytes,
+            monitor: self.monitor,
+        }
     }
 }
 
@@ -241,6 +247,21 @@ impl Formed {
         };
         formed.expect(None, planned_db);
         formed
+    }
+
+    /// Image of `plan` with its measured error.
+    pub(crate) fn judged(image: Image, plan: &Plan, judgement: &Judgement) -> Self {
+        let mut settings = plan.summary.as_object().cloned().unwrap_or_default();
+        if let Some(error_db) = plan.planned_for_db {
+            settings.insert("planned_for_db".to_owned(), error_db.into());
+        }
+        let bound_missed = judgement.note(plan.bound_db, &mut settings);
+        Self {
+            image,
+            predicted_error_db: judgement.predicted_db(),
+            bound_missed,
+            settings,
+        }
     }
 
     /// Record the predicted error and the error bound.

@@ -172,7 +172,10 @@ impl ImageFormer for VelocityPlane {
     }
 
     fn form_asked(&self, task: &Task, bound_policy: BoundPolicy) -> Result<Formed, FormError> {
-        accuracy::keep_planned(self, task, bound_policy)
+        // Its pixels are moving points, for which there is no exact sum.
+        accuracy::keep_planned(self, task, bound_policy, |decision, work, tiles| {
+            self.open(task.spec(), &decision.choices)?.form(work, tiles)
+        })
     }
 
     fn decide(

@@ -7,23 +7,22 @@
 //! **Tiles** are rectangles of one size in row-major order; those at the last row and column are smaller. Their size is a multiple of the
 //! former's grain that gives about [`TILE_PIXELS`] pixels.
 //!
-//! **Tile records** ([`TileRecord`]) are kept with the pixels of each tile. The records of all tiles determine the actual error of the image
+//! **Tile records** ([`TileRecord`](super::TileRecord)) are kept with the pixels of each tile. The records of all tiles determine the actual error of the image
 //! ([`Opened::judge`]) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
-//! that exceeds its bound, [`Plan::for_less`] makes another plan of the same request with a smaller planned error.
+//! that exceeds its bound, [`Plan::for_less`] makes another plan of the same image with a smaller planned error.
+//! [`super::Execution`] does all of this.
 
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, BoundPolicy, ErrorGoal, Judgement};
+use super::accuracy::{self, BoundPolicy, ErrorGoal};
 use super::compared::Planned;
 use super::cost::Cost;
 pub use super::fingerprint::Fingerprint;
-use super::patch::{PatchSize, Rectangle};
-use super::sampled::{Probes, Sampled, TileRecord};
-pub use super::sink::{InMemory, Sink};
+pub use super::opened::Opened;
+use super::patch::PatchSize;
+pub use super::sink::{ImageSink, InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
-use super::{
-    FormError, Forming, ImageFormer, ImageSpec, Numerics, Tile, Transforms, Work, formers,
-};
+use super::{FormError, ImageFormer, ImageSpec, Numerics, Tile, Transforms, formers};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Tiling;
 use subaperture_model::monitor::Monitor;
@@ -32,6 +31,9 @@ use subaperture_signal::window::Window;
 
 /// Schema name at the start of a plan's text.
 pub const SCHEMA: &str = "subaperture-plan-1";
+
+/// Window name of weights that do not sample windows ([`Weights::windows`]). A plan with such weights cannot be opened from its text.
+const OTHER_WEIGHTS: &str = "other";
 
 /// Approximate pixels of a tile: 8 MiB.
 pub const TILE_PIXELS: usize = 1 << 20;
@@ -42,41 +44,6 @@ const TILES: usize = 64;
 /// Minimum pixels of a tile; the files of a smaller one would take longer than its formation.
 const MIN_TILE_PIXELS: usize = 1 << 12;
 
-/// Request for a plan, apart from the former.
-#[derive(Clone, Copy)]
-pub struct Request<'a> {
-    /// Geometry and frequencies of the recording.
-    pub collection: &'a Collection,
-    /// Pixel grid of the image.
-    pub grid: &'a ImageGrid,
-    /// Window over fast time.
-    pub fast: Window,
-    /// Window over slow time.
-    pub slow: Window,
-    /// Limit on tables and buffers of one worker, bytes ([`ImageSpec::scratch_bytes`]).
-    pub scratch_bytes: u64,
-    /// Whether the error bound may be exceeded.
-    pub bound_policy: BoundPolicy,
-    /// Transforms and timing model.
-    pub numerics: Numerics<'a>,
-}
-
-impl<'a> Request<'a> {
-    /// Specification of the image with the given weights, which must be those of the request's windows.
-    pub fn spec<'w>(&self, weights: &'w Weights) -> ImageSpec<'w>
-    where
-        'a: 'w,
-    {
-        ImageSpec {
-            collection: self.collection,
-            grid: self.grid,
-            weights,
-            scratch_bytes: self.scratch_bytes,
-            numerics: self.numerics,
-        }
-    }
-}
-
 /// Plan for forming an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
@@ -86,7 +53,7 @@ pub struct Plan {
     /// Settings of the former ([`ImageFormer::settings`]).
     pub settings: serde_json::Value,
     /// Parameters chosen by the former.
-    choices: serde_json::Value,
+    pub(super) choices: serde_json::Value,
     /// Summary of the choices: a JSON object.
     pub summary: serde_json::Value,
     /// Pixel grid of the image.
@@ -168,40 +135,38 @@ impl Plan {
     /// Make a plan for an image.
     ///
     /// # Errors
-    /// [`FormError`] of the former; [`FormError::BoundMissed`] if the planned error exceeds a bound that must
-    /// be kept.
-    pub fn new(
-        former: &dyn ImageFormer,
-        request: &Request,
+    /// [`FormError`] of the former; [`FormError::BoundMissed`] if the planned error exceeds the former's bound and that is refused.
+    pub fn new<F: ImageFormer + ?Sized>(
+        former: &F,
+        spec: &ImageSpec,
+        bound_policy: BoundPolicy,
         monitor: &dyn Monitor,
     ) -> Result<Self, FormError> {
-        Self::made(former, former.bound_db(), request, monitor)
+        Self::made(former, former.bound_db(), spec, bound_policy, monitor)
     }
 
-    /// Make a plan of the same request for a planned error of `error_db`, less than the former's bound
-    /// ([`Judgement::next_plan_db`]). The bound of the image is unchanged. The plan may fall short of
+    /// Make a plan of the same image for a planned error of `error_db`, less than the former's bound
+    /// ([`Judgement::next_plan_db`](super::Judgement::next_plan_db)). The bound of the image is unchanged. The plan may fall short of
     /// `error_db`. `None` if the former cannot reduce its error, or still exceeds a bound that must be kept.
     ///
     /// # Errors
     /// Errors of [`Self::new`].
-    pub fn for_less(
-        former: &dyn ImageFormer,
+    pub fn for_less<F: ImageFormer + ?Sized>(
+        former: &F,
         error_db: f64,
-        request: &Request,
+        spec: &ImageSpec,
+        bound_policy: BoundPolicy,
         monitor: &dyn Monitor,
     ) -> Result<Option<Self>, FormError> {
         let Some(stricter) = former.planning_for(error_db) else {
             return Ok(None);
         };
         // The plan may fall short of `error_db`.
-        let allowed = Request {
-            bound_policy: BoundPolicy::Allowed,
-            ..*request
-        };
+        let allowed = BoundPolicy::Allowed;
         let plan = Self {
             planned_for_db: Some(error_db),
-            misses_allowed: request.bound_policy == BoundPolicy::Allowed,
-            ..Self::made(&*stricter, former.bound_db(), &allowed, monitor)?
+            misses_allowed: bound_policy == BoundPolicy::Allowed,
+            ..Self::made(&*stricter, former.bound_db(), spec, allowed, monitor)?
         };
         let keeps = plan.misses_allowed || !accuracy::misses(plan.planned_db, plan.bound_db);
         Ok(keeps.then_some(plan))
@@ -221,26 +186,24 @@ impl Plan {
     ///
     /// # Errors
     /// Errors of [`Self::new`]; [`FormError::Read`].
-    pub fn for_recording(
-        former: &dyn ImageFormer,
-        request: &Request,
+    pub fn for_recording<F: ImageFormer + ?Sized>(
+        former: &F,
+        spec: &ImageSpec,
+        bound_policy: BoundPolicy,
         history: &dyn PhaseHistory,
         monitor: &dyn Monitor,
     ) -> Result<Self, FormError> {
-        let plan = Self::new(former, request, monitor)?;
+        let plan = Self::new(former, spec, bound_policy, monitor)?;
         let goal = plan.goal();
         if goal.bound_db.is_none() || former.planning_for(plan.planned_db).is_none() {
             return Ok(plan);
         }
-        let weights =
-            former.weights(request.collection, request.grid, request.fast, request.slow)?;
-        let spec = request.spec(&weights);
         let planned = Planned::of_settings(plan.planned_db, &plan.summary);
-        let room = accuracy::room_for_outside(&spec, history, planned, &goal, monitor)?;
+        let room = accuracy::room_for_outside(spec, history, planned, &goal, monitor)?;
         let Some(error_db) = room else {
             return Ok(plan);
         };
-        match Self::for_less(former, error_db, request, monitor) {
+        match Self::for_less(former, error_db, spec, bound_policy, monitor) {
             Ok(Some(less)) if plan.is_worth_replacing(&less) => Ok(less),
             // A stricter plan is not available; the first plan may suffice.
             Ok(_) | Err(FormError::Unsuited(_)) => Ok(plan),
@@ -248,28 +211,36 @@ impl Plan {
         }
     }
 
-    fn made(
-        former: &dyn ImageFormer,
+    fn made<F: ImageFormer + ?Sized>(
+        former: &F,
         bound_db: Option<f64>,
-        request: &Request,
+        spec: &ImageSpec,
+        bound_policy: BoundPolicy,
         monitor: &dyn Monitor,
     ) -> Result<Self, FormError> {
-        let &Request {
-            collection, grid, ..
-        } = request;
+        let &ImageSpec {
+            collection,
+            grid,
+            weights,
+            numerics,
+            scratch_bytes,
+        } = spec;
         super::check(collection, grid)?;
         super::check_surface(former, grid)?;
-        let weights = former.weights(collection, grid, request.fast, request.slow)?;
-        let spec = request.spec(&weights);
-        let goal = former.goal(request.bound_policy);
-        let swept = accuracy::swept(former, &spec, &goal)?;
-        let decision = former.decide(&spec, &goal, monitor)?;
+        super::beam::check(former, weights)?;
+        let goal = former.goal(bound_policy);
+        let swept = accuracy::swept(former, spec, &goal)?;
+        let decision = former.decide(spec, &goal, monitor)?;
         let tile = tile_size(grid, decision.grain);
         let share = (tile.rows * tile.columns) as f64 / grid.num_pixels() as f64;
         let mut summary = decision.settings;
         if let Some(summary) = summary.as_object_mut() {
-            request.numerics.note(summary);
+            numerics.note(summary);
         }
+        let [window, slow_window] = match weights.windows {
+            Some(windows) => windows.map(|window| window.to_string()),
+            None => [OTHER_WEIGHTS; 2].map(str::to_owned),
+        };
         Ok(Self {
             schema: SCHEMA.to_owned(),
             former: former.name().to_owned(),
@@ -277,13 +248,13 @@ impl Plan {
             choices: decision.choices,
             summary,
             grid: grid.clone(),
-            window: request.fast.to_string(),
-            slow_window: request.slow.to_string(),
-            scratch_bytes: request.scratch_bytes,
-            transforms: request.numerics.transforms,
-            time_model: request.numerics.model.clone(),
+            window,
+            slow_window,
+            scratch_bytes,
+            transforms: numerics.transforms,
+            time_model: numerics.model.clone(),
             bound_db,
-            misses_allowed: request.bound_policy == BoundPolicy::Allowed,
+            misses_allowed: bound_policy == BoundPolicy::Allowed,
             planned_db: accuracy::with_sweep(decision.planned_db, swept),
             planned_for_db: None,
             tile_operations: decision.cost.tile_operations(share).round(),
@@ -293,6 +264,23 @@ impl Plan {
             tile,
             recording: Fingerprint::of(collection),
         })
+    }
+
+    /// The same plan with the whole image as its only tile.
+    pub(super) fn in_one_tile(&self) -> Self {
+        let tile = Tile::place_of(&self.grid).size;
+        Self {
+            tile,
+            ..self.clone()
+        }
+    }
+
+    /// The same plan in one tile, if `other` has one only.
+    pub(super) fn with_tiles_as(self, other: &Self) -> Self {
+        match other.num_tiles() {
+            1 => self.in_one_tile(),
+            _ => self,
+        }
     }
 
     /// Write the plan as JSON text.
@@ -403,9 +391,12 @@ impl Plan {
             });
         }
         let former = formers::former(&self.former, &self.settings)?;
-        super::check_surface(&*former, &self.grid)?;
-        super::beam::check(&*former, weights)?;
-        let spec = ImageSpec {
+        Ok(Opened::new(&*former, self, self.spec(collection, weights))?)
+    }
+
+    /// Specification of the image for the weights of [`Self::weights`].
+    pub fn spec<'a>(&'a self, collection: &'a Collection, weights: &'a Weights) -> ImageSpec<'a> {
+        ImageSpec {
             collection,
             grid: &self.grid,
             weights,
@@ -414,13 +405,7 @@ impl Plan {
                 transforms: self.transforms,
                 model: &self.time_model,
             },
-        };
-        Ok(Opened {
-            plan: self,
-            spec,
-            forming: former.open(spec, &self.choices)?,
-            probes: Probes::new(spec, self.planned_db),
-        })
+        }
     }
 }
 
@@ -435,117 +420,5 @@ fn tile_size(grid: &ImageGrid, grain: PatchSize) -> PatchSize {
     PatchSize {
         rows: side(grid.rows.count, grain.rows),
         columns: side(grid.columns.count, grain.columns),
-    }
-}
-
-/// Plan opened for forming tiles.
-pub struct Opened<'a> {
-    plan: &'a Plan,
-    spec: ImageSpec<'a>,
-    forming: Box<dyn Forming + 'a>,
-    /// Sums of all pulses once each has been read; data shared by tiles may then be kept instead of reading pulses again.
-    probes: Probes<'a>,
-}
-
-/// Progress of one of several passes over the pulses.
-struct Pass<'a> {
-    monitor: &'a dyn Monitor,
-    done: f64,
-    share: f64,
-}
-
-impl Monitor for Pass<'_> {
-    fn progress(&self, fraction: f64) {
-        self.monitor.progress(self.done + self.share * fraction);
-    }
-
-    fn cancelled(&self) -> bool {
-        self.monitor.cancelled()
-    }
-
-    fn begins(&self, stage: &'static str) {
-        self.monitor.begins(stage);
-    }
-
-    fn ends(&self, stage: &'static str) {
-        self.monitor.ends(stage);
-    }
-}
-
-impl Opened<'_> {
-    /// Form the tiles of the given indices in order and pass each to `sink`. Each pass over the pulses forms as many tiles as
-    /// `memory_bytes` (for everything) allows, at most `most_a_pass`.
-    ///
-    /// # Errors
-    /// [`FormError`]. Tiles already passed to the sink are complete.
-    pub fn form(
-        &self,
-        work: &Work,
-        indices: &[usize],
-        most_a_pass: usize,
-        sink: &mut dyn Sink,
-    ) -> Result<(), FormError> {
-        let held_bytes = work.history.held_bytes();
-        let left_bytes = work.memory_bytes.saturating_sub(held_bytes);
-        let pixels = (self.plan.tile.rows * self.plan.tile.columns) as u64;
-        let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
-        // A third for tiles; the rest for pulses and scratch.
-        let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
-        let tiling = self.plan.tiling();
-        let (total, mut done) = (indices.len() as f64, 0);
-        for indices in indices.chunks(fit as usize) {
-            let places = indices.iter().map(|&index| tiling.place(index));
-            let mut tiles: Vec<Tile> = places
-                .map(|place| Tile::new(Rectangle::of(&place)))
-                .collect();
-            let sampled = Sampled {
-                history: work.history,
-                probes: &self.probes,
-                monitor: work.monitor,
-            };
-            let pass = Pass {
-                monitor: work.monitor,
-                done: done as f64 / total,
-                share: indices.len() as f64 / total,
-            };
-            let tiles_bytes = tiles.iter().map(|tile| 8 * tile.pixels.len() as u64);
-            let within = Work {
-                history: &sampled,
-                memory_bytes: left_bytes.saturating_sub(tiles_bytes.sum()),
-                monitor: &pass,
-            };
-            self.forming.form(&within, &mut tiles)?;
-            for (&index, tile) in indices.iter().zip(tiles) {
-                tile.check_finite(self.spec.grid)?;
-                let record = self.probes.record(&tile).ok_or(FormError::PulsesLeftOut)?;
-                sink.take(index, tile, record).map_err(FormError::Sink)?;
-            }
-            done += indices.len();
-        }
-        Ok(())
-    }
-
-    /// Measured error of the image from the records of all tiles, by evenly spread pixels alone.
-    pub fn judge(&self, records: &[TileRecord]) -> Judgement {
-        accuracy::judge(&self.spec, records, self.planned(), None)
-    }
-
-    /// Measured error of the image from the records of all tiles, also by pixels drawn in proportion to power unless the evenly spread pixels settle that the bound is kept.
-    /// The drawn pixels need another pass over all pulses of `history`.
-    ///
-    /// # Errors
-    /// [`FormError::Read`]; [`FormError::Cancelled`].
-    pub fn judge_again(
-        &self,
-        records: &[TileRecord],
-        history: &dyn PhaseHistory,
-        monitor: &dyn Monitor,
-    ) -> Result<Judgement, FormError> {
-        let (planned, goal) = (self.planned(), self.plan.goal());
-        accuracy::judge_again(&self.spec, history, records, planned, &goal, monitor)
-    }
-
-    fn planned(&self) -> Planned {
-        Planned::of_settings(self.plan.planned_db, &self.plan.summary)
     }
 }

@@ -22,6 +22,7 @@ use super::cost::transform;
 use super::drawn::DRAWS;
 use super::sampled::{ComparedPixel, Probes, TileRecord, sampled_pixels};
 use super::{FormError, ImageSpec, Tile};
+use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
 
@@ -171,11 +172,11 @@ const SWEEP_TERMS: f64 = 20.0;
 /// exceeds the limit.
 ///
 /// # Errors
-/// [`FormError::Read`]; [`FormError::Cancelled`].
+/// [`FormError::Read`]; [`FormError::Cancelled`]; [`FormError::Sink`] if the image cannot be read.
 pub(super) fn look_at_all(
     spec: &ImageSpec,
     history: &dyn PhaseHistory,
-    tile: &Tile,
+    image: &dyn ImageSource,
     monitor: &dyn Monitor,
 ) -> Result<Option<TileRecord>, FormError> {
     let collection = spec.collection;
@@ -185,12 +186,18 @@ pub(super) fn look_at_all(
     } else {
         1.0
     };
-    if each * samples * tile.pixels.len() as f64 > MAX_TERMS {
+    if each * samples * spec.grid.num_pixels() as f64 > MAX_TERMS {
         return Ok(None);
     }
+    let place = Tile::place_of(spec.grid);
+    let pixels = image
+        .window(&place.place())
+        .map_err(FormError::Sink)?
+        .pixels;
+    let tile = Tile { place, pixels };
     let probes = Probes::at(*spec, (0..tile.pixels.len()).collect(), false);
     add_all(&probes, spec, history, monitor)?;
-    Ok(probes.record(tile))
+    Ok(probes.record(&tile))
 }
 
 /// Add all pulses of `history` to the probes.

@@ -68,6 +68,7 @@ pub fn forecast_of(
                 fast: task.weights.fast.clone(),
                 slow: task.weights.slow[part.pulses()].to_vec(),
                 lit: None,
+                windows: None,
             },
             // The blocks of the part; windows take no time.
             Some(_) => {

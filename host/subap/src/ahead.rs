@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use subaperture::focus::forecast::Forecast;
-use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::focus::{Cost, FormError, ImageFormer, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast::{cost, forecast_of};
+use subaperture::planner::forecast::forecast_of;
 
 use crate::args::Rehearsal;
 use crate::config::Session;
@@ -35,26 +35,20 @@ pub(crate) struct Ahead {
 }
 
 impl Ahead {
-    /// An image by `former`, into the folder `out`. Measures only what may be long, unless it is asked for.
+    /// Image by `former` into the folder `out`; `cost` is that of its plan. Long work is measured, and all work in a dry run.
     pub(crate) fn of_image(
         session: &Session,
         rehearsal: &Rehearsal,
-        former: &dyn ImageFormer,
+        (former, cost): (&dyn ImageFormer, &Cost),
         task: &Task,
         out: &Path,
     ) -> Result<Self, FormError> {
-        let collection = task.history.collection();
-        let (grid, pulses) = (task.grid, collection.pulses.len());
+        let (grid, pulses) = (task.grid, task.history.collection().pulses.len());
         let pixels = grid.num_pixels();
         let many = MANY_OPERATIONS * session.threads as f64;
-        // No former takes more than a multiplication and an addition, complex, a pixel and sample.
-        let at_most = 8.0 * pixels as f64 * pulses as f64 * collection.num_samples as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
-        if (rehearsal.dry_run || at_most > many)
-            && let Some(cost) = cost(former, task)
-            && (rehearsal.dry_run || cost.operations > many)
-        {
-            time = forecast_of(former, task, &cost)?;
+        if rehearsal.dry_run || cost.operations > many {
+            time = forecast_of(former, task, cost)?;
             let held_bytes = buffers_bytes.saturating_add(cost.bytes(1.0));
             buffers_bytes = held_bytes.min(task.memory_bytes);
         }

@@ -1,18 +1,20 @@
-//! One image in tiles: planned once, written down, and formed tile by tile, here or on any machine that has the plan and
-//! the recording. What comes out is the same to the bit.
+//! Image formed tile by tile by a plan that can be stored as text. The result is bit-identical to an image formed at once.
 
 use std::error::Error;
 
-use subaperture::focus::plan::{InMemory, Request, Sink};
-use subaperture::focus::{BoundPolicy, Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
+use subaperture::focus::plan::{ImageSink, InMemory, Sink};
+use subaperture::focus::{
+    BoundPolicy, Execution, ImageSpec, Plan, SCRATCH_BYTES, Tile, TileRecord, Work,
+};
 use subaperture::monitor::Silent;
+use subaperture::phase_history::Weights;
 use subaperture::prelude::*;
 use subaperture::simulate::{Preset, Variation};
 
-/// Hands tiles on to an image in memory and says which they were. One of one's own would write files, or send them.
-struct Told(InMemory);
+/// Image in memory that prints its tiles. Another sink writes files, or sends the tiles to another machine.
+struct Printed(InMemory);
 
-impl Sink for Told {
+impl Sink for Printed {
     fn take(
         &mut self,
         index: usize,
@@ -25,43 +27,55 @@ impl Sink for Told {
     }
 }
 
+impl ImageSink for Printed {
+    fn begin(&mut self, plan: &Plan) -> Result<Vec<usize>, Box<dyn Error + Send + Sync>> {
+        println!("planned error: {:.1} dB", plan.planned_db);
+        // A sink that continues an earlier run returns the tiles that are missing.
+        self.0.begin(plan)
+    }
+
+    fn records(&mut self) -> Result<Option<Vec<TileRecord>>, Box<dyn Error + Send + Sync>> {
+        self.0.records()
+    }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let recording = Preset::Table41.simulate(&Variation::default());
     let grid: ImageGrid = "x=-40:40:0.25,y=-40:40:0.25,z=0".parse()?;
+    let former = RangeDopplerBackprojection::default();
+    let window = Window::default();
 
-    // Once, anywhere: how the image will be formed, as text.
-    let request = Request {
+    // Plan once, on any machine, from the geometry alone. The text states everything except the samples.
+    let spec = ImageSpec {
         collection: recording.collection(),
         grid: &grid,
-        fast: Window::default(),
-        slow: Window::default(),
+        weights: &Weights::new(recording.collection(), window, window),
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Refused,
         numerics: Default::default(),
     };
-    let text = Plan::new(&RangeDopplerBackprojection::default(), &request, &Silent)?.to_text();
+    let text = Plan::new(&former, &spec, BoundPolicy::Refused, &Silent)?.to_text();
 
-    // Wherever tiles are formed: any of them, in any order, within any memory.
+    // Execute the plan where the recording is: form the tiles, compare them with the exact sum, and plan again if the scene needs it.
     let plan = Plan::from_text(&text)?;
     let weights = plan.weights(recording.collection())?;
-    let opened = plan.open(recording.collection(), &weights)?;
-    let work = Work {
-        history: &recording,
-        memory_bytes: 256 << 20,
-        monitor: &Silent,
+    let execution = Execution {
+        former: &former,
+        spec: plan.spec(recording.collection(), &weights),
+        work: Work {
+            history: &recording,
+            memory_bytes: 256 << 20,
+            monitor: &Silent,
+        },
+        may_replan: true,
     };
-    let mut image = Told(InMemory::new(&plan.grid));
-    for index in (0..plan.num_tiles()).rev() {
-        opened.form(&work, &[index], 1, &mut image)?;
-    }
-
-    // Where all of them are.
-    let records: Vec<TileRecord> = image.0.records.into_values().collect();
+    let mut image = Printed(InMemory::new());
+    let executed = execution.run(&plan, &mut image)?.expect("all tiles");
     println!(
-        "expected error: {:.1} dB",
-        opened.judge(&records).predicted_db()
+        "predicted error: {:.1} dB",
+        executed.judgement.predicted_db()
     );
-    let whole = RangeDopplerBackprojection::default().focus(&recording, &grid)?;
+
+    let whole = former.focus(&recording, &grid)?;
     let other = (whole.image.pixels.iter())
         .zip(&image.0.image.pixels)
         .filter(|(a, b)| a != b);

@@ -4,11 +4,11 @@ use std::sync::OnceLock;
 
 use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
-use subaperture::focus::plan::{InMemory, Request};
-use subaperture::focus::{BoundPolicy, Plan, SCRATCH_BYTES, Work};
+use subaperture::focus::plan::InMemory;
+use subaperture::focus::{BoundPolicy, ImageSpec, Plan, SCRATCH_BYTES, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{InMemory as Samples, PhaseHistory};
+use subaperture::phase_history::{InMemory as Samples, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 
@@ -85,7 +85,7 @@ pub(super) fn plan(bytes: &[u8]) -> String {
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
     };
-    let mut image = InMemory::new(&plan.grid);
+    let mut image = InMemory::of(&plan);
     match opened.form(&work, &[0], 1, &mut image) {
         Ok(()) => {
             assert!(image.image.pixels.iter().all(|z| z.is_finite()));
@@ -100,13 +100,12 @@ pub(super) fn plan(bytes: &[u8]) -> String {
 pub(super) fn plan_seeds() -> Vec<Vec<u8>> {
     let history = history();
     let grid: ImageGrid = "x=-12:12:2.5,y=-12:12:3".parse().unwrap();
-    let request = Request {
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let spec = ImageSpec {
         collection: history.collection(),
         grid: &grid,
-        fast: Window::Hamming,
-        slow: Window::default(),
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Allowed,
         numerics: Default::default(),
     };
     let thesis = serde_json::json!({ "mode": { "thesis": {} } });
@@ -117,7 +116,7 @@ pub(super) fn plan_seeds() -> Vec<Vec<u8>> {
     formers.push(subaperture::focus::formers::former("rdbp", &thesis).unwrap());
     formers
         .iter()
-        .filter_map(|former| Plan::new(&**former, &request, &Silent).ok())
+        .filter_map(|former| Plan::new(&**former, &spec, BoundPolicy::Allowed, &Silent).ok())
         .map(|plan| plan.to_text().into_bytes())
         .collect()
 }

@@ -83,6 +83,7 @@ impl Part {
                 fast: spec.weights.fast.clone(),
                 slow: lit.slow(block).0.to_vec(),
                 lit: None,
+                windows: None,
             },
         }
     }

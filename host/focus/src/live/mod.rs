@@ -113,6 +113,7 @@ impl Live {
                 fast: settings.window.weights(num_samples),
                 slow: vec![1.0],
                 lit: None,
+                windows: None,
             },
             shown: Sums::new(num_pixels, sampled.len()),
             part: Part::new(grid, sampled.len()),

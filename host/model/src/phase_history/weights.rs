@@ -14,6 +14,8 @@ pub struct Weights {
     pub slow: Vec<f64>,
     /// Pulses and weights of each block of pixels, used instead of `slow` where the beam limits the pulses of a pixel.
     pub lit: Option<Arc<BlockIllumination>>,
+    /// Windows over fast and slow time that the weights sample; `None` for other weights. A stored plan states its weights by them.
+    pub windows: Option<[Window; 2]>,
 }
 
 impl Weights {
@@ -47,6 +49,7 @@ impl Weights {
             fast: fast.weights(collection.num_samples),
             slow: channels.flat_map(of_channel).collect(),
             lit: None,
+            windows: Some([fast, slow]),
         }
     }
 

@@ -75,6 +75,7 @@ pub(super) fn compare(
         fast: weights.fast.clone(),
         slow: weights.slow[pulses.clone()].to_vec(),
         lit: None,
+        windows: None,
     };
     let stretch = Stretch::new(history, pulses.clone());
     let formed = RangeDopplerBackprojection::default()

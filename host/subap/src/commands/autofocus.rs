@@ -11,20 +11,20 @@ use subaperture::autofocus::{
     Outcome, PhaseGradient, Points, SIGNIFICANCE, SharpenError, Sharpened, Sharpness, Stopping,
     Subject, most_images, sharpen,
 };
-use subaperture::focus::ImageFormer;
 use subaperture::focus::forecast::Forecast;
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
-use subaperture::phase_history::{Collection, Joined, PhaseHistory};
+use subaperture::phase_history::{Collection, Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
 
 use crate::ahead::Ahead;
 use crate::args::{Autofocus, Way};
-use crate::commands::forming::{self, Forming};
+use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
 
@@ -143,9 +143,14 @@ fn ahead(
         return Ok(false);
     }
     let progress = session.progress("measuring");
-    let windows = [typed.window, typed.slow_window];
-    let forming = Forming::new(session, history, grid, windows, Default::default());
-    let task = forming.task(&progress);
+    let task = Task {
+        history,
+        grid,
+        weights: &Weights::new(history.collection(), typed.window, typed.slow_window),
+        numerics: Default::default(),
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
     let one = match cost(former, &task) {
         Some(cost) => forecast_of(former, &task, &cost)?,
         None => None,

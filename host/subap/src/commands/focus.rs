@@ -8,6 +8,8 @@ mod from_maps;
 mod missed;
 mod on_track;
 mod record;
+mod sinks;
+pub(crate) mod summary;
 pub(crate) mod tiled;
 
 use std::fs::File;
@@ -20,7 +22,7 @@ use serde_json::{Map, Value};
 use subaperture::focus::auto::selected;
 use subaperture::focus::beam::{Beam, seeing};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{DecidedOnce, FormError, Formed, ImageFormer, Numerics, Task};
+use subaperture::focus::{FormError, Formed, ImageFormer, Numerics, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::input::checksum;
@@ -28,12 +30,12 @@ use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InputFile, PhaseHistory};
-use subaperture::planner::forecast::cost;
 
+use crate::ahead::Ahead;
 use crate::args::{Focus, TrackSource};
 use crate::commands::air::Recorded;
 use crate::commands::export::Products;
-use crate::commands::forming::{self, Forming, Surveying};
+use crate::commands::forming::{self, Surveying};
 use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -116,18 +118,26 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
             former.name()
         )
     });
-    let windows = [typed.image.window, typed.image.slow_window];
-    let forming = Forming::by(former, session, job.history, grid, windows, job.numerics)?;
-    let beam = former.beam();
-    // Planned to be told of, and formed by that plan.
-    let former = DecidedOnce::new(former, forming.task(&Silent).spec());
-    if announce(job, &former, &forming)? {
+    let collection = job.history.collection();
+    let weights = tiled::weights(&typed.image, former, collection, grid)?;
+    let spec = tiled::spec(&typed.image, collection, grid, &weights, job.numerics);
+    let task = Task {
+        history: job.history,
+        grid,
+        weights: &weights,
+        numerics: job.numerics,
+        memory_bytes: session.memory_bytes,
+        monitor: &Silent,
+    };
+    let plan = tiled::plan(session, &typed.image, former, &spec)?;
+    if announce(job, former, &plan, &task)? {
         return Ok(());
     }
     if 8 * grid.num_pixels() > session.memory_bytes / 2 {
-        return tiled::into_array(job, &former, grid);
+        let work = tiled::InParts { job, former, spec };
+        return work.form_array(&plan);
     }
-    let (formed, check) = form(job, &former, &forming)?;
+    let (formed, check) = form(job, former, &plan, &task)?;
     let settings = record::settings(job, former.name(), &formed.settings);
     let about = record::About {
         settings,
@@ -136,7 +146,7 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
     };
     job.deliver(
         grid,
-        (former.name(), beam),
+        (former.name(), former.beam()),
         about,
         deliver::Whole::Memory(&formed.image),
     )
@@ -169,12 +179,17 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
     with_history(session, typed, |history, _| {
         let stored = product::open(&typed.out)?;
         let progress = session.progress("checking");
-        let windows = [typed.image.window, typed.image.slow_window];
-        let numerics = typed.image.numerics(None);
         let of = (history, typed.velocity);
         let former = beam::former(session, &typed.image, of, &stored.grid)?;
-        let forming = Forming::by(&*former, session, history, &stored.grid, windows, numerics)?;
-        let task = forming.task(&progress);
+        let collection = history.collection();
+        let task = Task {
+            history,
+            grid: &stored.grid,
+            weights: &tiled::weights(&typed.image, &*former, collection, &stored.grid)?,
+            numerics: typed.image.numerics(None),
+            memory_bytes: session.memory_bytes,
+            monitor: &progress,
+        };
         let bound_db = former.bound_db();
         let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
         let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
@@ -282,38 +297,37 @@ impl Job<'_> {
     }
 }
 
-/// Says what the image will take: whether that is all that was asked for.
-fn announce(job: &Job, former: &dyn ImageFormer, forming: &Forming<'_>) -> anyhow::Result<bool> {
+/// Print the expected cost of the image. Whether that is all that was asked for.
+fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
-    let task = forming.task(&progress);
-    if session.verbosity() > 0
-        && let Some(cost) = cost(former, &task)
-    {
-        stages::foretell(session, &cost);
-    }
-    let only = forming::announce(session, &typed.rehearsal, former, &task, &typed.out)?;
+    stages::foretell(session, &plan.cost);
+    let task = Task {
+        monitor: &progress,
+        ..*task
+    };
+    let rehearsal = &typed.rehearsal;
+    let ahead = Ahead::of_image(session, rehearsal, (former, &plan.cost), &task, &typed.out)?;
     progress.finish();
-    Ok(only)
+    ahead.announce(session, rehearsal)
 }
 
-/// Forms the image and checks it, if that is asked for.
+/// Form the image in memory, and compare it with the exact sum if that is asked for.
 fn form(
     job: &Job,
     former: &dyn ImageFormer,
-    forming: &Forming<'_>,
+    plan: &Plan,
+    task: &Task,
 ) -> anyhow::Result<(Formed, Option<check::Check>)> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("focusing");
-    let task = forming.task(&progress);
     let image_bytes = 8 * task.grid.num_pixels();
     let checking = typed
         .check
-        .map(|count| check::Plan::new(&task, image_bytes, count));
+        .map(|count| check::Plan::new(task, image_bytes, count));
     let checking = checking.transpose()?;
     let formed = stages::measured(session, &progress, |monitor| {
-        let task = Task { monitor, ..task };
-        former.form_asked(&task, typed.image.bound_policy())
+        plan.form(former, &Task { monitor, ..*task })
     });
     let formed = formed.map_err(|error| missed::refusal(error, former, &task.spec(), &progress))?;
     tell_settings(&formed.settings);
@@ -323,7 +337,11 @@ fn form(
     progress.finish();
     let against_exact = |plan: check::Plan| {
         let progress = session.progress("checking");
-        plan.against_exact(&forming.task(&progress), &formed.image, former.bound_db())
+        let task = Task {
+            monitor: &progress,
+            ..*task
+        };
+        plan.against_exact(&task, &formed.image, former.bound_db())
     };
     let check = checking.map(against_exact).transpose()?;
     Ok((formed, check))

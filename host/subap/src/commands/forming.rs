@@ -6,21 +6,18 @@ use std::sync::OnceLock;
 
 use anyhow::Context;
 use serde_json::Value;
-use subaperture::focus::{FormError, ImageFormer, Numerics, Task, TimeModel};
+use subaperture::focus::TimeModel;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::input::open_file;
 use subaperture::io::json::{self, JsonError, Limits};
 use subaperture::io::product::{self, Product};
-use subaperture::monitor::Monitor;
-use subaperture::phase_history::{Collection, PhaseHistory, Weights};
+use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::plot::{self, Panel};
 use subaperture::resolution::survey::Survey;
-use subaperture::signal::window::Window;
 
-use crate::ahead::Ahead;
-use crate::args::{Imaging, Rehearsal, Writing};
+use crate::args::{Imaging, Writing};
 use crate::config::Session;
 
 /// Claims the folder of an image and checks that it can be written. Held until the command's end.
@@ -121,84 +118,6 @@ pub(crate) fn time_model(typed: &Imaging) -> anyhow::Result<Option<TimeModel>> {
         })?;
     let model = TimeModel::from_value(value).with_context(|| path.display().to_string())?;
     Ok(Some(model))
-}
-
-/// An image to be formed.
-pub(crate) struct Forming<'f> {
-    history: &'f dyn PhaseHistory,
-    grid: &'f ImageGrid,
-    weights: Weights,
-    memory_bytes: u64,
-    numerics: Numerics<'f>,
-}
-
-impl<'f> Forming<'f> {
-    /// Of a recording on a grid, under windows in fast and slow time, by these means.
-    pub(crate) fn new(
-        session: &Session,
-        history: &'f dyn PhaseHistory,
-        grid: &'f ImageGrid,
-        [fast, slow]: [Window; 2],
-        numerics: Numerics<'f>,
-    ) -> Self {
-        let weights = Weights::new(history.collection(), fast, slow);
-        Self::weighted(session, history, grid, weights, numerics)
-    }
-
-    /// The same by a former, under the weights that it takes.
-    ///
-    /// # Errors
-    /// [`FormError`] if its beam does not suit the recording or the grid.
-    pub(crate) fn by(
-        former: &dyn ImageFormer,
-        session: &Session,
-        history: &'f dyn PhaseHistory,
-        grid: &'f ImageGrid,
-        [fast, slow]: [Window; 2],
-        numerics: Numerics<'f>,
-    ) -> Result<Self, FormError> {
-        let weights = former.weights(history.collection(), grid, fast, slow)?;
-        Ok(Self::weighted(session, history, grid, weights, numerics))
-    }
-
-    fn weighted(
-        session: &Session,
-        history: &'f dyn PhaseHistory,
-        grid: &'f ImageGrid,
-        weights: Weights,
-        numerics: Numerics<'f>,
-    ) -> Self {
-        Self {
-            history,
-            grid,
-            weights,
-            memory_bytes: session.memory_bytes,
-            numerics,
-        }
-    }
-
-    /// The work, watched by `monitor`.
-    pub(crate) fn task<'t>(&'t self, monitor: &'t dyn Monitor) -> Task<'t> {
-        Task {
-            history: self.history,
-            grid: self.grid,
-            weights: &self.weights,
-            memory_bytes: self.memory_bytes,
-            monitor,
-            numerics: self.numerics,
-        }
-    }
-}
-
-/// Says what an image by `former` will take: whether that is all that was asked for.
-pub(crate) fn announce(
-    session: &Session,
-    rehearsal: &Rehearsal,
-    former: &dyn ImageFormer,
-    task: &Task,
-    out: &Path,
-) -> anyhow::Result<bool> {
-    Ahead::of_image(session, rehearsal, former, task, out)?.announce(session, rehearsal)
 }
 
 /// Writes an image, which `panel` shows, its record and its picture, complete or not at all.

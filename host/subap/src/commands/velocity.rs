@@ -5,15 +5,17 @@ use std::time::Instant;
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::focus::moving::{VelocityPlane, default_velocities, velocity_resolution_m_s};
-use subaperture::focus::{Formed, ImageFormer};
+use subaperture::focus::{Formed, ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Image, power};
-use subaperture::phase_history::{Collection, PhaseHistory};
+use subaperture::phase_history::{Collection, PhaseHistory, Weights};
+use subaperture::planner::forecast::cost;
 use subaperture::plot::{Panel, ShownAxis};
 use subaperture::resolution::survey::Survey;
 
+use crate::ahead::Ahead;
 use crate::args::Velocity;
-use crate::commands::forming::{self, Forming};
+use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
 
@@ -45,13 +47,22 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         epoch_s: collection.pulses[0].time_s,
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
     };
-    let windows = [typed.window, typed.slow_window];
-    let forming = Forming::new(session, &history, &grid, windows, typed.numerics());
     let progress = session.progress("focusing");
-    let task = forming.task(&progress);
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &Weights::new(collection, typed.window, typed.slow_window),
+        numerics: typed.numerics(),
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
     let rehearsal = &typed.rehearsal;
-    if forming::announce(session, rehearsal, &former, &task, &typed.out)? {
-        return Ok(());
+    // A plane that is refused is refused for its own reason below.
+    if let Some(cost) = cost(&former, &task) {
+        let ahead = Ahead::of_image(session, rehearsal, (&former, &cost), &task, &typed.out)?;
+        if ahead.announce(session, rehearsal)? {
+            return Ok(());
+        }
     }
     let formed = former.form(&task)?;
     progress.finish();

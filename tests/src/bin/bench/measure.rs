@@ -12,11 +12,10 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use subaperture::focus::formers::{FORMERS, former};
-use subaperture::focus::plan::Request;
-use subaperture::focus::{BoundPolicy, ImageFormer, Plan, SCRATCH_BYTES, Task, machine};
+use subaperture::focus::{BoundPolicy, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, machine};
 use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture_xtask::processor::{self, Of};
 
@@ -171,18 +170,17 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     };
     let peak_bytes = machine::peak_bytes().unwrap_or(0);
     let [error_db, scaled_db] = errors_db(&formed.image.pixels, side, &judged);
-    let request = Request {
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::Hamming);
+    let spec = ImageSpec {
         collection: history.collection(),
         grid: &grid,
-        fast: Window::Hamming,
-        slow: Window::Hamming,
+        weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
-        bound_policy: BoundPolicy::Allowed,
         numerics: Default::default(),
     };
     // A scene that makes more of errors was formed by another plan, of which no account is kept.
     let replanned = formed.settings.contains_key("planned_for_db");
-    let plan = Plan::new(&*former, &request, &Silent).ok();
+    let plan = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).ok();
     let operations = plan
         .filter(|_| !replanned)
         .map_or(0.0, |plan| plan.cost.operations);

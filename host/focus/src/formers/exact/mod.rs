@@ -192,6 +192,7 @@ impl Exact {
                 fast: weights.fast.clone(),
                 slow: lit.slow(block).0.to_vec(),
                 lit: None,
+                windows: None,
             };
             let places: Vec<DVec3> = own.iter().map(|&at| points[at]).collect();
             let sums = Self::at_points(&part, &weights, &places, memory_bytes, monitor)?;

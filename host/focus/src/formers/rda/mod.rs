@@ -183,16 +183,16 @@ impl RangeDopplerAlgorithm {
         })
     }
 
-    /// Form the image as [`ImageFormer::form_best`], and pass every intermediate array to `observe`.
+    /// Form the image as [`ImageFormer::form_planned`], and pass every intermediate array to `observe`.
     ///
     /// # Errors
-    /// Errors of [`ImageFormer::form_best`].
+    /// Errors of [`ImageFormer::form_planned`].
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
+        accuracy::keep_planned(self, task, BoundPolicy::Allowed, |decision, work, tiles| {
             let spec = task.spec();
             let method = self.expansion(spec.collection)?;
             Strip::new(ENTRY.name, spec, method, &decision.choices)?

@@ -8,7 +8,7 @@ use subaperture::io::ours::Kind;
 
 use crate::args::{Part, PlanFocus};
 use crate::commands::air::Recorded;
-use crate::commands::focus::tiled;
+use crate::commands::focus::{summary, tiled};
 use crate::commands::{forming, surface};
 use crate::config::Session;
 use crate::text;
@@ -52,7 +52,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     }
     text::say(format!(
         "{}\n{:<16} {:.2e}, in all; {:.2e} for a tile alone\n{:<16} {} for a tile alone, by one thread",
-        tiled::describe(&plan, Part::WHOLE),
+        summary::describe(&plan, Part::WHOLE),
         "operations",
         plan.cost.operations,
         plan.tile_operations,

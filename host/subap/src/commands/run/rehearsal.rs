@@ -12,7 +12,7 @@ use super::chain::{Link, Stage};
 use super::options::Options;
 use crate::args::ImageFormat;
 use crate::commands::air::Recorded;
-use crate::commands::forming::{self, Forming};
+use crate::commands::forming;
 use crate::commands::{focus, surface};
 use crate::config::Session;
 use crate::text;
@@ -162,8 +162,15 @@ impl Measured {
         let progress = session.progress("measuring");
         let mut memory_bytes = 0;
         let mut time = |grid: &ImageGrid, former: &dyn ImageFormer, numerics: Numerics| {
-            let forming = Forming::by(former, session, history, grid, windows, numerics)?;
-            let task: Task = forming.task(&progress);
+            let [fast, slow] = windows;
+            let task = Task {
+                history,
+                grid,
+                weights: &former.weights(history.collection(), grid, fast, slow)?,
+                numerics,
+                memory_bytes: session.memory_bytes,
+                monitor: &progress,
+            };
             let Some(cost) = cost(former, &task) else {
                 return anyhow::Ok(None);
             };

@@ -1,0 +1,150 @@
+//! Plan opened by its former: forms tiles, and measures the error of the complete image.
+
+use super::accuracy::{self, Judgement};
+use super::compared::Planned;
+use super::patch::Rectangle;
+use super::plan::Plan;
+use super::sampled::{Probes, Sampled, TileRecord};
+use super::sink::Sink;
+use super::{FormError, Forming, ImageFormer, ImageSpec, Tile, Work};
+use subaperture_model::image::ImageSource;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::PhaseHistory;
+
+/// Plan opened for forming tiles.
+pub struct Opened<'a> {
+    plan: &'a Plan,
+    spec: ImageSpec<'a>,
+    forming: Box<dyn Forming + 'a>,
+    /// Sums of all pulses once each has been read; data shared by tiles may then be kept instead of reading pulses again.
+    probes: Probes<'a>,
+}
+
+impl<'a> Opened<'a> {
+    /// Open `plan` by `former`, which made it for `spec`.
+    pub(super) fn new<F: ImageFormer + ?Sized>(
+        former: &F,
+        plan: &'a Plan,
+        spec: ImageSpec<'a>,
+    ) -> Result<Self, FormError> {
+        super::check_surface(former, spec.grid)?;
+        super::beam::check(former, spec.weights)?;
+        // A stricter plan needs exact sums of its own accuracy rather than that of the bound.
+        let bound_db = plan.bound_db.unwrap_or(f64::NEG_INFINITY);
+        let least_db = match plan.planned_for_db {
+            Some(_) => bound_db.min(plan.planned_db),
+            None => bound_db,
+        };
+        Ok(Self {
+            plan,
+            spec,
+            forming: former.open(spec, &plan.choices)?,
+            probes: Probes::new(spec, least_db),
+        })
+    }
+}
+
+/// Progress of one of several passes over the pulses.
+struct Pass<'a> {
+    monitor: &'a dyn Monitor,
+    done: f64,
+    share: f64,
+}
+
+impl Monitor for Pass<'_> {
+    fn progress(&self, fraction: f64) {
+        self.monitor.progress(self.done + self.share * fraction);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.monitor.cancelled()
+    }
+
+    fn begins(&self, stage: &'static str) {
+        self.monitor.begins(stage);
+    }
+
+    fn ends(&self, stage: &'static str) {
+        self.monitor.ends(stage);
+    }
+}
+
+impl Opened<'_> {
+    /// Form the tiles of the given indices in order and pass each to `sink`. Each pass over the pulses forms as many tiles as
+    /// `memory_bytes` (for everything) allows, at most `most_a_pass`.
+    ///
+    /// # Errors
+    /// [`FormError`]. Tiles already passed to the sink are complete.
+    pub fn form(
+        &self,
+        work: &Work,
+        indices: &[usize],
+        most_a_pass: usize,
+        sink: &mut dyn Sink,
+    ) -> Result<(), FormError> {
+        let held_bytes = work.history.held_bytes();
+        let left_bytes = work.memory_bytes.saturating_sub(held_bytes);
+        let pixels = (self.plan.tile.rows * self.plan.tile.columns) as u64;
+        let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
+        // A third for tiles; the rest for pulses and scratch.
+        let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
+        let tiling = self.plan.tiling();
+        let (total, mut done) = (indices.len() as f64, 0);
+        for indices in indices.chunks(fit as usize) {
+            let places = indices.iter().map(|&index| tiling.place(index));
+            let mut tiles: Vec<Tile> = places
+                .map(|place| Tile::new(Rectangle::of(&place)))
+                .collect();
+            let sampled = Sampled {
+                history: work.history,
+                probes: &self.probes,
+                monitor: work.monitor,
+            };
+            let pass = Pass {
+                monitor: work.monitor,
+                done: done as f64 / total,
+                share: indices.len() as f64 / total,
+            };
+            let tiles_bytes = tiles.iter().map(|tile| 8 * tile.pixels.len() as u64);
+            let within = Work {
+                history: &sampled,
+                memory_bytes: left_bytes.saturating_sub(tiles_bytes.sum()),
+                monitor: &pass,
+            };
+            self.forming.form(&within, &mut tiles)?;
+            for (&index, tile) in indices.iter().zip(tiles) {
+                tile.check_finite(self.spec.grid)?;
+                let record = self.probes.record(&tile).ok_or(FormError::PulsesLeftOut)?;
+                sink.take(index, tile, record).map_err(FormError::Sink)?;
+            }
+            done += indices.len();
+        }
+        Ok(())
+    }
+
+    /// Measured error of the image from the records of all tiles, by evenly spread pixels alone.
+    pub fn judge(&self, records: &[TileRecord]) -> Judgement {
+        accuracy::judge(&self.spec, records, self.planned(), None)
+    }
+
+    /// Measured error of the image from the records of all tiles, also by pixels drawn in proportion to power unless the evenly spread pixels settle that the bound is kept.
+    /// The drawn pixels need another pass over all pulses of `history`. Every pixel of `image`, if given, is compared in a third pass where it is
+    /// small and would exceed the bound otherwise.
+    ///
+    /// # Errors
+    /// [`FormError::Read`]; [`FormError::Cancelled`]; [`FormError::Sink`] if the image cannot be read.
+    pub fn judge_again(
+        &self,
+        records: &[TileRecord],
+        history: &dyn PhaseHistory,
+        image: Option<&dyn ImageSource>,
+        monitor: &dyn Monitor,
+    ) -> Result<Judgement, FormError> {
+        let (planned, goal) = (self.planned(), self.plan.goal());
+        accuracy::judge_again(&self.spec, history, records, image, planned, &goal, monitor)
+    }
+
+    fn planned(&self) -> Planned {
+        Planned::of_settings(self.plan.planned_db, &self.plan.summary)
+    }
+}

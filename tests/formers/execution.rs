@@ -1,0 +1,173 @@
+//! Execution of plans by tiles: a stricter plan replaces one whose image exceeds the bound, as for an image formed in memory.
+
+use std::error::Error;
+
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::patch::PatchSize;
+use subaperture::focus::plan::{ImageSink, InMemory, Sink};
+use subaperture::focus::{
+    BoundPolicy, Execution, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Tile,
+    TileRecord,
+};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::ImageSource;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Variation};
+
+/// Nearly all energy of the recording comes from scatterers outside this grid, so that a plan from the geometry alone is not enough.
+const GRID: &str = "x=-8:8:0.4,y=-8:8:0.4";
+
+/// Image in memory that records its plans and the order of its tiles.
+struct Recorded {
+    image: InMemory,
+    /// Tiles that this process forms, of the whole image.
+    own: fn(usize) -> bool,
+    plans: Vec<Plan>,
+    taken: Vec<usize>,
+}
+
+impl Recorded {
+    fn new(own: fn(usize) -> bool) -> Self {
+        Self {
+            image: InMemory::new(),
+            own,
+            plans: Vec::new(),
+            taken: Vec::new(),
+        }
+    }
+}
+
+impl Sink for Recorded {
+    fn take(
+        &mut self,
+        index: usize,
+        tile: Tile,
+        record: TileRecord,
+    ) -> Result<(), Box<dyn Error + Send + Sync>> {
+        self.taken.push(index);
+        self.image.take(index, tile, record)
+    }
+}
+
+impl ImageSink for Recorded {
+    fn begin(&mut self, plan: &Plan) -> Result<Vec<usize>, Box<dyn Error + Send + Sync>> {
+        self.plans.push(plan.clone());
+        let mut indices = self.image.begin(plan)?;
+        indices.retain(|&index| (self.own)(index));
+        Ok(indices)
+    }
+
+    fn max_tiles_a_pass(&self, _: &Plan) -> usize {
+        3
+    }
+
+    fn records(&mut self) -> Result<Option<Vec<TileRecord>>, Box<dyn Error + Send + Sync>> {
+        self.image.records()
+    }
+
+    fn image(&self) -> Option<&dyn ImageSource> {
+        self.image.image()
+    }
+}
+
+/// Bound that the plan from the geometry keeps and its image does not, and the plan in tiles of 7 x 9 pixels.
+fn case(spec: &ImageSpec, task: &Task) -> (FastFactorised, Plan) {
+    let bounds = [-40.0, -45.0, -50.0, -60.0];
+    let replans = |former: &FastFactorised| {
+        let formed = former.form_best(task).unwrap();
+        formed.settings.contains_key("planned_for_db")
+    };
+    let formers = bounds.map(|error_db| FastFactorised { error_db });
+    let former = formers.into_iter().find(replans).expect("a second plan");
+    let mut plan = Plan::new(&former, spec, BoundPolicy::Refused, &Silent).unwrap();
+    plan.tile = PatchSize {
+        rows: 7,
+        columns: 9,
+    };
+    (former, plan)
+}
+
+fn with_case(check: impl FnOnce(&FastFactorised, &Plan, &Execution<FastFactorised>, &Task)) {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    let spec = ImageSpec {
+        collection: history.collection(),
+        grid: &grid,
+        weights: &weights,
+        scratch_bytes: SCRATCH_BYTES,
+        numerics: Default::default(),
+    };
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 28,
+        monitor: &Silent,
+        numerics: Default::default(),
+    };
+    let (former, plan) = case(&spec, &task);
+    let execution = Execution {
+        former: &former,
+        spec,
+        work: task.work(),
+        may_replan: true,
+    };
+    check(&former, &plan, &execution, &task);
+}
+
+#[test]
+fn tiles_are_planned_again_as_a_whole_image_is() {
+    with_case(|former, plan, execution, task| {
+        let mut sink = Recorded::new(|_| true);
+        let executed = execution.run(plan, &mut sink).unwrap().unwrap();
+        assert_eq!(sink.plans.len(), 2);
+        assert_eq!(&sink.plans[0], plan);
+        assert_eq!(&sink.plans[1], &*executed.plan);
+        let whole = executed.plan.form(former, task).unwrap();
+        assert_eq!(sink.image.image.pixels, whole.image.pixels);
+        // The pixels drawn for the comparison differ, and with them the target of the second plan.
+        let alone = former.form(task).unwrap();
+        let [by_tiles, alone] = [
+            executed.plan.planned_for_db,
+            alone.settings["planned_for_db"].as_f64(),
+        ];
+        assert!((by_tiles.unwrap() - alone.unwrap()).abs() < 0.5);
+        assert!(executed.judgement.predicted_db() <= former.error_db);
+    });
+}
+
+#[test]
+fn shared_plan_is_not_replaced() {
+    with_case(|former, plan, execution, _| {
+        let mut sink = Recorded::new(|_| true);
+        let execution = Execution {
+            may_replan: false,
+            ..*execution
+        };
+        match execution.run(plan, &mut sink) {
+            Err(FormError::BoundMissed {
+                predicted_db,
+                bound_db,
+                ..
+            }) => assert!(predicted_db > bound_db && bound_db == former.error_db),
+            other => panic!("{other:?}"),
+        }
+        // The sink keeps the image.
+        assert_eq!(sink.plans.len(), 1);
+        assert_eq!(sink.taken, (0..plan.num_tiles()).collect::<Vec<_>>());
+    });
+}
+
+#[test]
+fn part_of_an_image_has_no_error_yet() {
+    with_case(|_, plan, execution, _| {
+        let mut sink = Recorded::new(|index| index % 2 == 1);
+        assert!(execution.run(plan, &mut sink).unwrap().is_none());
+        let odd: Vec<usize> = (0..plan.num_tiles()).filter(|i| i % 2 == 1).collect();
+        assert_eq!(sink.taken, odd);
+        assert_eq!(sink.plans.len(), 1);
+    });
+}
