@@ -174,7 +174,11 @@ impl<'a> Focusing<'a> {
             EstimateError::Form(error) => error,
             error => FormError::unsuited(error.to_string()),
         })?;
-        warnings.extend(chosen.rejected.map(|rejected| rejected.to_string()));
+        match (&chosen.rejected, &chosen.ghosts) {
+            (Some(rejected), _) => warnings.push(rejected.to_string()),
+            (None, Some(ghosts)) => warnings.push(ghosts.to_string()),
+            (None, None) => {}
+        }
         if let unseen @ 1.. = chosen.num_unseen {
             warnings.push(format!(
                 "{unseen} of {} pixels are seen by no pulse: they are zero",

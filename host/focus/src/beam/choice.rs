@@ -43,6 +43,34 @@ pub struct ChosenBeam {
     pub num_unseen: u64,
     /// Reason that a stated or a shown beam is not used.
     pub rejected: Option<Rejected>,
+    /// Azimuth ambiguities within the grid that no beam suppresses. `None` for a curved or uneven track, where targets do not repeat at one distance.
+    pub ghosts: Option<Ghosts>,
+}
+
+/// Azimuth ambiguities: the grid is wider than the pulse spacing samples, and no beam limits the angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ghosts {
+    /// Angles over the grid.
+    pub demanded: Demanded,
+}
+
+impl fmt::Display for Ghosts {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let deg = |sine: f64| libm::asin(sine.min(1.0)).to_degrees();
+        let Demanded {
+            unambiguous,
+            across,
+            repeat_m,
+            ..
+        } = self.demanded;
+        write!(
+            f,
+            "image: ghosts of targets are possible about {repeat_m:.0} m from them along the track, for the grid spans {:.2} deg at a pulse and the pulse spacing samples {:.2} deg \
+             without ambiguity",
+            deg(across),
+            deg(unambiguous)
+        )
+    }
 }
 
 /// Reason that a beam which was not asked for is not used.
@@ -94,6 +122,7 @@ impl ChosenBeam {
             ambiguity_rad: None,
             num_unseen: 0,
             rejected,
+            ghosts: None,
         }
     }
 
@@ -113,6 +142,26 @@ const NARROWER: f64 = 0.7;
 /// # Errors
 /// [`EstimateError`]: that of [`estimate`], or [`FormError::Unsuited`] if a given or estimated beam does not suit the recording or the grid.
 pub fn choose(
+    choice: BeamChoice,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    target_m_s: Option<[f64; 3]>,
+    monitor: &dyn Monitor,
+) -> Result<ChosenBeam, EstimateError> {
+    let mut chosen = limited(choice, history, grid, target_m_s, monitor)?;
+    // A beam narrower than the unambiguous interval receives no ambiguities but in its flanks.
+    let width = chosen.beam.map_or(2.0, |beam| {
+        let edges = [-0.5, 0.5].map(|side| libm::sin(beam.squint_rad + side * beam.width_rad));
+        edges[1] - edges[0]
+    });
+    chosen.ghosts = demanded(history, grid, target_m_s)
+        .filter(|demanded| demanded.across.min(width) > demanded.unambiguous)
+        .map(|demanded| Ghosts { demanded });
+    Ok(chosen)
+}
+
+/// The beam without a statement about ambiguities.
+fn limited(
     choice: BeamChoice,
     history: &dyn PhaseHistory,
     grid: &ImageGrid,

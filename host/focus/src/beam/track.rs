@@ -103,6 +103,15 @@ impl<'a> Track<'a> {
         }
     }
 
+    /// Smallest distance from a point to a pulse's antenna position, metres.
+    pub(super) fn nearest_m(&self, place_m: DVec3) -> f64 {
+        let distances = self
+            .places_m
+            .iter()
+            .map(|antenna_m| antenna_m.distance(place_m));
+        distances.fold(f64::INFINITY, f64::min)
+    }
+
     pub(super) fn len(&self) -> usize {
         self.places_m.len()
     }

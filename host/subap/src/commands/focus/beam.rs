@@ -44,6 +44,11 @@ pub(crate) fn former(
         Some(rejected) => messages::warning(rejected.to_string()),
         None => {}
     }
+    if let (Some(ghosts), true) = (&chosen.ghosts, chosen.rejected.is_none()) {
+        messages::warning(format!(
+            "{ghosts}: choose a narrower grid, or fewer angles by --beam DEG"
+        ));
+    }
     let Some(beam) = chosen.beam else {
         return Ok(plain);
     };
