@@ -4,7 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use subaperture::image::{Image, power};
+use subaperture::io::cphd::{self, Channel, WriteOptions};
 use subaperture::io::npy;
+use subaperture::monitor::Silent;
+use subaperture::simulate::scenario::Scenario;
 use subaperture_tests::subap::run;
 
 /// Half-power width of the antenna, degrees: of each of both ways.
@@ -60,6 +63,15 @@ at = "middle"
 "#,
         1e3 * PRI_S
     )
+}
+
+/// Write `strip.cphd` of a scenario without its antenna patterns, as many files are.
+fn write_without_antennas(at: &Path, scenario: &str) {
+    let experiment = Scenario::new("strip", scenario, at).experiment().unwrap();
+    let recorded = experiment.record(experiment.pairs()[0]).unwrap();
+    let channel = [Channel::new("1", &recorded)];
+    let file = at.join("strip.cphd");
+    cphd::write(file, &channel, &WriteOptions::default(), &Silent).unwrap();
 }
 
 const COLUMNS: usize = 481;
@@ -183,8 +195,7 @@ const TOLERANCE_DEG: f64 = 0.1 * WIDTH_DEG;
 fn strip_is_weighted_by_its_doppler_spectrum_unless_told_otherwise() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    fs::write(at.join("strip.toml"), strip()).unwrap();
-    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    write_without_antennas(at, &strip());
     let ghost_m = WAVELENGTH_M * RANGE_M / (2.0 * SPEED_M_S * PRI_S);
     let grid = "--grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
     let by_default = run(at, &format!("focus strip.cphd {grid} --out image"));
@@ -193,6 +204,11 @@ fn strip_is_weighted_by_its_doppler_spectrum_unless_told_otherwise() {
     assert!((width_deg - WIDTH_DEG).abs() < TOLERANCE_DEG, "{width_deg}");
     assert!(squint_deg.abs() < TOLERANCE_DEG, "{squint_deg}");
     let image = npy::read(&at.join("image/image.npy")).unwrap();
+    assert!(
+        !by_default.stderr.contains("ghosts"),
+        "{}",
+        by_default.stderr
+    );
     let ghost_db = level_db(&image, ghost_m - 4.0, ghost_m + 4.0) - level_db(&image, -1.0, 1.0);
     println!("estimated {width_deg} deg, ghost {ghost_db:.1} dB");
     assert!(ghost_db < -20.0, "{ghost_db}");
@@ -239,12 +255,7 @@ fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
         5f64.to_radians().sin(),
         5f64.to_radians().cos()
     );
-    fs::write(
-        at.join("strip.toml"),
-        strip_looking(&boresight, "kind = \"ideal\""),
-    )
-    .unwrap();
-    run(at, "simulate strip.toml -o strip.cphd").succeeded();
+    write_without_antennas(at, &strip_looking(&boresight, "kind = \"ideal\""));
     let grid = "--grid x=-20:20.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
     let said = run(
         at,
@@ -265,7 +276,7 @@ fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
         level_db > least_db - 0.5 && level_db < most_db + 0.5,
         "{level_db}"
     );
-    // Without a word the samples decide, or nothing is weighted: never at the wrong one.
+    // Without an option the samples decide, or nothing is weighted: never at the wrong one.
     let unsaid = run(at, &format!("focus strip.cphd {grid} --out unsaid"));
     unsaid.succeeded();
     if unsaid.stderr.contains("note: beam: ") {
@@ -293,8 +304,22 @@ fn recording_without_a_beam_is_not_weighted() {
     let grid = "--grid x=-60:60.1:0.5,y=999:1001.1:1 -a bp";
     let plain = run(at, &format!("focus all.cphd {grid} --out image"));
     plain.succeeded();
-    assert!(!plain.stderr.contains("beam"), "{}", plain.stderr);
-    assert!(record(at, "image")["settings"]["resolved"]["beam"].is_null());
+    assert!(!plain.stderr.contains("note: beam"), "{}", plain.stderr);
+    let all = record(at, "image");
+    assert!(all["settings"]["resolved"]["beam"].is_null());
+    // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. The run and the record say so, of a narrower grid nothing is said.
+    let ghosts = "ghosts of targets are possible about 45 m from them";
+    assert!(plain.stderr.contains(ghosts), "{}", plain.stderr);
+    assert!(
+        all["warnings"].to_string().contains(ghosts),
+        "{}",
+        all["warnings"]
+    );
+    let narrow = "--grid x=-20:20.1:0.5,y=999:1001.1:1 -a bp";
+    let narrow = run(at, &format!("focus all.cphd {narrow} --out narrow"));
+    narrow.succeeded();
+    assert!(!narrow.stderr.contains("ghosts"), "{}", narrow.stderr);
+    assert_eq!(record(at, "narrow")["warnings"], serde_json::json!([]));
     run(
         at,
         &format!("focus all.cphd {grid} --beam auto --out other"),
@@ -302,43 +327,57 @@ fn recording_without_a_beam_is_not_weighted() {
     .failed(1, &["Doppler spectrum", "shows no beam"]);
 }
 
-/// The description's own widths and boresight are taken without an option.
+/// Widths and boresights of a scenario are in its files, and are taken from there without an option.
 #[test]
-fn described_antennas_weigh_pulses_by_their_beam() {
+fn simulated_files_state_the_beam_of_their_antennas() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let radar = "kind = \"stepped\"\nstep_time = \"10 us\"";
     fs::write(at.join("strip.toml"), strip_looking("0, 1, 0", radar)).unwrap();
-    run(at, "simulate strip.toml --echoes raw").succeeded();
-    let described = at.join("raw/recording.toml");
-    let plain = fs::read_to_string(&described).unwrap();
+    run(at, "simulate strip.toml --echoes raw -o strip.cphd").succeeded();
     let grid = "--grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a bp";
-    let antenna = |kind: &str| {
-        format!(
-            "\n[[radar.{kind}]]\npattern = \"gaussian\"\nazimuth = \"2 deg\"\nelevation = \"40 deg\"\n"
+    for (input, image) in [("raw/recording.toml", "raw-image"), ("strip.cphd", "image")] {
+        let described = run(at, &format!("info {input}"));
+        let line = "beam             2.000 deg wide, ";
+        assert!(described.succeeded().contains(line), "{described:?}");
+        let described = run(at, &format!("info {input} --json"));
+        let json: serde_json::Value = serde_json::from_str(described.succeeded()).unwrap();
+        assert_eq!(json["beam"]["source"], "stated");
+        let stated = run(at, &format!("focus {input} {grid} --out {image}"));
+        stated.succeeded();
+        let [width_deg, squint_deg] = beam_line(&stated.stderr);
+        assert!(
+            (width_deg - WIDTH_DEG).abs() < 1e-3 && squint_deg.abs() < 1e-3,
+            "{}",
+            stated.stderr
+        );
+        let resolved = record(at, image)["settings"]["resolved"]["beam"].clone();
+        assert_eq!(resolved["source"], "stated");
+        // A width of rounding off 2 deg moves no block by a pulse.
+        run(
+            at,
+            &format!("focus {input} {grid} --beam 2deg --out {image}-given"),
         )
+        .succeeded();
+        run(
+            at,
+            &format!("compare {image} {image}-given --error-db -120"),
+        )
+        .succeeded();
+    }
+    // Isotropic antennas are not described.
+    let plain = strip().replace("\"gaussian\"", "\"isotropic\"");
+    let without = |line: &&str| {
+        !["azimuth", "elevation"]
+            .iter()
+            .any(|key| line.starts_with(key))
     };
-    fs::write(
-        &described,
-        plain + &antenna("transmitter") + &antenna("receiver"),
-    )
-    .unwrap();
-    let stated = run(at, &format!("focus raw/recording.toml {grid} --out image"));
-    stated.succeeded();
-    let [width_deg, squint_deg] = beam_line(&stated.stderr);
-    assert!(
-        (width_deg - 2.0).abs() < 1e-3 && squint_deg.abs() < 1e-3,
-        "{}",
-        stated.stderr
-    );
-    assert_eq!(
-        record(at, "image")["settings"]["resolved"]["beam"]["source"],
-        "stated"
-    );
-    run(
-        at,
-        &format!("focus raw/recording.toml {grid} --beam 2deg --out given"),
-    )
-    .succeeded();
-    run(at, "compare image given --error-db -120").succeeded();
+    let plain: Vec<&str> = plain.lines().filter(without).collect();
+    fs::write(at.join("plain.toml"), plain.join("\n")).unwrap();
+    run(at, "simulate plain.toml -o plain.cphd --echoes plain").succeeded();
+    for input in ["plain.cphd", "plain/recording.toml"] {
+        let described = run(at, &format!("info {input} --json"));
+        let json: serde_json::Value = serde_json::from_str(described.succeeded()).unwrap();
+        assert!(json["beam"].is_null(), "{json}");
+    }
 }

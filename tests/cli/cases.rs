@@ -225,6 +225,164 @@ fn nav_undulation_comes_and_goes() {
     );
 }
 
+/// A stepped radar on a road, in the near field: antennas of 40 deg, intra-pulse motion, errors of navigation.
+const TRUCK: &str = r#"name = "truck"
+seed = 5
+[scene]
+reference = "0, 25, 0 m"
+x = "-20, 20 m"
+y = "5, 45 m"
+[scene.origin]
+latitude = "40.42 deg"
+longitude = "-86.92 deg"
+height = "190 m"
+[[scene.point]]
+position = "0, 25, 0 m"
+cross_section = "10 m^2"
+[[scene.point]]
+position = "-10, 10, 0 m"
+cross_section = "3 m^2"
+[[scene.point]]
+position = "10, 40, 0 m"
+cross_section = "30 m^2"
+[[scene.clutter]]
+x = "-20, 20 m"
+y = "5, 45 m"
+density = 20
+sigma0 = "-20 dB"
+[radar]
+kind = "stepped"
+pulses = 800
+pri = "0.1 s"
+centre = "1.85 GHz"
+bandwidth = "300 MHz"
+samples = 201
+step_time = "0.2 ms"
+motion = "true"
+[[radar.transmitter]]
+boresight = "0, 1, 0"
+pattern = "gaussian"
+azimuth = "40 deg"
+elevation = "60 deg"
+[[radar.receiver]]
+boresight = "0, 1, 0"
+pattern = "gaussian"
+azimuth = "40 deg"
+elevation = "60 deg"
+[radar.noise]
+power = "-10 dB"
+[platform]
+kind = "linear"
+position = "0, 0, 2 m"
+velocity = "0.4, 0, 0 m/s"
+[[platform.perturbation]]
+kind = "sway"
+rms = "10, 10, 1 cm"
+correlation = "8 s"
+[navigation]
+noise = "1, 1, 1 cm"
+drift = "3, 3, 1 cm"
+drift_time = "20 s"
+fix_rate = "20 Hz"
+"#;
+
+/// Predicted error of the image of [`TRUCK`] by default settings, dB.
+fn truck_error_db(grid: &str) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("truck.toml"), TRUCK).unwrap();
+    run(at, "simulate truck.toml -o truck.cphd").succeeded();
+    run(at, &format!("focus truck.cphd --out truck{grid}")).succeeded();
+    let record = fs::read(at.join("truck/image.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    let error_db = record["settings"]["resolved"]["predicted_error_db"].as_f64();
+    println!("predicted {error_db:?} dB");
+    error_db.unwrap()
+}
+
+#[test]
+fn truck_is_focused_within_the_default_bound() {
+    let error_db = truck_error_db(" --grid x=-12:12.05:0.1,y=8:42.1:0.4");
+    assert!(error_db < -60.0, "{error_db}");
+}
+
+#[test]
+#[ignore = "takes a minute: run by cargo xtask long"]
+fn truck_is_focused_within_the_default_bound_on_its_default_grid() {
+    let error_db = truck_error_db("");
+    assert!((error_db + 65.71).abs() < 0.5, "{error_db}");
+}
+
+/// Two receivers 0.25 m before and behind one transmitter.
+const GMTI: &str = r#"name = "gmti"
+seed = 11
+[scene]
+reference = "0, 0, 0 m"
+x = "-60, 60 m"
+y = "-60, 60 m"
+[[scene.clutter]]
+x = "-60, 60 m"
+y = "-60, 60 m"
+density = 3
+sigma0 = "-5 dB"
+[[scene.mover]]
+kind = "linear"
+position = "0, 0, 0 m"
+velocity = "0, 1.0, 0 m/s"
+cross_section = "5 m^2"
+[radar]
+kind = "ideal"
+pulses = 1040
+pri = "1 ms"
+centre = "10 GHz"
+bandwidth = "150 MHz"
+samples = 200
+[[radar.transmitter]]
+offset = "0, 0, 0 m"
+[[radar.receiver]]
+offset = "0.25, 0, 0 m"
+[[radar.receiver]]
+offset = "-0.25, 0, 0 m"
+[radar.noise]
+power = "-10 dB"
+[platform]
+kind = "linear"
+position = "0, -5, 1 km"
+velocity = "125, 0, 0 m/s"
+"#;
+
+#[test]
+fn gmti_has_both_channels_as_its_scenario_states_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("gmti.toml"), GMTI).unwrap();
+    run(at, "simulate gmti.toml -o gmti.cphd").succeeded();
+    let ran = run(at, "info gmti.cphd --json");
+    let info: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let channels = info["containers"][0]["channels"].as_array().unwrap();
+    assert_eq!(channels.len(), 2);
+    // Midpoints of transmitter and receiver: 0.125 m before and behind the transmitter.
+    for (channel, (id, offset_m)) in channels.iter().zip([("T1R1", 0.0), ("T1R2", -0.25)]) {
+        assert_eq!(channel["id"], id);
+        assert_eq!(
+            (&channel["vectors"], &channel["samples"]),
+            (&1040.into(), &200.into())
+        );
+        let found_m: Vec<f64> = serde_json::from_value(channel["offset_m"].clone()).unwrap();
+        // Positions are Earth-centred float64, to 1 nm.
+        for (found_m, expected_m) in found_m.iter().zip([offset_m, 0.0, 0.0]) {
+            assert!((found_m - expected_m).abs() < 1e-8, "{id}: {found_m}");
+        }
+    }
+    let centre_hz = channels[0]["centre_hz"].as_f64().unwrap();
+    // 200 samples of 150 MHz about 10 GHz: their middle is half a step below.
+    assert!(
+        (centre_hz - (10e9 - 0.5 * 150e6 / 200.0)).abs() < 1.0,
+        "{centre_hz}"
+    );
+    assert!(info["beam"].is_null(), "{info}");
+}
+
 /// Four reflectors alone (mp, mpt) and with a fifth target that stands (mpm0) or moves (mpm). Also tests/cli/track.rs.
 #[test]
 fn mp_mpm_mpm0_and_mpt_give_tracks_of_9_6_m() {

@@ -10,11 +10,15 @@ use subaperture::focus::{
     BoundPolicy, FormError, ImageFormer, ImageSpec, Plan, SCRATCH_BYTES, Task, Work,
 };
 use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::io::cphd::{self, WriteOptions};
+use subaperture::io::recording::{self, Raw};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
     Collection, InMemory, PhaseHistory, Pulse, Stretch, Sweep, Weights,
 };
+use subaperture::prelude::{Backprojection, BeamChoice, Focusing};
 use subaperture::signal::window::Window;
+use subaperture::simulate::scenario::Scenario;
 use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
 use subaperture_tests::plain_sum::hamming;
 
@@ -275,4 +279,125 @@ fn weights_of_a_beam_and_formers_without_one_refuse_each_other() {
     assert_eq!(again.beam(), Some(beam()));
     let wide = Beam::new(4.0, 0.0, BeamSource::Given);
     assert!(InBeam::new(bp, wide).is_err());
+}
+
+/// A strip of a point by antennas that look 3 deg forward and down, on a platform that keeps an attitude.
+const STRIP: &str = r#"name = "strip"
+
+[scene]
+reference = "0, 300, 0 m"
+x = "-20, 20 m"
+y = "297, 303 m"
+
+[scene.origin]
+latitude = "47 deg"
+longitude = "8 deg"
+height = "400 m"
+
+[[scene.point]]
+position = "0, 300, 0 m"
+
+[radar]
+kind = "stepped"
+step_time = "1 us"
+pulses = 300
+pri = "4 ms"
+centre = "10 GHz"
+bandwidth = "80 MHz"
+samples = 32
+
+[[radar.transmitter]]
+pattern = "gaussian"
+boresight = "0.0524, 0.9986, -0.2"
+azimuth = "5 deg"
+elevation = "30 deg"
+
+[[radar.receiver]]
+pattern = "aperture"
+boresight = "0.0524, 0.9986, -0.2"
+azimuth = "7 deg"
+elevation = "25 deg"
+
+[platform]
+kind = "linear"
+position = "0, 0, 60 m"
+velocity = "60, 4, 0 m/s"
+at = "middle"
+"#;
+
+#[test]
+fn files_of_a_scenario_state_its_beam() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("strip.toml"), STRIP).unwrap();
+    let scenario = Scenario::read(&at.join("strip.toml")).unwrap();
+    let experiment = scenario.experiment().unwrap();
+    let pair = experiment.pairs()[0];
+    let recorded = experiment.record(pair).unwrap();
+    let stated = recorded.beam().unwrap();
+    // By hand: 1 / w^2 of both adds, and a boresight of the horizontal length 1 with 0.0524 along the track.
+    let narrow = |deg: f64| deg.to_radians().powi(-2);
+    let width_rad = (2.0 / (narrow(5.0) + narrow(7.0))).sqrt();
+    let squint_rad = (0.0524f64 / (0.0524f64.powi(2) + 0.9986f64.powi(2) + 0.04).sqrt()).asin();
+    assert!((stated.width_rad - width_rad).abs() < 1e-12);
+    assert!((stated.squint_rad - squint_rad).abs() < 1e-9, "{stated:?}");
+
+    let carried = recorded.echoes().carried();
+    let file = at.join("strip.cphd");
+    let channel = cphd::Channel::new("1", &recorded).with_antennas(carried.clone());
+    assert!(cphd::describes_antennas(&channel));
+    cphd::write(&file, &[channel], &WriteOptions::default(), &Silent).unwrap();
+    let raw = Raw {
+        id: "1".to_owned(),
+        echoes: recorded.echoes(),
+        antennas: Some(carried),
+    };
+    recording::write(&at.join("raw"), &[raw], &Silent).unwrap();
+    let from_cphd = subaperture::open(&file).unwrap();
+    let from_raw = subaperture::open(at.join("raw/recording.toml")).unwrap();
+    // The description has the same numbers, written to the last digit.
+    let described = from_raw.beam().unwrap();
+    assert!((described.width_rad - stated.width_rad).abs() < 1e-12);
+    assert!((described.squint_rad - stated.squint_rad).abs() < 1e-9);
+    // The file has gain over direction cosines. Its cut goes through boresight and heading, which are not at a right angle: the width is that of an
+    // azimuth about `up` but for the cosine of the elevation off the boresight within the cut, below 1e-3 of 6 deg for 3 deg forward.
+    let filed = from_cphd.beam().unwrap();
+    println!("{stated:?}\n{filed:?}");
+    assert!(
+        (filed.width_rad - stated.width_rad).abs() < 1e-3 * stated.width_rad,
+        "{filed:?}"
+    );
+    assert!(
+        (filed.squint_rad - stated.squint_rad).abs() < 1e-3 * stated.width_rad,
+        "{filed:?}"
+    );
+
+    // A former gets that beam from either, without a word; and none where none is wanted.
+    let grid: ImageGrid = "x=-8:8.1:0.4,y=299:301.1:1".parse().unwrap();
+    let bp = Backprojection::default();
+    let beam_of = |history: &dyn PhaseHistory, choice| {
+        let image = Focusing::new(history, &grid).beam(choice).by(&bp).unwrap();
+        assert!(image.warnings.is_empty(), "{:?}", image.warnings);
+        (image.settings.get("beam").cloned(), image.image.pixels)
+    };
+    for history in [&recorded as &dyn PhaseHistory, &from_cphd, &from_raw] {
+        let (beam, pixels) = beam_of(history, BeamChoice::Stated);
+        let beam = beam.unwrap();
+        assert_eq!(beam["source"], "stated");
+        let width_deg = beam["width_deg"].as_f64().unwrap();
+        assert!((width_deg.to_radians() / stated.width_rad - 1.0).abs() < 1e-3);
+        let given = BeamChoice::Given {
+            width_rad: history.beam().unwrap().width_rad,
+            squint_rad: history.beam().unwrap().squint_rad,
+        };
+        assert_eq!(beam_of(history, given).1, pixels);
+        let (none, all) = beam_of(history, BeamChoice::None);
+        assert!(none.is_none() && all != pixels);
+    }
+    let backwards = BeamChoice::Given {
+        width_rad: 0.1,
+        squint_rad: -1.2,
+    };
+    let refused = Focusing::new(&recorded, &grid).beam(backwards).by(&bp);
+    assert!(matches!(refused, Err(FormError::Unsuited(_))));
 }

@@ -203,6 +203,7 @@ fn what_cannot_be_imaged_says_why() {
     let info = CrsdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].about().name, "R");
     assert_eq!(info.collect_type.as_deref(), Some("MONOSTATIC"));
+    assert_eq!(info.num_antenna_patterns, 1);
     let channels = open_channels::<&str>(&path, None, &Options::default()).unwrap();
     assert_eq!(channels.into_inner().len(), 1);
 }

@@ -314,6 +314,22 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     cphd::CphdInfo::read(path).map(Some)
 }
 
+/// Description of a CRSD file in its header and XML; `None` for other files.
+///
+/// # Errors
+/// As [`crsd::CrsdInfo::read`].
+#[cfg(feature = "cphd")]
+pub fn crsd_info(path: &Path) -> Result<Option<crsd::CrsdInfo>, ReadError> {
+    let start = read_start(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if !start.starts_with(CRSD_MAGIC) {
+        return Ok(None);
+    }
+    crsd::CrsdInfo::read(path).map(Some)
+}
+
 /// Opens recordings and joins them into one aperture, its pulses in the order of [`Joined`] whatever that of
 /// `paths`.
 ///

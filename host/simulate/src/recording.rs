@@ -9,7 +9,7 @@ use super::channel::Channel;
 use super::experiment::{Experiment, Pair};
 use super::record_error::RecordError;
 use subaperture_model::phase_history::{
-    ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
+    Beam, ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
 };
 use subaperture_model::radar::Waveform;
 use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
@@ -122,6 +122,15 @@ impl PhaseHistory for Recording<'_> {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.echoes().true_antennas()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        let pulses = &self.echoes().collection().pulses;
+        let middles_m = pulses
+            .iter()
+            .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
+            .collect::<Vec<_>>();
+        self.echoes().carried().beam(&middles_m)
     }
 
     fn held_bytes(&self) -> u64 {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde_json::{Map, Value};
 use subaperture_focus::Formed;
 use subaperture_focus::auto::selected;
+use subaperture_focus::beam::{Beam, seeing};
 use subaperture_io::product::Antennas;
 use subaperture_io::product::record::Brightest;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
@@ -66,13 +67,16 @@ impl FocusedImage {
         formed: Formed,
         history: &dyn PhaseHistory,
         grid: &ImageGrid,
-        (former, windows): (&'static str, [Window; 2]),
+        (former, windows, beam): (&'static str, [Window; 2], Option<Beam>),
         inputs: Vec<InputFile>,
     ) -> Self {
         let collection = history.collection();
         let told = formed.settings.get("warnings").and_then(Value::as_array);
         let of_former = told.into_iter().flatten().filter_map(Value::as_str);
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        // Theory is of the pulses that see the middle.
+        let seen = beam.and_then(|beam| seeing(&beam, history, middle_m).ok());
+        let seen = seen.as_ref().map_or(collection, |seen| seen.collection());
         Self {
             grid: grid.clone(),
             frame: collection.frame,
@@ -89,7 +93,7 @@ impl FocusedImage {
             phase_conventions: history.phase_conventions(),
             inputs,
             antennas: Antennas::of(history),
-            looks: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
+            looks: RecordedLooks::of(seen, middle_m, [grid.x_axis, grid.y_axis]),
             #[cfg(feature = "plot")]
             orientation: Orientation::of(collection, grid),
             memory_bytes: 0,

@@ -3,10 +3,13 @@
 use std::time::Instant;
 
 use crate::FocusedImage;
-use subaperture_focus::{BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, machine};
+use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
+use subaperture_focus::{
+    BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, formers, machine,
+};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, Silent};
-use subaperture_model::phase_history::{PhaseHistory, Weights};
+use subaperture_model::phase_history::PhaseHistory;
 use subaperture_signal::window::Window;
 
 /// Form an image in one call. Implemented for every [`ImageFormer`].
@@ -49,11 +52,12 @@ pub struct Focusing<'a> {
     monitor: &'a dyn Monitor,
     bound_policy: BoundPolicy,
     numerics: Numerics<'a>,
+    beam: BeamChoice,
 }
 
 impl<'a> Focusing<'a> {
     /// Settings for the image of `history` on `grid`. Defaults: Taylor windows of 35 dB over fast and slow time, half of the
-    /// machine's memory, no progress reports, and an error if the former's bound is exceeded.
+    /// machine's memory, no progress reports, an error if the former's bound is exceeded, and [`BeamChoice::Stated`].
     pub fn new(history: &'a dyn PhaseHistory, grid: &'a ImageGrid) -> Self {
         Self {
             history,
@@ -63,7 +67,16 @@ impl<'a> Focusing<'a> {
             monitor: &Silent,
             bound_policy: BoundPolicy::Refused,
             numerics: Numerics::default(),
+            beam: BeamChoice::default(),
         }
+    }
+
+    /// Beam that selects the pulses of each point, as `subap focus --beam` has it. Default: [`BeamChoice::Stated`], the beam of the recording's antennas, or the
+    /// one that its Doppler spectrum clearly shows where ghosts are possible. [`FocusedImage::settings`] and
+    /// [`FocusedImage::warnings`] say which beam was used, and which was not.
+    #[must_use]
+    pub fn beam(self, beam: BeamChoice) -> Self {
+        Self { beam, ..self }
     }
 
     /// Windows over fast time (frequencies) and slow time (pulses). Default: Taylor, 35 dB.
@@ -118,26 +131,80 @@ impl<'a> Focusing<'a> {
 
     /// Form the image, then read the recording's files again for the checksums in the record.
     ///
+    /// A former of another crate is used as it is, from all pulses, unless it is wrapped in [`InBeam`].
+    ///
     /// # Errors
-    /// [`FormError`].
+    /// [`FormError`]; [`FormError::Unsuited`] if a beam that was asked for does not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
         let start = Instant::now();
+        let mut warnings = Vec::new();
+        let mut image = match self.in_beam(former, &mut warnings)? {
+            Some(in_beam) => self.formed(&in_beam)?,
+            None => self.formed(former)?,
+        };
+        image.warnings.append(&mut warnings);
+        image.taken = start.elapsed();
+        Ok(image)
+    }
+
+    /// The former in the chosen beam; `None` for an image from all pulses, and for a former that has a beam.
+    fn in_beam<F: ImageFormer + ?Sized>(
+        &self,
+        former: &F,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<InBeam>, FormError> {
+        if former.beam().is_some() {
+            return Ok(None);
+        }
+        // A former is its name and its settings, as in a stored plan.
+        let again = formers::former(former.name(), &former.settings()).ok();
+        let again = again.filter(|again| again.settings() == former.settings());
+        let asked = !matches!(self.beam, BeamChoice::Stated | BeamChoice::None);
+        let Some(again) = again else {
+            return match asked {
+                true => Err(FormError::unsuited(format!(
+                    "the former {} is not one of subaperture: form its image in a beam by InBeam::new",
+                    former.name()
+                ))),
+                false => Ok(None),
+            };
+        };
+        let chosen = choose(self.beam, self.history, self.grid, None, self.monitor);
+        let chosen = chosen.map_err(|error| match error {
+            EstimateError::Form(error) => error,
+            error => FormError::unsuited(error.to_string()),
+        })?;
+        match (&chosen.rejected, &chosen.ghosts) {
+            (Some(rejected), _) => warnings.push(rejected.to_string()),
+            (None, Some(ghosts)) => warnings.push(ghosts.to_string()),
+            (None, None) => {}
+        }
+        if let unseen @ 1.. = chosen.num_unseen {
+            warnings.push(format!(
+                "{unseen} of {} pixels are seen by no pulse: they are zero",
+                self.grid.num_pixels()
+            ));
+        }
+        chosen.beam.map(|beam| InBeam::new(again, beam)).transpose()
+    }
+
+    fn formed<F: ImageFormer + ?Sized>(&self, former: &F) -> Result<FocusedImage, FormError> {
         let [fast, slow] = self.windows;
         let memory_bytes = self.memory_bytes.unwrap_or_else(machine::default_bytes);
+        let collection = self.history.collection();
         let task = Task {
             history: self.history,
             grid: self.grid,
-            weights: &Weights::new(self.history.collection(), fast, slow),
+            weights: &former.weights(collection, self.grid, fast, slow)?,
             memory_bytes,
             monitor: self.monitor,
             numerics: self.numerics,
         };
         let formed = former.form_asked(&task, self.bound_policy)?;
         let inputs = self.history.inputs()?;
-        let about = (former.name(), self.windows);
+        let about = (former.name(), self.windows, former.beam());
         let mut image = FocusedImage::new(formed, self.history, self.grid, about, inputs);
         image.memory_bytes = memory_bytes;
-        image.taken = start.elapsed();
         Ok(image)
     }
 }

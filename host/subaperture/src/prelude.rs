@@ -1,6 +1,7 @@
 //! Items that most programs use: `use subaperture::prelude::*;`.
 
 pub use crate::focus::auto::Auto;
+pub use crate::focus::beam::BeamChoice;
 pub use crate::focus::bp::Backprojection;
 pub use crate::focus::exact::Exact;
 pub use crate::focus::ffbp::FastFactorised;

@@ -1,5 +1,6 @@
 //! CPHD files: written and read back, read from bytes made by hand, damaged, and checked by sarkit.
 
+mod antenna;
 mod by_hand;
 mod damage;
 mod reading;

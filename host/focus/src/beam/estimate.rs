@@ -96,6 +96,10 @@ pub struct Demanded {
     /// Full interval that the pulse spacing samples without azimuth ambiguity. A grid seen over a larger interval shows ghosts unless a beam limits
     /// the pulses used for each point.
     pub unambiguous: f64,
+    /// Largest interval of sines over the grid at one pulse. Where it exceeds `unambiguous`, points of the grid are ambiguous with each other.
+    pub across: f64,
+    /// Distance after which a point at the middle of the grid repeats along the track, metres.
+    pub repeat_m: f64,
 }
 
 /// Compute the range of aspect angles over a grid; `None` for a track that is curved or unevenly sampled.
@@ -111,10 +115,24 @@ pub fn demanded(
     let last = track.len() - 1;
     let span = |place_m| (track.sine(0, place_m) - track.sine(last, place_m)).abs();
     let centre_hz = collection.pulses[0].frequency_hz(collection.num_samples / 2);
+    let unambiguous = SPEED_OF_LIGHT_M_S / (2.0 * centre_hz * step_m);
+    let at_once = |n: usize| {
+        let sines = places(grid).map(|place_m| track.sine(n, place_m));
+        let ends = sines.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], sine| {
+            [low.min(sine), high.max(sine)]
+        });
+        ends[1] - ends[0]
+    };
+    let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
     Some(Demanded {
+        across: [0, last / 2, last]
+            .map(at_once)
+            .into_iter()
+            .fold(0.0, f64::max),
+        repeat_m: unambiguous * track.nearest_m(middle_m),
         least: places(grid).map(span).fold(f64::INFINITY, f64::min),
         most: places(grid).map(span).fold(0.0, f64::max),
-        unambiguous: SPEED_OF_LIGHT_M_S / (2.0 * centre_hz * step_m),
+        unambiguous,
     })
 }
 

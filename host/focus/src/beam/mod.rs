@@ -28,6 +28,7 @@
 //! is refused. **Cost.** The cost of the former for each block with its own pulses, plus one more pass over all pulses for the reference sum.
 
 mod blocks;
+mod choice;
 mod choices;
 mod estimate;
 mod forming;
@@ -46,6 +47,7 @@ use subaperture_model::phase_history::{
 };
 use subaperture_signal::window::Window;
 
+pub use choice::{BeamChoice, ChosenBeam, Ghosts, Rejected, choose};
 pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
 pub use subaperture_model::phase_history::{Beam, BeamSource};
 
@@ -66,17 +68,11 @@ impl InBeam {
     /// # Errors
     /// [`FormError::Unsuited`] if the beam has no width or looks along the track.
     pub fn new(former: Box<dyn ImageFormer>, beam: Beam) -> Result<Self, FormError> {
-        match beam.is_sound() {
-            true => Ok(Self {
-                former: former.into(),
-                beam,
-            }),
-            false => Err(FormError::unsuited(format!(
-                "a beam {:.3} deg wide, {:.3} deg forward of broadside: its width is to be above 0, and its edges less than 90 deg from broadside",
-                beam.width_rad.to_degrees(),
-                beam.squint_rad.to_degrees()
-            ))),
-        }
+        check_sound(&beam)?;
+        Ok(Self {
+            former: former.into(),
+            beam,
+        })
     }
 
     /// Separate the settings of the wrapped former from the beam; `None` for settings without a beam.
@@ -159,6 +155,18 @@ impl ImageFormer for InBeam {
     }
 }
 
+/// Refuse a beam without width, or one that reaches along the track.
+fn check_sound(beam: &Beam) -> Result<(), FormError> {
+    match beam.is_sound() {
+        true => Ok(()),
+        false => Err(FormError::unsuited(format!(
+            "a beam {:.3} deg wide, {:.3} deg forward of broadside: its width is to be above 0, and its edges less than 90 deg from broadside",
+            beam.width_rad.to_degrees(),
+            beam.squint_rad.to_degrees()
+        ))),
+    }
+}
+
 /// Illuminated blocks of weights made for a beam.
 fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
     let why = "the weights do not say which pulses see which pixels: a former in a beam takes those of ImageFormer::weights";
@@ -202,8 +210,12 @@ pub fn seeing<'a>(
 
 /// Whether all pulses illuminate every block, so that the beam excludes no pulse.
 pub fn sees_all(weights: &Weights) -> bool {
-    weights.lit.as_ref().is_some_and(|lit| {
-        let all = 0..weights.slow.len();
-        (0..lit.num_blocks()).all(|block| lit.pulses(block) == all)
-    })
+    weights
+        .lit
+        .as_ref()
+        .is_some_and(|lit| all_see(lit, weights.slow.len()))
+}
+
+fn all_see(lit: &BlockIllumination, num_pulses: usize) -> bool {
+    (0..lit.num_blocks()).all(|block| lit.pulses(block) == (0..num_pulses))
 }

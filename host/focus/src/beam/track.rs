@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::Beam;
 use crate::FormError;
-use subaperture_model::phase_history::Collection;
+use subaperture_model::phase_history::{Collection, headings};
 
 /// Largest number of pulses in the coarse search for the illumination of a point. A pass shorter than the coarse step is searched
 /// pulse by pulse only where the coarse search finds no other pass.
@@ -42,14 +42,18 @@ impl<'a> Track<'a> {
             .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
             .collect();
         let target_m_s = beam.target_m_s.map(DVec3::from_array).unwrap_or_default();
-        let moved_m = |before: usize, after: usize| {
-            let [from_s, to_s] = [before, after].map(|n| collection.pulses[n].time_s);
-            places_m[after] - places_m[before] + target_m_s * (to_s - from_s)
-        };
-        let heading =
-            |n: usize| moved_m(n.saturating_sub(1), (n + 1).min(count - 1)).normalize_or_zero();
-        let steps_m = (1..count).map(|n| moved_m(n - 1, n).length()).collect();
-        let headings: Vec<DVec3> = (0..count).map(heading).collect();
+        let first_s = collection.pulses.first().map_or(0.0, |pulse| pulse.time_s);
+        // Positions in a frame at rest.
+        let at_rest_m: Vec<DVec3> = places_m
+            .iter()
+            .zip(&collection.pulses)
+            .map(|(place_m, pulse)| place_m + target_m_s * (pulse.time_s - first_s))
+            .collect();
+        let steps_m = at_rest_m
+            .windows(2)
+            .map(|pair| pair[0].distance(pair[1]))
+            .collect();
+        let headings = headings(&at_rest_m);
         match headings.iter().position(|heading| *heading == DVec3::ZERO) {
             None => Ok(Self {
                 name,
@@ -97,6 +101,15 @@ impl<'a> Track<'a> {
                 100.0 * most
             )),
         }
+    }
+
+    /// Smallest distance from a point to a pulse's antenna position, metres.
+    pub(super) fn nearest_m(&self, place_m: DVec3) -> f64 {
+        let distances = self
+            .places_m
+            .iter()
+            .map(|antenna_m| antenna_m.distance(place_m));
+        distances.fold(f64::INFINITY, f64::min)
     }
 
     pub(super) fn len(&self) -> usize {

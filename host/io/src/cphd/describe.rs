@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::antenna_write::{self, Described};
 use super::image_area::ImageAreaCoordinates;
 use super::prepare::Prepared;
 use super::pvp::{self, record_bytes};
@@ -19,6 +20,8 @@ pub(super) struct Entry<'a> {
     pub(super) prepared: Prepared,
     pub(super) pvp_offset: u64,
     pub(super) signal_offset: u64,
+    /// Antennas to be described.
+    pub(super) antennas: Option<Described<'a>>,
 }
 
 /// The whole document. `entries` is not empty; the first is the reference channel.
@@ -48,6 +51,7 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> Result<Stri
         let vector = &prepared.records[prepared.reference];
         let srp_iac = coordinates.of(vector.srp_pos);
         reference_geometry::describe(w, vector, prepared.bistatic, srp_iac, prepared.dwell());
+        antenna_write::describe(w, entries);
         // By which a later run knows that it may replace the file.
         w.element("ProductInfo", "", |w| {
             w.text_with("Parameter", "name=\"Program\"", PROGRAM);
@@ -263,6 +267,7 @@ fn channels(w: &mut Writer, entries: &[Entry]) {
                     w.text("DwellId", &entry.channel.id);
                 });
                 image_area(w, &p.extent);
+                antenna_write::refer(w, entry);
             });
         }
     });

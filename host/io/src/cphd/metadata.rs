@@ -4,12 +4,13 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::antenna::{AntennaIds, Antennas};
 use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
 use super::xml::{Element, MetadataError};
 use crate::xml::check_plain;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
-use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
+use subaperture_model::phase_history::{Beam, Channel, ChannelError, Pulse, which_channel};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +46,8 @@ pub struct ChannelInfo {
     pub(super) pvp_offset: u64,
     /// Bytes from the beginning of the signal block.
     pub(super) signal_offset: u64,
+    /// Antennas of the channel.
+    pub(super) antennas: Option<AntennaIds>,
 }
 
 impl ChannelInfo {
@@ -106,6 +109,8 @@ pub struct CphdInfo {
     pub ref_channel: String,
     /// All channels, in the order of the file.
     pub channels: Vec<ChannelInfo>,
+    /// Antenna patterns.
+    pub(super) antennas: Antennas,
 }
 
 impl CphdInfo {
@@ -116,6 +121,29 @@ impl CphdInfo {
     /// [`MetadataError`] names the first element that is missing or wrong.
     pub fn from_xml(xml: &str) -> Result<Self, MetadataError> {
         parse(xml).map(|(info, _)| info)
+    }
+
+    /// Beam of a channel along the track of these pulses, if the file gives antenna patterns for it.
+    pub(super) fn beam(
+        &self,
+        channel: &ChannelInfo,
+        pulses: &[Pulse],
+        samples: usize,
+    ) -> Option<Beam> {
+        let middle = pulses.get(pulses.len() / 2)?;
+        let centre_hz = (channel.fx_c_hz.filter(|hz| *hz > 0.0))
+            .unwrap_or_else(|| middle.frequency_hz(samples / 2));
+        let ids = channel.antennas.as_ref()?;
+        self.antennas.beam(ids, &self.frame, pulses, centre_hz)
+    }
+
+    /// Warning that the antenna patterns of a channel are not used, with the reason.
+    pub(super) fn unused_patterns(&self, channel: &ChannelInfo) -> Option<String> {
+        let fault = self.antennas.fault(channel.antennas.as_ref()?)?;
+        Some(format!(
+            "channel {}: its antenna patterns are not used: {fault}",
+            channel.id
+        ))
     }
 
     /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
@@ -191,6 +219,7 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
         compression: data.optional_text("SignalCompressionID"),
         ref_channel: channel_node.child("RefChId")?.text().into_owned(),
         channels,
+        antennas: Antennas::of(&root),
     };
     let layout = root
         .child("PVP")
@@ -279,6 +308,7 @@ fn channel_info(
             .map(|e| matches!(&*e.text(), "true" | "1")),
         pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
         signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        antennas: parameters.and_then(AntennaIds::of),
         id,
     })
 }

@@ -37,7 +37,8 @@
 //!   part, so it cancels: the reference path is `|TxPos - SRPPos| + |RcvPos - SRPPos|`. Neglected is
 //!   the change of that delay across the scene, about 0.3 mm of path for each metre of path in air
 //!   (refractivity 300e-6 at sea level).
-//! - Antenna patterns, noise levels, support arrays and dwell polynomials are not read.
+//! - Antenna patterns as gain polynomials give the beam of the recording ([`PhaseHistory::beam`](subaperture_model::phase_history::PhaseHistory::beam)); sampled
+//!   patterns, noise levels, other support arrays and dwell polynomials are not read.
 //! - Times: [`subaperture_model::phase_history::Pulse::time_s`] is `TxTime`.
 //!
 //! # Accuracy
@@ -96,6 +97,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod antenna;
+mod antenna_write;
 mod conventions;
 mod describe;
 pub(crate) mod header;
@@ -120,6 +123,6 @@ pub(crate) mod xml;
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use write::{file_bytes, write};
+pub use write::{describes_antennas, file_bytes, write};
 pub use write_options::{Channel, WriteError, WriteOptions};
 pub use xml::MetadataError;

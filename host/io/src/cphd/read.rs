@@ -19,7 +19,7 @@ use super::start;
 use super::toa::{Bins, Transform};
 use super::vectors::{Missing, Vectors};
 use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
+    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
     Pulse, ReadError, check_finite, misplaced, named_pulses,
 };
 
@@ -320,7 +320,10 @@ impl Cphd {
                 &collection_name(info, chosen, source.path()),
                 &missing,
                 num_vectors,
-            ),
+            )
+            .into_iter()
+            .chain(info.unused_patterns(chosen))
+            .collect(),
             missing,
             arrival,
             true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
@@ -431,6 +434,15 @@ impl PhaseHistory for Cphd {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.true_antennas.as_deref()
+    }
+
+    fn beam(&self) -> Option<Beam> {
+        let Collection {
+            pulses,
+            num_samples,
+            ..
+        } = &self.collection;
+        self.info().beam(self.channel(), pulses, *num_samples)
     }
 
     fn start_ns(&self) -> Option<i64> {

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use num_complex::Complex32;
 use subaperture_fft::{Fft, Transforms};
 
+use super::antenna_write::Described;
 use super::conventions::{Domain, Sgn};
 use super::describe::{self, Entry};
 use super::header::{self, SECTION_END, Sizes};
@@ -50,6 +51,9 @@ use subaperture_model::phase_history::check_finite;
 ///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
 ///   angle (written as L and 90) as well. Such files are sound in all else.
 /// - `ImageGrid` is a proposal at range resolution.
+/// - `Antenna` describes the antennas of channels that have [`Channel::antennas`], as gain polynomials about axes that are polynomials of time of up to the fifth
+///   order. Antennas whose axes do not follow such polynomials within 1 % of their narrowest half-power width are left out
+///   ([`describes_antennas`]).
 /// - If all channels know the true positions of their antennas, these are added parameters
 ///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
 ///
@@ -103,6 +107,13 @@ pub fn write(
         })?;
     }
     Ok(beside.commit()?)
+}
+
+/// Whether [`write()`] describes the antennas of a channel: it has some, and their axes follow polynomials of time.
+pub fn describes_antennas(channel: &Channel) -> bool {
+    let collection = channel.history.collection();
+    let described = |carried| Described::new(carried, &collection.frame, &collection.pulses, 1.0);
+    channel.antennas.as_ref().and_then(described).is_some()
 }
 
 /// Size of the file that [`write()`] makes.
@@ -166,9 +177,15 @@ fn prepare<'a>(
             )));
         }
         let (pvp, signal) = (prepared.pvp_bytes(), signal_bytes(&prepared)?);
+        let middle = collection.pulses[collection.pulses.len() / 2];
+        let centre_hz = middle.frequency_hz(collection.num_samples / 2);
+        let antennas = channel.antennas.as_ref().and_then(|carried| {
+            Described::new(carried, &collection.frame, &collection.pulses, centre_hz)
+        });
         entries.push(Entry {
             channel,
             prepared,
+            antennas,
             pvp_offset,
             signal_offset,
         });

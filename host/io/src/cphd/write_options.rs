@@ -4,6 +4,7 @@ use super::conventions::{Domain, Polarization, Sgn};
 use super::metadata::ReferenceSurface;
 use crate::atomic;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
+use subaperture_model::radar::Carried;
 
 /// A channel to be written.
 pub struct Channel<'a> {
@@ -15,6 +16,8 @@ pub struct Channel<'a> {
     pub tx_polarization: Polarization,
     /// Polarisation received.
     pub rcv_polarization: Polarization,
+    /// Its antennas, described in the file if one of them has a pattern.
+    pub antennas: Option<Carried>,
 }
 
 impl<'a> Channel<'a> {
@@ -25,7 +28,15 @@ impl<'a> Channel<'a> {
             history,
             tx_polarization: Polarization::default(),
             rcv_polarization: Polarization::default(),
+            antennas: None,
         }
+    }
+
+    /// Describe these antennas; isotropic ones are not described.
+    #[must_use]
+    pub fn with_antennas(self, antennas: Carried) -> Self {
+        let antennas = antennas.is_directive().then_some(antennas);
+        Self { antennas, ..self }
     }
 }
 

@@ -58,6 +58,10 @@ impl<'a, 'i> Element<'a, 'i> {
             .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))
     }
 
+    pub(crate) fn attribute(&self, name: &str) -> Option<&'a str> {
+        self.node.attribute(name)
+    }
+
     /// The text, without white space around it. Comments and processing instructions are no part of
     /// it, so it may come in several pieces.
     pub(crate) fn text(&self) -> Cow<'a, str> {

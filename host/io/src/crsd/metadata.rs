@@ -84,6 +84,8 @@ pub struct CrsdInfo {
     pub ref_channel: String,
     /// All channels, in the order of the file.
     pub channels: Vec<CrsdChannel>,
+    /// Number of antenna patterns (`Antenna/AntPattern`), which are sampled arrays. They are counted and not read.
+    pub num_antenna_patterns: u64,
     pub(super) compression: Option<String>,
     pub(super) waveform: String,
     pub(super) sequences: Vec<Sequence>,
@@ -171,6 +173,9 @@ pub(super) fn parse(xml: &str, version: &str) -> Result<Parsed, MetadataError> {
         signal_format: signal_format(&received)?,
         ref_channel: channel_node.child("RefChId")?.text().into_owned(),
         channels,
+        num_antenna_patterns: root
+            .optional("Antenna")
+            .map_or(0, |antenna| antenna.children("AntPattern").count() as u64),
         compression: compression.map(|node| node.optional_text("Identifier").unwrap_or_default()),
         waveform: root
             .child("TxSequence")?

@@ -34,7 +34,8 @@
 //! - Waveforms with phase modulation (`TxWFType` `XM`, `LFM w XM`), pulses that differ from one to the next in `FxFreq0`, `FxRate` or `TXmt`, and
 //!   samples whose instantaneous band moves (`FICRate`, a receiver that de-chirps): refused, each by name.
 //! - Vectors without a pulse of the radar's own (`TxPulseIndex` -1), of noise or of calibration (`SIGNAL` 2 and 3): left out.
-//! - Antenna patterns, dwell times, gains (`DGRGC`), the transmitter's response over frequency (`FxResponseArray`) and the atmosphere: as in
+//! - Antenna patterns are sampled arrays: they are counted ([`CrsdInfo::num_antenna_patterns`]), and no beam is made of them.
+//! - Dwell times, gains (`DGRGC`), the transmitter's response over frequency (`FxResponseArray`) and the atmosphere: as in
 //!   [CPHD](super::cphd) not corrected for.
 //!
 //! # Accuracy

@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3, EulerRot};
 
 use subaperture_model::geometry::{Geodetic, SceneFrame};
-use subaperture_model::radar::{PulseShape, Waveform};
+use subaperture_model::radar::{Antenna, Carried, Pattern, PulseShape, Waveform};
 use subaperture_receive::EchoCollection;
 
 /// What the waveform does not say.
@@ -18,6 +18,8 @@ pub(super) struct Facts<'a> {
     pub(super) receiver: Option<&'a str>,
     /// Whether the radar moves while a sweep lasts.
     pub(super) moves: bool,
+    /// Antennas to be described.
+    pub(super) antennas: Option<&'a Carried>,
 }
 
 /// Farthest that a reference path may be from its point's, metres: rounding at 1000 km.
@@ -40,6 +42,10 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     text += &origin(collection.frame)?;
     text += "\n[radar]\n";
     radar(&mut text, &collection.waveform, facts.moves);
+    if let Some(carried) = facts.antennas {
+        antenna(&mut text, "transmitter", &carried.antennas[0]);
+        antenna(&mut text, "receiver", &carried.antennas[1]);
+    }
     text += &format!(
         "\n[platform]\nkind = \"arrays\"\ntimes = \"{}\"\npositions = \"{}\"\n",
         facts.track_times, facts.transmitter
@@ -47,7 +53,64 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     if let Some(receiver) = facts.receiver {
         text += &format!("receiver_positions = \"{receiver}\"\n");
     }
+    if let Some([roll, pitch, yaw]) = facts.antennas.and_then(attitude) {
+        text += &format!("attitude = \"{roll}, {pitch}, {yaw} rad\"\n");
+    }
     Ok(text)
+}
+
+/// An antenna whose place the track gives.
+fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
+    let vector = |v: DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
+    let (kind, widths) = match antenna.pattern {
+        Pattern::Isotropic => ("isotropic", None),
+        Pattern::Gaussian {
+            azimuth_rad,
+            elevation_rad,
+        } => ("gaussian", Some([azimuth_rad, elevation_rad])),
+        Pattern::Aperture {
+            azimuth_rad,
+            elevation_rad,
+        } => ("aperture", Some([azimuth_rad, elevation_rad])),
+    };
+    text.push_str(&format!(
+        "\n[[radar.{section}]]\nname = {}\nboresight = \"{}\"\nup = \"{}\"\npattern = \"{kind}\"\n",
+        quoted(&antenna.name),
+        vector(antenna.boresight),
+        vector(antenna.up)
+    ));
+    if let Some([azimuth, elevation]) = widths {
+        text.push_str(&format!(
+            "azimuth = \"{azimuth} rad\"\nelevation = \"{elevation} rad\"\n"
+        ));
+    }
+}
+
+/// Largest change of an attitude that is described as constant, as a part of the narrowest half-power width.
+const SAME_ATTITUDE: f64 = 0.01;
+
+/// Roll, pitch and yaw that the body keeps, radians; `None` of a body that turns, which is read as heading where it goes.
+fn attitude(carried: &Carried) -> Option<[f64; 3]> {
+    let kept = carried.attitudes.get(carried.attitudes.len() / 2)?[0];
+    let narrowest_rad = (carried.antennas.iter())
+        .filter_map(|antenna| match antenna.pattern {
+            Pattern::Isotropic => None,
+            Pattern::Gaussian {
+                azimuth_rad,
+                elevation_rad,
+            }
+            | Pattern::Aperture {
+                azimuth_rad,
+                elevation_rad,
+            } => Some(azimuth_rad.min(elevation_rad)),
+        })
+        .fold(f64::INFINITY, f64::min);
+    let turned = |other: &DQuat| kept.angle_between(*other) > SAME_ATTITUDE * narrowest_rad;
+    if carried.attitudes.iter().flatten().any(turned) {
+        return None;
+    }
+    let (yaw, pitch, roll) = kept.to_euler(EulerRot::ZYX);
+    Some([roll, pitch, yaw])
 }
 
 /// TOML's basic strings are JSON's, but for DEL.

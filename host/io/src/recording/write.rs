@@ -37,7 +37,7 @@ use crate::ours::{array_line, marked_description};
 use crate::staging::{Staged, StagedFile};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
-use subaperture_model::radar::Waveform;
+use subaperture_model::radar::{Carried, Waveform};
 use subaperture_receive::Echoes;
 
 /// Bytes of samples read at a time, at most, or one pulse.
@@ -52,6 +52,8 @@ pub struct Raw<'a> {
     pub id: String,
     /// Its echoes.
     pub echoes: &'a dyn Echoes,
+    /// Its antennas, described if one of them has a pattern.
+    pub antennas: Option<Carried>,
 }
 
 /// Why echoes were not written.
@@ -194,6 +196,10 @@ impl<'a> Plan<'a> {
             transmitter: &plan.transmitter,
             receiver: plan.receiver.as_deref(),
             moves,
+            antennas: raw
+                .antennas
+                .as_ref()
+                .filter(|antennas| antennas.is_directive()),
         };
         plan.text = describe(collection, &facts).map_err(|what| plan.unsuited(&what))?;
         Ok(plan)

@@ -36,7 +36,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
-pub use beam::{Beam, BeamSource};
+pub use beam::{Beam, BeamSource, headings};
 pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
 pub use coherent_sum::CoherentSum;
 pub use convention::{Basis, Inference, PhaseConvention, PhaseReference, PhaseSign};

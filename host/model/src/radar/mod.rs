@@ -1,5 +1,6 @@
 //! Radar: waveform, antennas and receiver.
 
+mod carried;
 mod pattern;
 mod shape;
 mod waveform;
@@ -7,6 +8,8 @@ mod waveform;
 use glam::DVec3;
 
 use crate::phase_history::Band;
+
+pub use carried::Carried;
 
 /// Radar with its waveform, antennas and receiver.
 #[derive(Clone, Debug)]

@@ -47,7 +47,7 @@ use super::receiver::{Impairments, Moment};
 use super::record_error::RecordError;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::ReadError;
-use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
+use subaperture_model::radar::{Antenna, Carried, Motion, Reference, Waveform};
 use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_signal::phase::{narrow, phasor};
 
@@ -194,6 +194,18 @@ impl<'a> Channel<'a> {
             &radar.transmitters[self.pair.transmitter],
             &radar.receivers[self.pair.receiver],
         )
+    }
+
+    /// The antennas of the pair with their attitudes by the measured track.
+    pub fn carried(&self) -> Carried {
+        let experiment = self.experiment;
+        let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
+        let (transmitter, receiver) = self.antennas();
+        let attitude = |pulse: &EchoPulse| [measured.pose(pulse.time_s).attitude; 2];
+        Carried {
+            antennas: [transmitter.clone(), receiver.clone()],
+            attitudes: self.collection.pulses.iter().map(attitude).collect(),
+        }
     }
 
     /// Index among the pulses of all transmitters.

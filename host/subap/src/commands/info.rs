@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use subaperture::FileKind;
 use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::cphd::CphdInfo;
-use subaperture::io::open::{Options, cphd_info, open_channels};
+use subaperture::io::open::{Options, cphd_info, crsd_info, open_channels};
 use subaperture::phase_history::{PhaseHistory, ReadError, TrackError};
 use subaperture::resolution::survey::{DefaultGrid, Survey};
 
@@ -51,11 +51,18 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let track_error = TrackError::of(&history);
     let left_bytes = session.memory_bytes.saturating_sub(history.held_bytes());
     let containers = containers(&typed.input.paths, left_bytes)?;
+    let sampled = sampled_patterns(&typed.input.paths)?;
     if session.json() {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
         value["ambiguity"] = json!(survey.ambiguity());
+        value["beam"] = json!(history.beam().map(|beam| json!({
+            "width_deg": beam.width_rad.to_degrees(),
+            "squint_deg": beam.squint_rad.to_degrees(),
+            "source": beam.source,
+        })));
+        value["sampled_antenna_patterns"] = json!(sampled);
         value["warnings"] = json!(history.warnings());
         value["channels"] = serde_json::to_value(history.channels())?;
         value["phase"] = serde_json::to_value(history.phase_conventions())?;
@@ -81,6 +88,23 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
             }
         }
         report += &facts::describe(session, &survey, &advice);
+        if let Some(beam) = history.beam() {
+            let _ = writeln!(
+                report,
+                "{:<16} {:.3} deg wide, {:.3} deg forward of broadside, {}",
+                "beam",
+                beam.width_rad.to_degrees(),
+                beam.squint_rad.to_degrees(),
+                beam.source.name()
+            );
+        }
+        if let count @ 1.. = sampled {
+            let _ = writeln!(
+                report,
+                "{:<16} {count} sampled antenna patterns, of which no beam is made: subap focus takes it from --beam or the Doppler spectrum",
+                "beam"
+            );
+        }
         for convention in history.phase_conventions() {
             let _ = writeln!(report, "{:<16} {convention}", "phase");
         }
@@ -127,6 +151,15 @@ struct Container {
     /// Where each channel's antennas are at the middle pulse, off those of the first, metres; or why the channels are
     /// not side by side. Nothing of a lone channel.
     offsets_m: Option<Result<Vec<DVec3>, ReadError>>,
+}
+
+/// Number of antenna patterns that CRSD files hold as sampled arrays.
+fn sampled_patterns(paths: &[PathBuf]) -> anyhow::Result<u64> {
+    let mut count = 0;
+    for path in paths {
+        count += crsd_info(path)?.map_or(0, |info| info.num_antenna_patterns);
+    }
+    Ok(count)
 }
 
 fn containers(paths: &[PathBuf], memory_bytes: u64) -> anyhow::Result<Vec<Container>> {

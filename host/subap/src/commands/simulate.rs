@@ -17,7 +17,7 @@ use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 use crate::ahead::{Ahead, reading};
 use crate::args::{DeclaredSurface, SignalDomain, Simulate};
 use crate::config::{Session, record_of_run};
-use crate::text;
+use crate::{messages, text};
 
 /// Writes the file, complete or not at all, or prints what there is to know of scenarios.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
@@ -45,7 +45,10 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         }
         let channels: Vec<Channel> = recordings
             .iter()
-            .map(|(id, recording)| Channel::new(id.clone(), recording))
+            .map(|(id, recording)| {
+                let channel = Channel::new(id.clone(), recording);
+                channel.with_antennas(recording.echoes().carried())
+            })
             .collect();
         if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.rehearsal)? {
             return Ok(());
@@ -161,6 +164,7 @@ fn write_echoes(
         .map(|(id, recording)| Raw {
             id: id.clone(),
             echoes: recording.echoes(),
+            antennas: Some(recording.echoes().carried()),
         })
         .collect();
     let progress = session.progress("simulating");
@@ -266,6 +270,15 @@ fn write(
     let options = options(typed);
     let progress = session.progress("simulating");
     cphd::write(out, channels, &options, &progress)?;
+    for channel in channels {
+        if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
+            messages::warning(format!(
+                "channel {}: its antenna patterns are not in the file, because the antennas turn in other ways than a polynomial of time of the fifth order: \
+                 give the beam to subap focus by --beam",
+                channel.id
+            ));
+        }
+    }
     progress.finish();
     let mut written = Vec::new();
     for channel in channels {

@@ -1,11 +1,12 @@
 //! The former of an image, in the beam that is typed, that the recording states, or that its Doppler spectrum shows.
 
 use glam::DVec3;
-use subaperture::focus::beam::{self, Beam, BeamSource, EstimateError, InBeam, demanded, estimate};
-use subaperture::focus::{FormError, ImageFormer};
+use subaperture::focus::ImageFormer;
+use subaperture::focus::beam::{
+    Beam, BeamChoice, BeamSource, ChosenBeam, InBeam, Rejected, choose,
+};
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::signal::window::Window;
 
 use crate::args::{BeamWidth, Imaging};
 use crate::config::Session;
@@ -21,156 +22,76 @@ pub(crate) fn former(
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
     let plain = typed.former.former()?;
-    let Some(beam) = wanted(session, typed, (history, velocity), grid)? else {
-        return Ok(plain);
-    };
-    let former = InBeam::new(typed.former.former()?, beam.beam);
-    let former = former.map_err(|error| match beam.beam.source {
-        BeamSource::Given => anyhow::Error::from(Usage(format!(
-            "--beam and --squint reach along the track: {error}"
-        ))),
-        _ => error.into(),
-    })?;
-    // An unrequested beam that does not suit the recording is dropped; the image uses all pulses.
-    let weights = former.weights(history.collection(), grid, Window::None, Window::None);
-    let weights = match (weights, beam.asked) {
-        (Ok(weights), _) => weights,
-        (Err(error), true) => return Err(error.into()),
-        (Err(error), false) => {
-            messages::warning(format!(
-                "beam: every pixel is formed from all pulses, because the beam {} does not suit this image: {error}",
-                beam.beam.source.name()
-            ));
-            return Ok(plain);
-        }
-    };
-    if !beam.asked && beam::sees_all(&weights) {
-        return Ok(plain);
+    let choice = choice(typed);
+    if let BeamChoice::Given {
+        width_rad,
+        squint_rad,
+    } = choice
+        && let beam = Beam::new(width_rad, squint_rad, BeamSource::Given)
+        && let Err(error) = InBeam::new(typed.former.former()?, beam)
+    {
+        let what = format!("--beam and --squint reach along the track: {error}");
+        return Err(Usage(what).into());
     }
-    messages::note(&describe(&beam));
-    if let Some(unseen @ 1..) = weights.lit.as_ref().map(|lit| lit.num_unseen()) {
+    let target_m_s = velocity.map(|velocity| velocity.to_array());
+    let progress = session.progress("choosing the beam");
+    let chosen = choose(choice, history, grid, target_m_s, &progress)?;
+    progress.finish();
+    match &chosen.rejected {
+        Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
+            "{rejected}. Say about where by --beam auto --squint DEG, or take all pulses by --beam none"
+        )),
+        Some(rejected) => messages::warning(rejected.to_string()),
+        None => {}
+    }
+    if let (Some(ghosts), true) = (&chosen.ghosts, chosen.rejected.is_none()) {
+        messages::warning(format!(
+            "{ghosts}: choose a narrower grid, or fewer angles by --beam DEG"
+        ));
+    }
+    let Some(beam) = chosen.beam else {
+        return Ok(plain);
+    };
+    messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
+    if let unseen @ 1.. = chosen.num_unseen {
         messages::warning(format!(
             "{unseen} of {} pixels are seen by no pulse: they are zero",
             grid.num_pixels()
         ));
     }
-    Ok(Box::new(former))
+    Ok(Box::new(InBeam::new(plain, beam)?))
 }
 
-/// A beam, whether it is typed, and what it is ambiguous by, radians.
-struct Wanted {
-    beam: Beam,
-    asked: bool,
-    ambiguity_rad: Option<f64>,
+fn choice(typed: &Imaging) -> BeamChoice {
+    let squint_rad = typed.squint.map(f64::to_radians);
+    match typed.beam {
+        None => BeamChoice::Stated,
+        Some(BeamWidth::None) => BeamChoice::None,
+        Some(BeamWidth::Estimated) => BeamChoice::Estimated {
+            near_rad: squint_rad,
+        },
+        Some(BeamWidth::Given(width_rad)) => BeamChoice::Given {
+            width_rad,
+            squint_rad: squint_rad.unwrap_or(0.0),
+        },
+    }
 }
 
-fn describe(wanted: &Wanted) -> String {
-    let Beam {
-        width_rad,
-        squint_rad,
-        source,
-        ..
-    } = wanted.beam;
-    let modulo = wanted.ambiguity_rad.map_or(String::new(), |modulo| {
+fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
+    let modulo = chosen.ambiguity_rad.map_or(String::new(), |modulo| {
         format!(
             ", modulo {:.3} deg (--squint says about which)",
             modulo.to_degrees()
         )
     });
-    let none = match wanted.asked {
+    let none = match asked {
         true => "",
         false => "; --beam none takes all pulses for all pixels",
     };
     format!(
         "beam: {:.3} deg wide, {:.3} deg forward of broadside{modulo}, {}{none}",
-        width_rad.to_degrees(),
-        squint_rad.to_degrees(),
-        source.name(),
+        beam.width_rad.to_degrees(),
+        beam.squint_rad.to_degrees(),
+        beam.source.name(),
     )
-}
-
-fn wanted(
-    session: &Session,
-    typed: &Imaging,
-    (history, velocity): (&dyn PhaseHistory, Option<DVec3>),
-    grid: &ImageGrid,
-) -> anyhow::Result<Option<Wanted>> {
-    let squint_rad = typed.squint.map(f64::to_radians);
-    let stated = history.beam();
-    let target_m_s = velocity.map(|velocity| velocity.to_array());
-    match typed.beam {
-        Some(BeamWidth::None) => Ok(None),
-        Some(BeamWidth::Given(width_rad)) => {
-            let beam = Beam::new(width_rad, squint_rad.unwrap_or(0.0), BeamSource::Given);
-            let beam = Beam { target_m_s, ..beam };
-            Ok(Some(Wanted {
-                beam,
-                asked: true,
-                ambiguity_rad: None,
-            }))
-        }
-        Some(BeamWidth::Estimated) => {
-            let progress = session.progress("looking at the Doppler spectrum");
-            let found = estimate(history, grid, squint_rad, target_m_s, &progress)?;
-            progress.finish();
-            Ok(Some(Wanted {
-                beam: found.beam,
-                asked: true,
-                ambiguity_rad: (!found.decided).then_some(found.ambiguity_rad),
-            }))
-        }
-        None => match stated {
-            Some(beam) => Ok(Some(Wanted {
-                beam,
-                asked: false,
-                ambiguity_rad: None,
-            })),
-            None => shown(session, history, grid, target_m_s),
-        },
-    }
-}
-
-/// Largest width of an unrequested beam, as a share of the smallest range of angles under which the pulses see a place of the grid.
-const NARROWER: f64 = 0.7;
-
-/// The beam that the Doppler spectrum clearly shows, where places are seen under more angles than the spacing of pulses samples.
-fn shown(
-    session: &Session,
-    history: &dyn PhaseHistory,
-    grid: &ImageGrid,
-    target_m_s: Option<[f64; 3]>,
-) -> anyhow::Result<Option<Wanted>> {
-    let Some(demanded) = demanded(history, grid, target_m_s) else {
-        return Ok(None);
-    };
-    if demanded.most <= demanded.unambiguous {
-        return Ok(None);
-    }
-    let progress = session.progress("looking at the Doppler spectrum");
-    let found = match estimate(history, grid, None, target_m_s, &progress) {
-        Ok(found) => found,
-        Err(EstimateError::Form(error @ (FormError::Cancelled | FormError::Read(_)))) => {
-            return Err(error.into());
-        }
-        Err(_) => return Ok(None),
-    };
-    progress.finish();
-    if found.beam.width_rad >= NARROWER * demanded.least {
-        return Ok(None);
-    }
-    if !found.decided {
-        messages::warning(format!(
-            "image: ghosts are possible, for places are seen under up to {:.2} deg and the Doppler spectrum shows a beam of {:.3} deg; where it looks is not clear:              {:.3} deg forward of broadside, modulo {:.3} deg. Say about where by --beam auto --squint DEG, or take all pulses by --beam none",
-            demanded.most.min(1.0).asin().to_degrees(),
-            found.beam.width_rad.to_degrees(),
-            found.beam.squint_rad.to_degrees(),
-            found.ambiguity_rad.to_degrees(),
-        ));
-        return Ok(None);
-    }
-    Ok(Some(Wanted {
-        beam: found.beam,
-        asked: false,
-        ambiguity_rad: None,
-    }))
 }

@@ -1,0 +1,446 @@
+//! Antenna patterns of a channel as gain polynomials, and the beam that they give.
+//!
+//! A channel names the pattern and the phase centre of its transmitting and of its receiving antenna
+//! (`Channel/Parameters/Antenna`), a phase centre its coordinate frame (`AntCoordFrame`). At time `t` the frame has the axes
+//! `X(t)` and `Y(t)`, polynomials in ECF. With `d` a unit vector from the antenna, `DCX = d.X`, `DCY = d.Y` and the electrical
+//! boresight `EB(t)` in direction cosines, the one-way gain is, in dB,
+//!
+//! ```text
+//! G(d) = Array(m_x (DCX - s_x EBX), m_y (DCY - s_y EBY)) + Element(DCX, DCY)
+//! s = 1 + EBFreqShiftSF (FreqZero / f - 1),    m = 1 + MLFreqDilationSF (f / FreqZero - 1)
+//! ```
+//!
+//! at the centre frequency `f` of the channel. Both scale factors are 0 where `EBFreqShift` or `MLFreqDilation` is false, and 1 where it is true without factors (CPHD 1.0).
+//!
+//! The beam ([`Beam::of_lobes`]) takes of each antenna the half-power width and the centre of the main lobe in the cut through the
+//! electrical boresight and the heading, at the middle pulse; the squint follows the electrical boresight over the pulses. A gain that falls by less than 3 dB to
+//! either side is that of an antenna without a main lobe.
+//!
+//! **Neglected.** Attitudes are those at `TxTime` for both antennas; `GainBSPoly`, phase polynomials and sampled patterns (`AntGPId`, `GainPhaseArray`) are not
+//! used. Axes or boresights given per vector (`UseACFPVP`, `UseEBPVP`) are not read: such a pattern is not used, and the recording's warnings say so.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::xml::{Element, MetadataError};
+use subaperture_model::geometry::SceneFrame;
+use subaperture_model::phase_history::{Beam, Pulse, headings};
+
+/// Fall of the one-way gain at the edge of a main lobe, dB: `10 log10(2)`.
+const HALF_POWER_DB: f64 = 3.010_299_956_639_812;
+/// Most coefficients of a polynomial.
+const MAX_COEFFICIENTS: usize = 1024;
+/// Largest exponent of a polynomial.
+const MAX_EXPONENT: u64 = 64;
+/// Smallest step from the boresight in the search for the edge of the main lobe, radians, and its growth.
+const FIRST_STEP_RAD: f64 = 1e-6;
+const STEP_GROWTH: f64 = 1.05;
+/// Bisections of an edge: to 1e-9 of the last step.
+const BISECTIONS: usize = 30;
+
+/// The `Antenna` branch. A fault in it is a reason not to use a pattern: samples can be read without.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Antennas {
+    /// Frame of each phase centre.
+    centres: HashMap<String, Result<String, String>>,
+    frames: HashMap<String, Result<Axes, String>>,
+    patterns: HashMap<String, Result<Pattern, String>>,
+}
+
+/// Polynomials of the axes X and Y in ECF, each of x, y, z over time.
+type Axes = [[Vec<f64>; 3]; 2];
+
+/// Phase centre and pattern of the transmitting and of the receiving antenna of a channel, by identifier.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct AntennaIds([[String; 2]; 2]);
+
+impl AntennaIds {
+    /// Those of a channel's parameters, if it names any.
+    pub(super) fn of(parameters: &Element) -> Option<Self> {
+        let antenna = parameters.optional("Antenna")?;
+        let names = [["TxAPCId", "TxAPATId"], ["RcvAPCId", "RcvAPATId"]];
+        Some(Self(names.map(|pair| {
+            pair.map(|name| antenna.optional_text(name).unwrap_or_default())
+        })))
+    }
+}
+
+/// Pattern of one antenna.
+#[derive(Clone, Debug, PartialEq)]
+struct Pattern {
+    /// Electrical boresight over time, direction cosines along X and Y.
+    boresight: [Vec<f64>; 2],
+    /// Gain about the electrical boresight, dB: exponents of DCX and DCY, coefficient.
+    array: Vec<(u32, u32, f64)>,
+    /// Gain over direction cosines, dB.
+    element: Vec<(u32, u32, f64)>,
+    freq_zero_hz: f64,
+    shift: [f64; 2],
+    dilation: [f64; 2],
+}
+
+/// An antenna: its axes and its pattern.
+#[derive(Clone, Copy)]
+struct Antenna<'a> {
+    axes: &'a Axes,
+    pattern: &'a Pattern,
+}
+
+impl Antennas {
+    /// Parse the branch of a document.
+    pub(super) fn of(root: &Element) -> Self {
+        let Some(antenna) = root.optional("Antenna") else {
+            return Self::default();
+        };
+        Self {
+            centres: by_id(&antenna, "AntPhaseCenter", |centre| {
+                Ok(centre.child("ACFId")?.text().into_owned())
+            }),
+            frames: by_id(&antenna, "AntCoordFrame", axes),
+            patterns: by_id(&antenna, "AntPattern", Pattern::parse),
+        }
+    }
+
+    /// Transmitting and receiving antenna of a channel.
+    ///
+    /// # Errors
+    /// The first identifier without element, or the fault of its element.
+    fn pair(&self, ids: &AntennaIds) -> Result<[Antenna<'_>; 2], String> {
+        let [transmitter, receiver] = ids.0.each_ref().map(|[centre, pattern]| {
+            let frame = found(&self.centres, "AntPhaseCenter", centre)?;
+            Ok::<_, String>(Antenna {
+                axes: found(&self.frames, "AntCoordFrame", frame)?,
+                pattern: found(&self.patterns, "AntPattern", pattern)?,
+            })
+        });
+        Ok([transmitter?, receiver?])
+    }
+
+    /// Reason not to use the patterns of a channel.
+    pub(super) fn fault(&self, ids: &AntennaIds) -> Option<String> {
+        self.pair(ids).err()
+    }
+
+    /// The beam of a channel along the track of these pulses, `centre_hz` the middle of its band.
+    pub(super) fn beam(
+        &self,
+        ids: &AntennaIds,
+        frame: &SceneFrame,
+        pulses: &[Pulse],
+        centre_hz: f64,
+    ) -> Option<Beam> {
+        let pair = self.pair(ids).ok()?;
+        let middles_m: Vec<DVec3> = pulses
+            .iter()
+            .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
+            .collect();
+        let headings = headings(&middles_m);
+        if headings.is_empty() || headings.contains(&DVec3::ZERO) {
+            return None;
+        }
+        let middle = pulses.len() / 2;
+        let mut lobes = [None; 2];
+        for (lobe, antenna) in lobes.iter_mut().zip(pair) {
+            let pointing = antenna.at(frame, pulses[middle].time_s, centre_hz)?;
+            *lobe = pointing.lobe(headings[middle]);
+        }
+        let angles = pulses.iter().zip(&headings).map(|(pulse, &heading)| {
+            let angle = |antenna: Antenna| {
+                let pointing = antenna.at(frame, pulse.time_s, centre_hz)?;
+                Some(angle_rad(pointing.boresight, heading))
+            };
+            Some([angle(pair[0])?, angle(pair[1])?])
+        });
+        let angles: Vec<[f64; 2]> = angles.collect::<Option<_>>()?;
+        let off_rad = lobes.map(|lobe| lobe.map_or(0.0, |lobe: Lobe| lobe.off_rad));
+        let widths_rad = lobes.map(|lobe| lobe.map(|lobe| lobe.width_rad));
+        Beam::of_lobes(widths_rad, angles.len(), |n| {
+            [0, 1].map(|i| angles[n][i] + off_rad[i])
+        })
+    }
+}
+
+/// What `parse` makes of each element of a name, by its `Identifier`, the first of each.
+fn by_id<T>(
+    antenna: &Element,
+    name: &'static str,
+    parse: impl Fn(&Element) -> Result<T, MetadataError>,
+) -> HashMap<String, Result<T, String>> {
+    let mut parsed = HashMap::new();
+    for element in antenna.children(name) {
+        if let Some(id) = element.optional_text("Identifier") {
+            let fault = |error: MetadataError| error.to_string();
+            parsed
+                .entry(id)
+                .or_insert_with(|| parse(&element).map_err(fault));
+        }
+    }
+    parsed
+}
+
+fn found<'a, T>(
+    all: &'a HashMap<String, Result<T, String>>,
+    name: &str,
+    id: &str,
+) -> Result<&'a T, String> {
+    let missing = || format!("XML: CPHD/Antenna: no {name} has the Identifier '{id}'");
+    all.get(id)
+        .ok_or_else(missing)?
+        .as_ref()
+        .map_err(Clone::clone)
+}
+
+fn axes(frame: &Element) -> Result<Axes, MetadataError> {
+    per_vector(frame, "UseACFPVP")?;
+    let axis = |name| -> Result<[Vec<f64>; 3], MetadataError> {
+        let axis = frame.child(name)?;
+        Ok([line(&axis, "X")?, line(&axis, "Y")?, line(&axis, "Z")?])
+    };
+    Ok([axis("XAxisPoly")?, axis("YAxisPoly")?])
+}
+
+/// Angle of a unit vector forward of the plane normal to a heading.
+fn angle_rad(direction: DVec3, heading: DVec3) -> f64 {
+    libm::asin(direction.dot(heading).clamp(-1.0, 1.0))
+}
+
+impl Pattern {
+    fn parse(pattern: &Element) -> Result<Self, MetadataError> {
+        let boresight = pattern.child("EB")?;
+        per_vector(&boresight, "UseEBPVP")?;
+        let gain = |name| surface(&pattern.child(name)?, "GainPoly");
+        let freq_zero = pattern.child("FreqZero")?;
+        let freq_zero_hz = freq_zero.number()?;
+        if freq_zero_hz <= 0.0 {
+            return Err(freq_zero.fault(format!(
+                "expected a frequency above 0 Hz, found {freq_zero_hz}"
+            )));
+        }
+        Ok(Self {
+            boresight: [line(&boresight, "DCXPoly")?, line(&boresight, "DCYPoly")?],
+            array: gain("Array")?,
+            element: gain("Element")?,
+            freq_zero_hz,
+            shift: scale_factors(pattern, "EBFreqShift", "EBFreqShiftSF")?,
+            dilation: scale_factors(pattern, "MLFreqDilation", "MLFreqDilationSF")?,
+        })
+    }
+}
+
+impl<'a> Antenna<'a> {
+    /// The antenna at a time; `None` where its axes do not span a frame or its boresight is not a direction.
+    fn at(self, frame: &SceneFrame, time_s: f64, centre_hz: f64) -> Option<Pointing<'a>> {
+        let Self { axes, pattern } = self;
+        let axis = |axis: &[Vec<f64>; 3]| {
+            let [x, y, z] = axis.each_ref().map(|line| value(line, time_s));
+            frame
+                .direction_from_ecf(DVec3::new(x, y, z))
+                .try_normalize()
+        };
+        let x = axis(&axes[0])?;
+        let y = axis(&axes[1])?;
+        let z = x.cross(y).try_normalize()?;
+        let ratio = pattern.freq_zero_hz / centre_hz;
+        let scale =
+            |factors: [f64; 2], ratio: f64| factors.map(|factor| 1.0 + factor * (ratio - 1.0));
+        let shift = scale(pattern.shift, ratio);
+        let cosines = [0, 1].map(|i| shift[i] * value(&pattern.boresight[i], time_s));
+        let ahead = 1.0 - cosines[0] * cosines[0] - cosines[1] * cosines[1];
+        let boresight = x * cosines[0] + y * cosines[1] + z * ahead.max(0.0).sqrt();
+        let boresight = boresight.try_normalize()?;
+        (ahead > 0.0).then(|| Pointing {
+            pattern,
+            axes: [x, y],
+            cosines,
+            boresight,
+            dilation: scale(pattern.dilation, 1.0 / ratio),
+        })
+    }
+}
+
+/// A main lobe in the cut along the track.
+#[derive(Clone, Copy, Debug)]
+struct Lobe {
+    /// Half-power width, radians.
+    width_rad: f64,
+    /// Angle of its centre forward of the electrical boresight, radians.
+    off_rad: f64,
+}
+
+/// An antenna at one time and one frequency, in scene axes.
+struct Pointing<'a> {
+    pattern: &'a Pattern,
+    axes: [DVec3; 2],
+    cosines: [f64; 2],
+    boresight: DVec3,
+    dilation: [f64; 2],
+}
+
+impl Pointing<'_> {
+    /// Gain in a direction, dB.
+    fn gain_db(&self, direction: DVec3) -> f64 {
+        let cosines = self.axes.map(|axis| direction.dot(axis));
+        let off = [0, 1].map(|i| self.dilation[i] * (cosines[i] - self.cosines[i]));
+        value_of_two(&self.pattern.array, off) + value_of_two(&self.pattern.element, cosines)
+    }
+
+    /// Main lobe over the angle from the boresight in the plane of boresight and heading; `None` if the gain does not fall by half to both sides.
+    fn lobe(&self, heading: DVec3) -> Option<Lobe> {
+        let middle_rad = angle_rad(self.boresight, heading);
+        let aside = (self.boresight - heading * self.boresight.dot(heading)).try_normalize()?;
+        let gain_db = |off_rad: f64| {
+            let angle_rad = middle_rad + off_rad;
+            self.gain_db(aside * libm::cos(angle_rad) + heading * libm::sin(angle_rad))
+        };
+        let (mut peak_rad, mut peak_db) = (0.0, gain_db(0.0));
+        for side in [-1.0, 1.0] {
+            for (off_rad, db) in outwards(side).map(|off_rad| (off_rad, gain_db(off_rad))) {
+                if db > peak_db {
+                    (peak_rad, peak_db) = (off_rad, db);
+                } else if !(db >= peak_db - HALF_POWER_DB) {
+                    break;
+                }
+            }
+        }
+        // Between the neighbours of the highest value: a third off either end in turn.
+        let reach_rad = (STEP_GROWTH * STEP_GROWTH - 1.0) * f64::abs(peak_rad);
+        let [mut low, mut high] = [peak_rad - reach_rad, peak_rad + reach_rad];
+        for _ in 0..2 * BISECTIONS {
+            let [first, second] = [low + (high - low) / 3.0, high - (high - low) / 3.0];
+            match gain_db(first) < gain_db(second) {
+                true => low = first,
+                false => high = second,
+            }
+        }
+        let peak_rad = 0.5 * (low + high);
+        let edge_db = gain_db(peak_rad) - HALF_POWER_DB;
+        let edge = |side: f64| {
+            let mut within = peak_rad;
+            for off_rad in outwards(side).map(|step| peak_rad + step) {
+                if gain_db(off_rad) >= edge_db {
+                    within = off_rad;
+                    continue;
+                }
+                let mut beyond = off_rad;
+                for _ in 0..BISECTIONS {
+                    let middle = 0.5 * (within + beyond);
+                    match gain_db(middle) >= edge_db {
+                        true => within = middle,
+                        false => beyond = middle,
+                    }
+                }
+                return Some(within);
+            }
+            None
+        };
+        let [back, forward] = [edge(-1.0)?, edge(1.0)?];
+        (edge_db.is_finite() && forward > back).then(|| Lobe {
+            width_rad: forward - back,
+            off_rad: 0.5 * (back + forward),
+        })
+    }
+}
+
+/// Growing steps to one side, up to a right angle.
+fn outwards(side: f64) -> impl Iterator<Item = f64> {
+    let steps = std::iter::successors(Some(FIRST_STEP_RAD), |step| Some(step * STEP_GROWTH));
+    steps
+        .take_while(|&step| step < std::f64::consts::FRAC_PI_2)
+        .map(move |step| side * step)
+}
+
+fn per_vector(element: &Element, name: &'static str) -> Result<(), MetadataError> {
+    match element.optional(name) {
+        Some(used) if flag(&used)? => {
+            Err(used.fault("is true: axes and boresights given per vector are not read"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn flag(element: &Element) -> Result<bool, MetadataError> {
+    match &*element.text() {
+        "true" | "1" => Ok(true),
+        "false" | "0" => Ok(false),
+        other => Err(element.fault(format!("expected true or false, found '{other}'"))),
+    }
+}
+
+/// Scale factors of DCX and DCY, from 0 to 1.
+fn scale_factors(
+    pattern: &Element,
+    switch: &'static str,
+    factors: &'static str,
+) -> Result<[f64; 2], MetadataError> {
+    let on = pattern.optional(switch).map_or(Ok(false), |e| flag(&e))?;
+    match pattern.optional(factors) {
+        Some(factors) if on => {
+            let (x, y) = factors.pair("DCXSF", "DCYSF")?;
+            Ok([x, y])
+        }
+        _ => Ok([if on { 1.0 } else { 0.0 }; 2]),
+    }
+}
+
+/// Coefficients of a polynomial of one variable, ascending.
+fn line(parent: &Element, name: &'static str) -> Result<Vec<f64>, MetadataError> {
+    let mut coefficients = Vec::new();
+    for (exponents, value) in terms(&parent.child(name)?, &["exponent1"])? {
+        let exponent = exponents[0] as usize;
+        if coefficients.len() <= exponent {
+            coefficients.resize(exponent + 1, 0.0);
+        }
+        coefficients[exponent] += value;
+    }
+    Ok(coefficients)
+}
+
+/// Terms of a polynomial of two variables.
+fn surface(parent: &Element, name: &'static str) -> Result<Vec<(u32, u32, f64)>, MetadataError> {
+    let terms = terms(&parent.child(name)?, &["exponent1", "exponent2"])?;
+    Ok(terms
+        .into_iter()
+        .map(|(e, value)| (e[0], e[1], value))
+        .collect())
+}
+
+fn terms(
+    polynomial: &Element,
+    exponents: &[&'static str],
+) -> Result<Vec<([u32; 2], f64)>, MetadataError> {
+    let mut terms = Vec::new();
+    for coefficient in polynomial.children("Coef") {
+        if terms.len() == MAX_COEFFICIENTS {
+            return Err(
+                polynomial.fault(format!("expected at most {MAX_COEFFICIENTS} coefficients"))
+            );
+        }
+        let mut of = [0; 2];
+        for (exponent, name) in of.iter_mut().zip(exponents) {
+            let text = coefficient.attribute(name).unwrap_or_default();
+            let number = text.parse::<u64>().ok().filter(|n| *n <= MAX_EXPONENT);
+            let number = number.ok_or_else(|| {
+                let what = format!("expected {name} from 0 to {MAX_EXPONENT}, found '{text}'");
+                coefficient.fault(what)
+            })?;
+            *exponent = number as u32;
+        }
+        terms.push((of, coefficient.number()?));
+    }
+    Ok(terms)
+}
+
+fn value(line: &[f64], at: f64) -> f64 {
+    line.iter()
+        .rev()
+        .fold(0.0, |sum, coefficient| sum * at + coefficient)
+}
+
+fn value_of_two(terms: &[(u32, u32, f64)], [x, y]: [f64; 2]) -> f64 {
+    let power = |x: f64, n: u32| libm::pow(x, f64::from(n));
+    terms
+        .iter()
+        .map(|&(m, n, coefficient)| coefficient * power(x, m) * power(y, n))
+        .sum()
+}

@@ -1,0 +1,54 @@
+//! Antennas of a channel on the bodies that carry them.
+
+use glam::{DQuat, DVec3};
+
+use super::{Antenna, Pattern};
+use crate::phase_history::{Beam, headings};
+
+/// Transmitting and receiving antenna of a channel, with the attitude of their bodies at each pulse.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carried {
+    /// Transmitter and receiver.
+    pub antennas: [Antenna; 2],
+    /// Attitude of the body of either, per pulse, scene axes.
+    pub attitudes: Vec<[DQuat; 2]>,
+}
+
+impl Carried {
+    /// Whether one of the antennas has a pattern.
+    pub fn is_directive(&self) -> bool {
+        self.antennas
+            .iter()
+            .any(|antenna| antenna.width_rad().is_some())
+    }
+
+    /// Beam of both antennas along a track of these positions (the midpoints of transmitter and receiver, one per pulse), as of [`Beam::of_lobes`]. The
+    /// squint of an antenna is the angle of its boresight forward of broadside. The elevation of the beam is neglected: azimuth angles
+    /// about the boresight are taken as angles about the track.
+    pub fn beam(&self, middles_m: &[DVec3]) -> Option<Beam> {
+        let headings = headings(middles_m);
+        if headings.contains(&DVec3::ZERO) || headings.len() != self.attitudes.len() {
+            return None;
+        }
+        let widths_rad = self.antennas.each_ref().map(Antenna::width_rad);
+        Beam::of_lobes(widths_rad, headings.len(), |n| {
+            [0, 1].map(|i| {
+                let boresight = self.attitudes[n][i] * self.antennas[i].boresight;
+                let along = headings[n].dot(boresight.normalize_or_zero());
+                libm::asin(along.clamp(-1.0, 1.0))
+            })
+        })
+    }
+}
+
+impl Antenna {
+    /// Half-power width in azimuth, radians; `None` for an isotropic antenna.
+    pub fn width_rad(&self) -> Option<f64> {
+        match self.pattern {
+            Pattern::Isotropic => None,
+            Pattern::Gaussian { azimuth_rad, .. } | Pattern::Aperture { azimuth_rad, .. } => {
+                Some(azimuth_rad)
+            }
+        }
+    }
+}

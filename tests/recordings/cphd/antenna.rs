@@ -1,0 +1,208 @@
+//! Antenna patterns as gain polynomials, in XML made by hand.
+
+use subaperture::io::cphd::Cphd;
+use subaperture::phase_history::{BeamSource, PhaseHistory, ReadError};
+
+use super::by_hand::{ByHand, POSITION, assemble, cf8};
+use num_complex::Complex32;
+
+/// Earth-centred: the track of [`ByHand`] goes along ECF y.
+struct Hand {
+    /// Electrical boresight, direction cosines along X (ECF y) and Y (ECF z).
+    boresight: [&'static str; 2],
+    /// Terms of the gain of the transmitter: exponent of DCX, exponent of DCY, coefficient.
+    array: &'static [(u32, u32, f64)],
+    element: &'static [(u32, u32, f64)],
+    receiver: &'static [(u32, u32, f64)],
+    freq_zero: &'static str,
+    switches: &'static str,
+    acf: &'static str,
+}
+
+/// Half the power at 0.05 off, in direction cosines: 10 log10(2) / 0.05^2.
+const GAIN: f64 = -3.010_299_956_639_812 / 0.0025;
+
+const PLAIN: Hand = Hand {
+    boresight: ["0", "0"],
+    array: &[(2, 0, GAIN)],
+    element: &[(0, 0, 0.0)],
+    receiver: &[(2, 0, GAIN)],
+    freq_zero: "9.0015e9",
+    switches: "",
+    acf: "",
+};
+
+impl Hand {
+    fn open(&self) -> Result<Cphd, ReadError> {
+        let surface = |name: &str, terms: &[(u32, u32, f64)]| {
+            let terms: String = terms
+                .iter()
+                .map(|(m, n, c)| format!("<Coef exponent1=\"{m}\" exponent2=\"{n}\">{c:e}</Coef>"))
+                .collect();
+            format!("<{name} order1=\"9\" order2=\"9\">{terms}</{name}>")
+        };
+        let line = |name: &str, value: &str| {
+            format!("<{name} order1=\"0\"><Coef exponent1=\"0\">{value}</Coef></{name}>")
+        };
+        // X along ECF y, Y along ECF z, and so Z along ECF x.
+        let axis = |name: &str, [x, y, z]: [&str; 3]| {
+            let parts = line("X", x) + &line("Y", y) + &line("Z", z);
+            format!("<{name}>{parts}</{name}>")
+        };
+        let pattern = |id: &str, array: &[(u32, u32, f64)], element: &[(u32, u32, f64)]| {
+            let gain = |name: &str, terms: &[(u32, u32, f64)]| {
+                let both = surface("GainPoly", terms) + &surface("PhasePoly", &[(0, 0, 0.0)]);
+                format!("<{name}>{both}</{name}>")
+            };
+            format!(
+                "<AntPattern><Identifier>{id}</Identifier><FreqZero>{}</FreqZero>{}<EB>{}{}</EB>{}{}</AntPattern>",
+                self.freq_zero,
+                self.switches,
+                line("DCXPoly", self.boresight[0]),
+                line("DCYPoly", self.boresight[1]),
+                gain("Array", array),
+                gain("Element", element)
+            )
+        };
+        let antenna = format!(
+            "<Antenna><NumACFs>1</NumACFs><NumAPCs>1</NumAPCs><NumAntPats>2</NumAntPats>\
+             <AntCoordFrame><Identifier>frame</Identifier>{}{}{}</AntCoordFrame>\
+             <AntPhaseCenter><Identifier>centre</Identifier><ACFId>frame</ACFId></AntPhaseCenter>{}{}</Antenna>",
+            axis("XAxisPoly", ["0", "1", "0"]),
+            axis("YAxisPoly", ["0", "0", "1"]),
+            self.acf,
+            pattern("sent", self.array, self.element),
+            pattern("received", self.receiver, &[(0, 0, 0.0)])
+        );
+        let parameters = "<RefChId>only</RefChId><Parameters><Identifier>only</Identifier><FxC>9.0015e9</FxC>\
+             <Antenna><TxAPCId>centre</TxAPCId><TxAPATId>sent</TxAPATId>\
+             <RcvAPCId>centre</RcvAPCId><RcvAPATId>received</RcvAPATId></Antenna></Parameters>";
+        let hand = ByHand::new("CF8", cf8(&[Complex32::ONE; 12]));
+        let xml = hand.xml().replace("<RefChId>only</RefChId>", parameters);
+        let xml = xml.replace("<PVP>", &format!("{antenna}<PVP>"));
+        assert!(xml.contains(POSITION) && xml.contains("TxAPATId"));
+        let bytes = assemble(hand.version, &xml, &hand.pvp(), &hand.signal);
+        super::by_hand::open_bytes(&bytes)
+    }
+
+    /// Width and squint, radians.
+    fn beam(&self) -> [f64; 2] {
+        let cphd = self.open().unwrap();
+        assert!(cphd.warnings().is_empty(), "{:?}", cphd.warnings());
+        let beam = cphd.beam().unwrap();
+        assert_eq!(beam.source, BeamSource::Stated);
+        [beam.width_rad, beam.squint_rad]
+    }
+}
+
+fn assert_beam(found: [f64; 2], expected: [f64; 2]) {
+    // Edges are bisected to 1e-9 of a step of 5 % of the angle.
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-8, "{found} {expected}");
+    }
+}
+
+#[test]
+fn gain_polynomials_give_width_and_squint() {
+    let half = 0.05f64.asin();
+    assert_beam(PLAIN.beam(), [2.0 * half, 0.0]);
+    // An isotropic receiver has no share: the transmitter alone is wider by the square root of two.
+    let one = Hand {
+        receiver: &[(0, 0, 3.0)],
+        ..PLAIN
+    };
+    assert_beam(one.beam(), [2.0 * half * 2f64.sqrt(), 0.0]);
+    // Steered forward by 0.2: in direction cosines the lobe is as wide. Its cut goes through the boresight.
+    let steered = Hand {
+        boresight: ["0.2", "0"],
+        ..PLAIN
+    };
+    let [back, forward] = [0.15f64.asin(), 0.25f64.asin()];
+    assert_beam(steered.beam(), [forward - back, 0.5 * (back + forward)]);
+    // The element pattern is of direction cosines, not of those off the boresight; both add.
+    let element = Hand {
+        boresight: ["0.2", "0"],
+        array: &[(0, 0, 0.0)],
+        element: &[(2, 0, GAIN)],
+        receiver: &[(0, 0, 0.0)],
+        ..PLAIN
+    };
+    let [width, squint] = element.beam();
+    assert!((width - 2.0 * half * 2f64.sqrt()).abs() < 1e-6, "{width}");
+    assert!(squint.abs() < 1e-6, "{squint}");
+}
+
+#[test]
+fn frequency_shifts_the_boresight_and_dilates_the_lobe() {
+    // Twice the frequency at which the pattern is given: half the boresight and half the lobe.
+    let scaled = Hand {
+        boresight: ["0.2", "0"],
+        freq_zero: "4.50075e9",
+        switches: "<EBFreqShift>true</EBFreqShift><MLFreqDilation>true</MLFreqDilation>",
+        ..PLAIN
+    };
+    let [back, forward] = [0.075f64.asin(), 0.125f64.asin()];
+    assert_beam(scaled.beam(), [forward - back, 0.5 * (back + forward)]);
+    let not_scaled = Hand {
+        switches: "<EBFreqShift>false</EBFreqShift><EBFreqShiftSF><DCXSF>1</DCXSF><DCYSF>1</DCYSF></EBFreqShiftSF>",
+        ..scaled
+    };
+    let [back, forward] = [0.15f64.asin(), 0.25f64.asin()];
+    assert_beam(not_scaled.beam(), [forward - back, 0.5 * (back + forward)]);
+}
+
+#[test]
+fn patterns_without_a_lobe_give_no_beam_and_faults_are_named() {
+    let flat = Hand {
+        array: &[(2, 0, 1.0)],
+        receiver: &[(0, 0, 0.0)],
+        ..PLAIN
+    };
+    assert_eq!(flat.open().unwrap().beam(), None);
+    for (hand, named) in [
+        (
+            Hand {
+                acf: "<UseACFPVP>true</UseACFPVP>",
+                ..PLAIN
+            },
+            "UseACFPVP",
+        ),
+        (
+            Hand {
+                freq_zero: "0",
+                ..PLAIN
+            },
+            "FreqZero",
+        ),
+        (
+            Hand {
+                array: &[(65, 0, 1.0)],
+                ..PLAIN
+            },
+            "exponent1 from 0 to 64",
+        ),
+        (
+            Hand {
+                boresight: ["much", "0"],
+                ..PLAIN
+            },
+            "DCXPoly",
+        ),
+    ] {
+        let cphd = hand.open().unwrap();
+        assert_eq!(cphd.beam(), None);
+        let warnings = cphd.warnings();
+        assert!(
+            warnings.len() == 1
+                && warnings[0].contains("channel only: its antenna patterns are not used")
+                && warnings[0].contains(named),
+            "{warnings:?}"
+        );
+    }
+    // A boresight that is no direction.
+    let beyond = Hand {
+        boresight: ["0.9", "0.9"],
+        ..PLAIN
+    };
+    assert_eq!(beyond.open().unwrap().beam(), None);
+}
