@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
 use super::xml::{Element, MetadataError};
-use crate::xml::check_plain;
+use crate::xml::{DEFAULT_MEMORY_BYTES, check};
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
 
@@ -115,7 +115,7 @@ impl CphdInfo {
     /// # Errors
     /// [`MetadataError`] names the first element that is missing or wrong.
     pub fn from_xml(xml: &str) -> Result<Self, MetadataError> {
-        parse(xml).map(|(info, _)| info)
+        parse(xml, DEFAULT_MEMORY_BYTES).map(|(info, _)| info)
     }
 
     /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
@@ -135,8 +135,11 @@ impl CphdInfo {
 }
 
 /// The metadata and where each per-vector parameter lies.
-pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
-    check_plain(xml).map_err(MetadataError)?;
+pub(super) fn parse(
+    xml: &str,
+    memory_bytes: u64,
+) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
+    check(xml, memory_bytes).map_err(|fault| MetadataError(fault.to_string()))?;
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());
