@@ -8,11 +8,16 @@ use super::tree::{self, Node, Raw, Step, Table};
 ///
 /// # Errors
 /// A message, if the text is not TOML or its form leaves no place for the key.
-pub(super) fn set_value(text: &str, path: &[Step], value: &str) -> Result<String, String> {
-    let root = tree::parse(text).map_err(|found| found.message)?;
+pub(super) fn set_value(
+    text: &str,
+    path: &[Step],
+    value: &str,
+    memory_bytes: u64,
+) -> Result<String, String> {
+    let root = tree::parse(text, memory_bytes).map_err(|found| found.message)?;
     let edited = edit(text, &root, path, value)?;
     // The text may use forms that this function does not handle, so that the result is parsed and checked.
-    let again = tree::parse(&edited).map_err(|_| no_place(path))?;
+    let again = tree::parse(&edited, memory_bytes).map_err(|_| no_place(path))?;
     let found = path.split_last().and_then(|((key, _), sections)| {
         Some(&inside(&again, sections).ok()?.table.get(key)?.1.raw)
     });
@@ -153,7 +158,7 @@ mod tests {
                         \n# how it moved\n[platform]\n\n[[radar.receiver]]\noffset = \"0, 0, 0 m\"\n[[radar.receiver]]\n";
 
     fn put_at(text: &str, path: &str, value: &str) -> Result<String, String> {
-        set_value(text, &tree::parse_path(path).unwrap(), value)
+        set_value(text, &tree::parse_path(path).unwrap(), value, 1 << 20)
     }
 
     #[test]

@@ -18,6 +18,7 @@
 mod edit;
 pub mod error;
 pub mod keys;
+pub mod memory;
 mod of_kind;
 pub mod place;
 pub mod radar;
@@ -29,19 +30,26 @@ pub mod track;
 mod tree;
 pub mod values;
 
+use std::borrow::Cow;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use error::{At, Found, explain};
+use toml_parser::Source;
+use toml_parser::decoder::ScalarKind;
+
+use error::{ALLOW_MORE_MEMORY, At, Found, explain};
 use schema::{Schema, Section};
 use subaperture_model::nearest::nearest;
 use tree::{Step, apply_setting, parse_path, parse_setting};
 use values::Values;
 
 pub use error::{DescriptionError, Fault};
+pub use memory::DEFAULT_MEMORY_BYTES;
 
-/// Maximum size of a text, bytes. Its tree takes a hundred times as much memory.
-const LONGEST_BYTES: u64 = 4 << 20;
+/// Maximum size of a text, bytes; less where memory is limited.
+const LONGEST_BYTES: u64 = 64 << 20;
+/// Part of the memory that a text itself may take.
+const TEXT_PART: u64 = 8;
 
 /// Description text with the settings that override it.
 #[derive(Clone, Debug)]
@@ -50,6 +58,7 @@ pub struct Description {
     text: String,
     folder: PathBuf,
     settings: Vec<Setting>,
+    memory_bytes: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -72,22 +81,40 @@ impl Description {
             text: text.into(),
             folder: folder.into(),
             settings: Vec::new(),
+            memory_bytes: DEFAULT_MEMORY_BYTES,
         }
     }
 
-    /// Read a description file.
+    /// Read a description file; parsing may take [`DEFAULT_MEMORY_BYTES`].
     ///
     /// # Errors
-    /// If the file cannot be read, is not UTF-8, or is larger than 4 MiB.
+    /// As [`Self::read_within`].
     pub fn read(path: &Path) -> io::Result<Self> {
+        Self::read_within(path, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// Read a description file whose text takes at most an eighth of `memory_bytes`, and parsed no more than these. The latter is checked
+    /// when it is parsed.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is not UTF-8, or is larger than an eighth of the memory or than 64 MiB.
+    pub fn read_within(path: &Path, memory_bytes: u64) -> io::Result<Self> {
         let mut text = String::new();
+        let most_bytes = LONGEST_BYTES.min(memory_bytes / TEXT_PART);
         // Limited while reading, since pipes and devices have no length and may be endless.
         let read = std::fs::File::open(path)
-            .and_then(|file| file.take(LONGEST_BYTES + 1).read_to_string(&mut text));
-        if text.len() as u64 > LONGEST_BYTES {
-            return Err(io::Error::other(
-                "larger than 4 MiB: expected a scenario or a recording's description in TOML",
-            ));
+            .and_then(|file| file.take(most_bytes + 1).read_to_string(&mut text));
+        if text.len() as u64 > most_bytes {
+            let most = memory::mebibytes(most_bytes);
+            return Err(io::Error::other(match most_bytes == LONGEST_BYTES {
+                true => format!(
+                    "larger than {most}: expected a scenario or a recording's description in TOML"
+                ),
+                false => format!(
+                    "expected TOML of at most {most}, an eighth of the memory of {}, found more: divide it into smaller files, or {ALLOW_MORE_MEMORY}",
+                    memory::mebibytes(memory_bytes)
+                ),
+            }));
         }
         read.map_err(|error| match error.kind() {
             io::ErrorKind::InvalidData => io::Error::new(
@@ -101,7 +128,10 @@ impl Description {
             _ => error,
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        Ok(Self::new(path.display().to_string(), text, folder))
+        Ok(Self {
+            memory_bytes,
+            ..Self::new(path.display().to_string(), text, folder)
+        })
     }
 
     /// Folder at which relative paths in the text start.
@@ -147,7 +177,7 @@ impl Description {
     /// # Errors
     /// All faults, to be rendered by [`Self::explain`].
     pub fn resolve(&self, schema: &Schema) -> Result<Values, Vec<Found>> {
-        let mut tree = tree::parse(&self.text).map_err(|found| vec![found])?;
+        let mut tree = tree::parse(&self.text, self.memory_bytes).map_err(|found| vec![found])?;
         for (index, setting) in self.settings.iter().enumerate() {
             let value = parse_setting(&setting.value, index);
             apply_setting(&mut tree, &setting.path, value).map_err(|found| vec![found])?;
@@ -178,7 +208,7 @@ impl Description {
     ) -> Result<String, String> {
         let mut text = self.text.clone();
         for (key, value) in values {
-            text = edit::set_value(&text, &parse_path(key)?, value)?;
+            text = edit::set_value(&text, &parse_path(key)?, value, self.memory_bytes)?;
         }
         Ok(text)
     }
@@ -190,7 +220,7 @@ impl Description {
 
     /// Position of the top-level section `name`; `None` if there is none or the text is not TOML.
     pub fn has_section(&self, name: &str) -> Option<At> {
-        let tree = tree::parse(&self.text).ok()?;
+        let tree = tree::parse(&self.text, self.memory_bytes).ok()?;
         let (at, node) = tree.get(name)?;
         matches!(node.raw, tree::Raw::Table(_)).then(|| at.clone())
     }
@@ -203,7 +233,7 @@ impl Description {
 }
 
 /// Files named by the description at `path`: every string in it that is the path of a file, for any key. Empty if the
-/// file cannot be read or parsed.
+/// file cannot be read.
 pub fn named_files(path: &Path) -> Vec<PathBuf> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let about = std::fs::metadata(path);
@@ -217,25 +247,16 @@ pub fn named_files(path: &Path) -> Vec<PathBuf> {
             text.clear();
         }
     }
-    let mut values: Vec<toml::Value> = match text.parse::<toml::Table>() {
-        Ok(table) => table.into_iter().map(|(_, value)| value).collect(),
-        Err(_) => Vec::new(),
-    };
-    let mut files = Vec::new();
-    while let Some(value) = values.pop() {
-        match value {
-            toml::Value::String(text) => {
-                let file = folder.join(text);
-                if file.is_file() {
-                    files.push(file);
-                }
-            }
-            toml::Value::Array(list) => values.extend(list),
-            toml::Value::Table(table) => values.extend(table.into_iter().map(|(_, value)| value)),
-            _ => {}
-        }
-    }
-    files
+    // Token by token: no tree is held.
+    let source = Source::new(&text);
+    let strings = source.lex().filter_map(|token| {
+        token.kind().encoding()?;
+        let mut string = Cow::Borrowed("");
+        let kind = source.get(token)?.decode_scalar(&mut string, &mut ());
+        matches!(kind, ScalarKind::String).then_some(string)
+    });
+    let files = strings.map(|string| folder.join(&*string));
+    files.filter(|file| file.is_file()).collect()
 }
 
 /// Check that a setting's path leads to a key.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use toml::de::{DeTable, DeValue};
 
 use super::error::{At, Found};
+use super::memory;
 
 /// TOML value.
 #[derive(Clone, Debug)]
@@ -44,8 +45,9 @@ impl Raw {
     }
 }
 
-/// Parse TOML; the error is the first syntax error.
-pub(crate) fn parse(text: &str) -> Result<Table, Found> {
+/// Parse TOML within `memory_bytes`; the error is the first syntax error.
+pub(crate) fn parse(text: &str, memory_bytes: u64) -> Result<Table, Found> {
+    memory::check(text, memory_bytes)?;
     let place = |span: Option<std::ops::Range<usize>>| At::Text(span.unwrap_or(0..0));
     let parsed = DeTable::parse(text).map_err(|error| {
         Found::new(
@@ -53,7 +55,7 @@ pub(crate) fn parse(text: &str) -> Result<Table, Found> {
             format!("not TOML: {}", error.message()),
         )
     })?;
-    Ok(table(parsed.get_ref(), None))
+    Ok(table(parsed.into_inner(), None))
 }
 
 /// Parse the value of a setting: TOML if valid, otherwise a string without quotes.
@@ -61,7 +63,7 @@ pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
     let at = At::Setting(index);
     match DeValue::parse(text) {
         Ok(value) => Node {
-            raw: raw(value.get_ref(), Some(&at)),
+            raw: raw(value.into_inner(), Some(&at)),
             at,
         },
         Err(_) => Node {
@@ -71,38 +73,36 @@ pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
     }
 }
 
-/// Convert a table. Spans count from the start of the text; those of a setting are meaningless, and `setting` replaces
-/// them.
-fn table(source: &DeTable, setting: Option<&At>) -> Table {
+/// Convert a table, which is freed meanwhile. Spans count from the start of the text; those of a setting are meaningless, and `setting`
+/// replaces them.
+fn table(source: DeTable, setting: Option<&At>) -> Table {
     let place = |span| setting.cloned().unwrap_or(At::Text(span));
-    let entries = source.iter().map(|(key, value)| {
-        let node = Node {
-            raw: raw(value.get_ref(), setting),
-            at: place(value.span()),
-        };
-        (key.get_ref().to_string(), (place(key.span()), node))
+    let entries = source.into_iter().map(|(key, value)| {
+        let (key_at, at) = (place(key.span()), place(value.span()));
+        let raw = raw(value.into_inner(), setting);
+        (key.into_inner().into_owned(), (key_at, Node { raw, at }))
     });
     entries.collect()
 }
 
-fn raw(source: &DeValue, setting: Option<&At>) -> Raw {
+fn raw(source: DeValue, setting: Option<&At>) -> Raw {
     match source {
-        DeValue::String(text) => Raw::Text(text.to_string()),
+        DeValue::String(text) => Raw::Text(text.into_owned()),
         DeValue::Integer(digits) => {
             Raw::Integer(i64::from_str_radix(digits.as_str(), digits.radix()).ok())
         }
         DeValue::Float(digits) => Raw::Float(digits.as_str().parse().unwrap_or(f64::NAN)),
-        DeValue::Boolean(flag) => Raw::Flag(*flag),
+        DeValue::Boolean(flag) => Raw::Flag(flag),
         DeValue::Datetime(_) => Raw::Date,
-        DeValue::Array(items) => Raw::Array(
-            items
-                .iter()
-                .map(|item| Node {
-                    raw: raw(item.get_ref(), setting),
-                    at: setting.cloned().unwrap_or(At::Text(item.span())),
-                })
-                .collect(),
-        ),
+        DeValue::Array(items) => {
+            // A list of its own: one made in place of the parser's would keep its room.
+            let mut nodes = Vec::with_capacity(items.len());
+            nodes.extend(items.into_iter().map(|item| Node {
+                at: setting.cloned().unwrap_or(At::Text(item.span())),
+                raw: raw(item.into_inner(), setting),
+            }));
+            Raw::Array(nodes)
+        }
         DeValue::Table(entries) => Raw::Table(table(entries, setting)),
     }
 }
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn settings_are_applied_at_their_path() {
-        let mut root = parse("a = 1\n[[s.p]]\nx = 2\n").unwrap();
+        let mut root = parse("a = 1\n[[s.p]]\nx = 2\n", 1 << 20).unwrap();
         let mut set = |path: &str, value: &str| {
             let steps = parse_path(path).map_err(|message| Found::new(&At::Setting(0), message))?;
             apply_setting(&mut root, &steps, parse_setting(value, 0))

@@ -298,12 +298,12 @@ fn is_off(path: &Path, what: &str, feature: &str) -> ReadError {
     }
 }
 
-/// What a CPHD file says of itself in its header and XML; `None` for other files.
+/// Metadata of a CPHD file's header and XML, which takes at most `memory_bytes` once parsed; `None` for other files.
 ///
 /// # Errors
-/// As [`cphd::CphdInfo::read`].
+/// As [`cphd::CphdInfo::read_within`].
 #[cfg(feature = "cphd")]
-pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
+pub fn cphd_info(path: &Path, memory_bytes: u64) -> Result<Option<cphd::CphdInfo>, ReadError> {
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
@@ -311,7 +311,7 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     if !start.starts_with(CPHD_MAGIC) {
         return Ok(None);
     }
-    cphd::CphdInfo::read(path).map(Some)
+    cphd::CphdInfo::read_within(path, memory_bytes).map(Some)
 }
 
 /// Description of a CRSD file in its header and XML; `None` for other files.

@@ -1,6 +1,7 @@
-//! A writer of XML elements, indented, text escaped; and what is looked at before XML of somebody is parsed.
+//! Writer of XML elements, indented and escaped; checks of XML before it is parsed ([`check`]).
 
 use glam::DVec3;
+use subaperture_model::quantity::bytes;
 
 /// Writes indented elements.
 #[derive(Debug)]
@@ -90,12 +91,71 @@ impl Writer {
 /// each at most. A parser compares every one with every other.
 const MAX_ATTRIBUTES: usize = 100;
 
-/// Refuses text that takes a parser more time than in proportion to its length: elements of very many
-/// attributes, and very many namespaces. What else may be wrong with it is left to the parser.
+/// Memory of parsed XML where no other limit is given, bytes.
+pub const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
+
+/// Memory that an opening bracket may take: an element and a text of the parser's tree in a list that grows by doubling, and what readers
+/// keep of an element.
+const NODE_BYTES: u64 = 200;
+/// Memory that an equals sign may take: an attribute.
+const ATTRIBUTE_BYTES: u64 = 100;
+/// Memory that an ampersand may take, beside its text: a string of its own.
+const ESCAPE_BYTES: u64 = 64;
+/// Copies of a byte of text: the text, unescaped text, and what readers keep of it.
+const COPIES: u64 = 3;
+
+/// Reason for which XML is not parsed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum XmlFault {
+    /// It would take a parser long, or is damaged.
+    #[error("{0}")]
+    Damaged(String),
+    /// It would take too much memory.
+    #[error(
+        "expected XML that takes at most {} of memory, found one that would need {}: allow more memory, or take the file of fewer channels",
+        bytes((*allowed_bytes).into()), bytes((*needed_bytes).into())
+    )]
+    Memory {
+        /// Memory that it may take once parsed, bytes.
+        needed_bytes: u64,
+        /// Limit, bytes.
+        allowed_bytes: u64,
+    },
+}
+
+/// Memory that XML may take once it is parsed, bytes: an upper bound from the number of its brackets, equals signs and ampersands.
+pub fn parsed_bytes(xml: &str) -> u64 {
+    let mut bytes = COPIES * xml.len() as u64;
+    for byte in xml.bytes() {
+        bytes += match byte {
+            b'<' => NODE_BYTES,
+            b'=' => ATTRIBUTE_BYTES,
+            b'&' => ESCAPE_BYTES,
+            _ => 0,
+        };
+    }
+    bytes
+}
+
+/// Refuse XML that would take more than `memory_bytes` once parsed, or a parser more time than in proportion to its length. Every reader
+/// calls this first; other faults are left to the parser.
 ///
 /// # Errors
-/// What is wrong, and at which byte.
-pub fn check_plain(xml: &str) -> Result<(), String> {
+/// [`XmlFault`].
+pub fn check(xml: &str, memory_bytes: u64) -> Result<(), XmlFault> {
+    let needed_bytes = parsed_bytes(xml);
+    if needed_bytes > memory_bytes {
+        return Err(XmlFault::Memory {
+            needed_bytes,
+            allowed_bytes: memory_bytes,
+        });
+    }
+    check_plain(xml).map_err(XmlFault::Damaged)
+}
+
+/// Refuse elements with very many attributes, and very many namespaces: the parser compares each with all others.
+fn check_plain(xml: &str) -> Result<(), String> {
     let bytes = xml.as_bytes();
     let too_many = |byte: usize, what: &str| {
         Err(format!(

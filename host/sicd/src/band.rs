@@ -1,8 +1,8 @@
 //! Spectrum of a SICD's samples, from its metadata; needed to interpolate between pixels.
 
-use roxmltree::Document;
+use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 
-use crate::lookup::Lookup;
+use crate::lookup::{Lookup, document};
 use crate::projection::of_two;
 
 /// Spectrum along one image direction.
@@ -21,7 +21,7 @@ pub struct Band([Direction; 2]);
 impl Band {
     /// Parse a SICD's XML. Without `ImpRespBW` the full sampling bandwidth is assumed. `None` if the sample spacing is missing.
     pub fn of(xml: &str) -> Option<Self> {
-        let document = Document::parse(xml).ok()?;
+        let document = document(xml, DEFAULT_MEMORY_BYTES).ok()?;
         let root = Lookup::of(document.root_element());
         let of = |axis: &str| {
             let number = |name: &str| root.number(&["Grid", axis, name]);

@@ -7,6 +7,7 @@ use std::sync::Mutex;
 
 use num_complex::Complex32;
 
+use subaperture_io::xml::check;
 use subaperture_model::image::{Image, PixelBlock};
 
 use crate::header::{FileHeader, Segment};
@@ -109,24 +110,33 @@ impl Container {
         self.fault(format!("image header at byte {}: {what}", segment.header))
     }
 
-    /// Read the XML of the first extension whose beginning contains `standard`; `None` if there is no such extension.
-    pub(crate) fn xml(&mut self, standard: &str) -> Result<Option<String>, ReadError> {
+    /// Read the XML of the first extension whose beginning contains `standard`; `None` if there is no such extension. It takes at most
+    /// `memory_bytes` once parsed.
+    pub(crate) fn xml(
+        &mut self,
+        standard: &str,
+        memory_bytes: u64,
+    ) -> Result<Option<String>, ReadError> {
         for segment in self.header.extensions.clone() {
             let searched = segment.data_bytes.min(SEARCHED_BYTES);
             let begins = self.bytes(segment.data, searched, "an extension")?;
             if !String::from_utf8_lossy(&begins).contains(standard) {
                 continue;
             }
-            if segment.data_bytes > MAX_XML_BYTES {
+            let most_bytes = MAX_XML_BYTES.min(memory_bytes / 2);
+            if segment.data_bytes > most_bytes {
                 return Err(self.fault(format!(
-                    "expected XML of at most {MAX_XML_BYTES} bytes, found {}",
+                    "expected XML of at most {most_bytes} bytes, found {}: the file is damaged, or more memory is needed",
                     segment.data_bytes
                 )));
             }
             let bytes = self.bytes(segment.data, segment.data_bytes, "the XML")?;
             let text = String::from_utf8(bytes);
             return match text {
-                Ok(text) => Ok(Some(text)),
+                Ok(text) => match check(&text, memory_bytes) {
+                    Ok(()) => Ok(Some(text)),
+                    Err(fault) => Err(self.fault(format!("XML: {fault}"))),
+                },
                 Err(_) => Err(self.fault("the XML is not UTF-8".to_owned())),
             };
         }

@@ -1,12 +1,19 @@
 //! Lookup of values by path in SICD and SIDD XML of any version.
 
 use glam::DVec3;
-use roxmltree::Node;
+use roxmltree::{Document, Node};
+use subaperture_io::xml::check;
 
 use crate::polynomial::Path;
 
 /// Largest supported exponent of a polynomial.
 const MAX_ORDER: usize = 40;
+
+/// Parse XML that takes at most `memory_bytes`.
+pub(crate) fn document(xml: &str, memory_bytes: u64) -> Result<Document<'_>, String> {
+    check(xml, memory_bytes).map_err(|fault| format!("XML: {fault}"))?;
+    Document::parse(xml).map_err(|error| format!("XML: {error}"))
+}
 
 /// Element below which values are looked up; missing, invalid and non-finite values are `None`.
 #[derive(Clone, Copy)]

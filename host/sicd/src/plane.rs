@@ -1,9 +1,9 @@
 //! Image plane of a SICD as a grid about the scene centre point.
 
-use roxmltree::Document;
+use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 
-use crate::lookup::Lookup;
+use crate::lookup::{Lookup, document};
 
 /// Image plane: rows along the y axis (the file's `Row` direction), columns along the x axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Plane {
 impl Plane {
     /// Parse the XML of an image of `rows` x `columns`; `None` if the plane is missing or invalid.
     pub(crate) fn of(xml: &str, (rows, columns): (usize, usize)) -> Option<Self> {
-        let document = Document::parse(xml).ok()?;
+        let document = document(xml, DEFAULT_MEMORY_BYTES).ok()?;
         let root = Lookup::of(document.root_element());
         let value = |path: &[&str]| root.number(path);
         let first = |name| value(&["ImageData", name]).unwrap_or(0.0);

@@ -18,10 +18,10 @@
 //! parameters and bistatic images are not supported.
 
 use glam::{DMat3, DVec3};
-use roxmltree::Document;
+use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::Geodetic;
 
-use crate::lookup::Lookup;
+use crate::lookup::{Lookup, document};
 use crate::polynomial::Path;
 
 /// Largest number of Newton iterations.
@@ -90,7 +90,7 @@ impl Projection {
     }
 
     fn parse(xml: &str) -> Result<Self, String> {
-        let document = Document::parse(xml).map_err(|error| format!("XML: {error}"))?;
+        let document = document(xml, DEFAULT_MEMORY_BYTES)?;
         let root = Lookup::of(document.root_element());
         let missing = |path: &[&str]| format!("XML: expected numbers in {}", path.join("/"));
         let vector = |path: &[&str]| root.vector(path).ok_or_else(|| missing(path));

@@ -13,16 +13,15 @@ use std::fs::File;
 use std::path::Path;
 
 use num_complex::Complex32;
-use roxmltree::Document;
 
-use subaperture_io::xml::check_plain;
+use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
 };
 
 use crate::container::{Blocks, Container, Pixels, ReadError};
 use crate::header::{ImageHeader, Samples};
-use crate::lookup::Lookup;
+use crate::lookup::{Lookup, document};
 use crate::{Band, Plane, Projection};
 
 /// An open SICD file.
@@ -37,23 +36,31 @@ pub struct SicdFile {
 }
 
 impl SicdFile {
-    /// Open a file; reads its headers and XML.
+    /// Open a file; reads its headers and XML, which takes at most [`DEFAULT_MEMORY_BYTES`].
     ///
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::open_within(path, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// Open a file whose XML takes at most `memory_bytes` once parsed.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
+    pub fn open_within(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let file = File::open(path).map_err(|source| ReadError::Io {
             path: path.to_owned(),
             source,
         })?;
-        Self::of(file, path)
+        Self::of(file, path, memory_bytes)
     }
 
-    /// As [`Self::open`], from an open file; `path` is for messages.
+    /// As [`Self::open_within`], from an open file; `path` is for messages.
     ///
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
-    pub fn of(file: File, path: &Path) -> Result<Self, ReadError> {
+    pub fn of(file: File, path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let mut container = Container::open(file, path)?;
         let mut images: Vec<(ImageHeader, u64)> = Vec::new();
         for segment in container.header.images.clone() {
@@ -70,7 +77,7 @@ impl SicdFile {
         images.sort_by(|a, b| a.0.name.cmp(&b.0.name));
         let wrong = |container: &Container, what: &str| container.fault(what.to_owned());
         let xml = container
-            .xml("SICD")?
+            .xml("SICD", memory_bytes)?
             .ok_or_else(|| wrong(&container, "expected SICD XML, found another NITF file"))?;
         // All segments must lie in the file before any pixel is read.
         let segments = container.header.images.iter();
@@ -83,7 +90,8 @@ impl SicdFile {
                 )));
             }
         }
-        let image_data = ImageData::parse(&xml).map_err(|what| container.fault(what))?;
+        let image_data =
+            ImageData::parse(&xml, memory_bytes).map_err(|what| container.fault(what))?;
         let Some(samples) = images.first().map(|(image, _)| image.samples) else {
             return Err(wrong(
                 &container,
@@ -165,7 +173,7 @@ impl SicdFile {
 
     /// Non-empty text of a metadata element.
     fn text(&self, path: &[&str]) -> Option<String> {
-        let document = Document::parse(&self.xml).ok()?;
+        let document = document(&self.xml, DEFAULT_MEMORY_BYTES).ok()?;
         let text = Lookup::of(document.root_element()).text(path)?.to_owned();
         (!text.is_empty()).then_some(text)
     }
@@ -223,9 +231,8 @@ struct ImageData {
 }
 
 impl ImageData {
-    fn parse(xml: &str) -> Result<Self, String> {
-        check_plain(xml).map_err(|what| format!("XML: {what}"))?;
-        let document = Document::parse(xml).map_err(|error| format!("XML: {error}"))?;
+    fn parse(xml: &str, memory_bytes: u64) -> Result<Self, String> {
+        let document = document(xml, memory_bytes)?;
         let root = document.root_element();
         let namespace = root.tag_name().namespace().unwrap_or_default();
         let version = namespace.strip_prefix("urn:SICD:").unwrap_or_default();

@@ -20,7 +20,7 @@ const JSON_LIMITS: Limits = Limits {
     value_bytes: 0,
 };
 /// Maximum length of TOML text whose tables are examined, bytes.
-const MAX_TOML_BYTES: u64 = 16 << 20;
+const MAX_TOML_BYTES: u64 = 8 << 20;
 /// Posts along a side of HGT tiles; a post has two bytes.
 const HGT_SIDES: [u64; 2] = [1201, 3601];
 /// Length of an SBET record, bytes.
@@ -276,17 +276,34 @@ fn of_toml(path: &Path) -> FileKind {
     let Ok(file) = open_file(path) else {
         return FileKind::Unknown;
     };
-    let mut tables = Vec::new();
+    // Tables that decide, in this order.
+    const DECIDING: [&str; 7] = [
+        "recording",
+        "plan",
+        "device",
+        "input",
+        "radar",
+        "platform",
+        "scene",
+    ];
+    let mut found = [false; DECIDING.len()];
     let lines = BufReader::new(file.take(MAX_TOML_BYTES)).lines();
     for line in lines.map_while(Result::ok) {
         let line = line.trim();
         if let Some(name) = line.strip_prefix('[') {
             let name = name.trim_start_matches('[').trim_start();
             let end = name.find([']', '.', ' ']).unwrap_or(name.len());
-            tables.push(name[..end].to_owned());
+            if let Some(place) = DECIDING.iter().position(|table| *table == &name[..end]) {
+                found[place] = true;
+            }
         }
     }
-    let has = |name: &str| tables.iter().any(|table| table == name);
+    let has = |name: &str| {
+        DECIDING
+            .iter()
+            .zip(found)
+            .any(|(table, found)| found && *table == name)
+    };
     match () {
         () if has("recording") => FileKind::Recording,
         () if has("plan") || has("device") => FileKind::Experiment,

@@ -8,6 +8,7 @@ use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::cphd::{Cphd, CphdInfo, ReferenceSurface};
 use subaperture::io::open::{Options, cphd_info, open, open_all};
+use subaperture::io::xml::parsed_bytes;
 use subaperture::phase_history::{PhaseHistory, ReadError};
 
 use super::by_hand::{
@@ -439,9 +440,9 @@ fn memory_is_refused_before_it_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.cphd");
     let hand = ByHand::new("CF8", vec![0; 96]);
-    // A small file: its XML takes most, 32 bytes a byte.
+    // A small file: its XML takes most.
     std::fs::write(&path, hand.bytes()).unwrap();
-    let xml = 32 * hand.xml().len() as u64;
+    let xml = parsed_bytes(&hand.xml());
     let refusal = |memory_bytes| match Cphd::open(&path, None, memory_bytes) {
         Ok(_) => 0,
         Err(ReadError::Memory { needed_bytes, .. }) => needed_bytes,
@@ -479,7 +480,7 @@ fn memory_is_refused_before_it_is_taken() {
     // Its metadata are there to be read at once.
     let info = CphdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].num_vectors, vectors);
-    assert_eq!(cphd_info(&path).unwrap(), Some(info));
+    assert_eq!(cphd_info(&path, 1 << 20).unwrap(), Some(info));
     let options = Options {
         memory_bytes: 1 << 30,
         ..Options::default()

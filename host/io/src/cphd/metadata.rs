@@ -8,7 +8,7 @@ use super::antenna::{AntennaIds, Antennas};
 use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
 use super::xml::{Element, MetadataError};
-use crate::xml::check_plain;
+use crate::xml::{DEFAULT_MEMORY_BYTES, check};
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Beam, Channel, ChannelError, Pulse, which_channel};
 
@@ -120,7 +120,7 @@ impl CphdInfo {
     /// # Errors
     /// [`MetadataError`] names the first element that is missing or wrong.
     pub fn from_xml(xml: &str) -> Result<Self, MetadataError> {
-        parse(xml).map(|(info, _)| info)
+        parse(xml, DEFAULT_MEMORY_BYTES).map(|(info, _)| info)
     }
 
     /// Beam of a channel along the track of these pulses, if the file gives antenna patterns for it.
@@ -163,8 +163,11 @@ impl CphdInfo {
 }
 
 /// The metadata and where each per-vector parameter lies.
-pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
-    check_plain(xml).map_err(MetadataError)?;
+pub(super) fn parse(
+    xml: &str,
+    memory_bytes: u64,
+) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
+    check(xml, memory_bytes).map_err(|fault| MetadataError(fault.to_string()))?;
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());

@@ -7,15 +7,12 @@ use super::metadata::{self, CphdInfo};
 use super::pvp::Layout;
 use super::source::Source;
 use super::xml::MetadataError;
+use crate::xml::{DEFAULT_MEMORY_BYTES, parsed_bytes};
 use subaperture_model::phase_history::ReadError;
 
 /// Larger XML blocks are refused: they are parsed in memory. Those of real products have less than
 /// a tenth of it.
 const MAX_XML_BYTES: u64 = 8 << 20;
-
-/// Memory that a byte of XML may take: the text, its parsed form of about 20 bytes a byte, and what
-/// is kept of it.
-const MEMORY_PER_XML_BYTE: u64 = 32;
 
 /// Header, metadata and where each per-vector parameter lies.
 pub(super) struct Preamble {
@@ -34,8 +31,16 @@ impl CphdInfo {
     /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CPHD, is cut short, or the XML lacks
     /// what [`CphdInfo`] needs.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        Self::read_within(path, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// As [`Self::read`], with XML that takes at most `memory_bytes` once parsed.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; [`ReadError::Memory`].
+    pub fn read_within(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Self, ReadError> {
         let source = Source::open(path.as_ref())?;
-        Ok(Preamble::read(&source, u64::MAX)?.info)
+        Ok(Preamble::read(&source, memory_bytes)?.info)
     }
 }
 
@@ -62,10 +67,10 @@ fn read_xml(
     memory_bytes: u64,
 ) -> Result<(CphdInfo, Result<Layout, MetadataError>), ReadError> {
     let xml = read_text(source, block, memory_bytes)?;
-    metadata::parse(&xml).map_err(|e| source.malformed(in_xml(&e, block.offset)))
+    metadata::parse(&xml, memory_bytes).map_err(|e| source.malformed(in_xml(&e, block.offset)))
 }
 
-/// The XML block, of which what is made may take no more than `memory_bytes`.
+/// The XML block, which takes at most `memory_bytes` once parsed.
 pub(crate) fn read_text(
     source: &Source,
     block: Block,
@@ -78,15 +83,17 @@ pub(crate) fn read_text(
             block.size
         )));
     }
-    source.check_memory(block.size * MEMORY_PER_XML_BYTE, memory_bytes)?;
+    source.check_memory(block.size, memory_bytes)?;
     let mut bytes = vec![0; block.size as usize];
     source.read_at(block.offset, &mut bytes)?;
-    String::from_utf8(bytes).map_err(|e| {
+    let text = String::from_utf8(bytes).map_err(|e| {
         source.malformed(format!(
             "byte {}: the XML block is not UTF-8 text; copy the file again",
             block.offset + e.utf8_error().valid_up_to() as u64
         ))
-    })
+    })?;
+    source.check_memory(parsed_bytes(&text), memory_bytes)?;
+    Ok(text)
 }
 
 /// An error of the XML with the place of its block.

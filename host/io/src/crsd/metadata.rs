@@ -8,7 +8,7 @@ use super::vectors;
 use crate::cphd::SignalFormat;
 use crate::cphd::metadata::{image_area, scene_frame, signal_format};
 use crate::cphd::xml::{Element, MetadataError};
-use crate::xml::check_plain;
+use crate::xml::check;
 use glam::DVec3;
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
@@ -119,8 +119,8 @@ pub(super) struct Parsed {
 }
 
 /// Parses the XML block.
-pub(super) fn parse(xml: &str, version: &str) -> Result<Parsed, MetadataError> {
-    check_plain(xml).map_err(MetadataError)?;
+pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parsed, MetadataError> {
+    check(xml, memory_bytes).map_err(|fault| MetadataError(fault.to_string()))?;
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());

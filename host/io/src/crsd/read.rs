@@ -16,6 +16,7 @@ use crate::cphd::preamble::{in_xml, read_text};
 use crate::cphd::side_by_side;
 use crate::cphd::source::{CHUNK_BYTES, Source};
 use crate::cphd::start;
+use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::phase_history::{
     Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
     Pulse, ReadError, check_finite,
@@ -53,7 +54,7 @@ impl CrsdInfo {
     /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is cut short, or the XML lacks what
     /// [`CrsdInfo`] needs.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, ReadError> {
-        Ok(Container::open(path.as_ref(), u64::MAX)?.info)
+        Ok(Container::open(path.as_ref(), DEFAULT_MEMORY_BYTES)?.info)
     }
 }
 
@@ -66,7 +67,7 @@ impl Container {
             info,
             pulses,
             vectors,
-        } = parse(&xml, &header.version)
+        } = parse(&xml, &header.version, memory_bytes)
             .map_err(|e| source.malformed(in_xml(&e, header.xml.offset)))?;
         Ok(Self {
             source: Arc::new(source),

@@ -52,7 +52,7 @@ use std::path::{Path, PathBuf};
 
 use arrays::Arrays;
 use subaperture_describe::error::Found;
-use subaperture_describe::{Description, DescriptionError};
+use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 use subaperture_model::phase_history::{
     Channel, Channels, Collection, InMemory, Inference, InputFile, PhaseHistory, ReadError,
 };
@@ -151,13 +151,21 @@ impl RecordingFile {
         }
     }
 
-    /// Reads a description.
+    /// Read a description. Its text may take [`DEFAULT_MEMORY_BYTES`] when it is parsed.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
+    /// As [`Description::read_within`].
     pub fn read(path: &Path) -> io::Result<Self> {
+        Self::read_within(path, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// Read a description whose text takes at most `memory_bytes` when it is parsed.
+    ///
+    /// # Errors
+    /// As [`Description::read_within`].
+    pub fn read_within(path: &Path, memory_bytes: u64) -> io::Result<Self> {
         Ok(Self {
-            description: Description::read(path)?,
+            description: Description::read_within(path, memory_bytes)?,
             path: Some(path.to_owned()),
             arrays: Arrays::default(),
         })
@@ -350,10 +358,11 @@ fn take(
     memory_bytes: u64,
     inference: Option<&Inference>,
 ) -> Result<Take, ReadError> {
-    let mut file = RecordingFile::read(path).map_err(|source| ReadError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    let mut file =
+        RecordingFile::read_within(path, memory_bytes).map_err(|source| ReadError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
     for (key, value) in settings {
         file.set(key, value)?;
     }

@@ -13,7 +13,7 @@ mod live;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use subaperture_describe::{Description, DescriptionError};
+use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 use subaperture_simulate::scenario::Scenario;
 
 use crate::antennas::Reference;
@@ -114,12 +114,25 @@ fn unread(path: &Path) -> impl FnOnce(io::Error) -> ExperimentError {
 }
 
 impl Experiment {
-    /// Read an experiment file, and override keys with `settings` (pairs such as `plan.steps` and `50`).
+    /// Read an experiment file, and override keys with `settings` (pairs such as `plan.steps` and `50`). Its text may take
+    /// [`DEFAULT_MEMORY_BYTES`] when it is parsed.
     ///
     /// # Errors
     /// If the file cannot be read; otherwise all faults of its text.
     pub fn read(path: &Path, settings: &[(String, String)]) -> Result<Self, ExperimentError> {
-        let mut description = Description::read(path).map_err(unread(path))?;
+        Self::read_within(path, settings, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// As [`Self::read`], for a text that takes at most `memory_bytes` when it is parsed.
+    ///
+    /// # Errors
+    /// If the file cannot be read; otherwise all faults of its text.
+    pub fn read_within(
+        path: &Path,
+        settings: &[(String, String)],
+        memory_bytes: u64,
+    ) -> Result<Self, ExperimentError> {
+        let mut description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
         for (key, value) in settings {
             description.set(&keys::SCHEMA, "--set", key, value)?;
         }
@@ -148,7 +161,7 @@ impl Experiment {
         match &self.device {
             Device::Simulated(simulated) => {
                 let path = &simulated.scenario;
-                let scenario = Scenario::read(path).map_err(unread(path))?;
+                let scenario = Scenario::read_within(path, memory_bytes).map_err(unread(path))?;
                 let scene = scenario.experiment_within(memory_bytes)?;
                 if self.plan.reference == Reference::Leakage {
                     self.same_places(&scene, path)?;

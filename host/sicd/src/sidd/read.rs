@@ -7,9 +7,8 @@ use std::fs::File;
 use std::path::Path;
 
 use num_complex::Complex32;
-use roxmltree::Document;
 
-use subaperture_io::xml::check_plain;
+use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
@@ -18,7 +17,7 @@ use subaperture_model::image::{
 use crate::Plane;
 use crate::container::{Blocks, Container, Pixels, ReadError};
 use crate::header::Layout;
-use crate::lookup::Lookup;
+use crate::lookup::{Lookup, document};
 
 /// An open SIDD file.
 #[derive(Debug)]
@@ -48,11 +47,19 @@ pub fn is_sidd(path: &Path) -> bool {
 }
 
 impl SiddFile {
-    /// Open a file; reads its headers and XML.
+    /// Open a file; reads its headers and XML, which takes at most [`DEFAULT_MEMORY_BYTES`].
     ///
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SIDD.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
+        Self::open_within(path, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// Open a file whose XML takes at most `memory_bytes` once parsed.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SIDD.
+    pub fn open_within(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let file = File::open(path).map_err(|source| ReadError::Io {
             path: path.to_owned(),
             source,
@@ -72,7 +79,7 @@ impl SiddFile {
         images.sort_by(|a, b| a.0.name.cmp(&b.0.name));
         let wrong = |container: &Container, what: &str| container.fault(what.to_owned());
         let xml = container
-            .xml("SIDD")?
+            .xml("SIDD", memory_bytes)?
             .ok_or_else(|| wrong(&container, "expected SIDD XML, found another NITF file"))?;
         let Some(product) = images.first().map(|(layout, ..)| layout.name.clone()) else {
             return Err(wrong(
@@ -98,7 +105,8 @@ impl SiddFile {
             rows += layout.rows;
         }
         let size = (rows, columns);
-        let metadata = Metadata::parse(&xml, size).map_err(|what| container.fault(what))?;
+        let metadata =
+            Metadata::parse(&xml, size, memory_bytes).map_err(|what| container.fault(what))?;
         Ok(Self {
             pixels: container.into_pixels(size, pixel_bytes, segments),
             metadata,
@@ -208,9 +216,8 @@ fn check(images: &[(Layout, u64, u64)], length: u64) -> Result<usize, String> {
 }
 
 impl Metadata {
-    fn parse(xml: &str, size: (usize, usize)) -> Result<Self, String> {
-        check_plain(xml).map_err(|what| format!("XML: {what}"))?;
-        let document = Document::parse(xml).map_err(|error| format!("XML: {error}"))?;
+    fn parse(xml: &str, size: (usize, usize), memory_bytes: u64) -> Result<Self, String> {
+        let document = document(xml, memory_bytes)?;
         let node = document.root_element();
         let namespace = node.tag_name().namespace().unwrap_or_default();
         let version = namespace.strip_prefix("urn:SIDD:").unwrap_or_default();

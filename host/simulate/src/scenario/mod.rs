@@ -78,12 +78,20 @@ impl Scenario {
         Self(Description::new(file, text, folder))
     }
 
-    /// Read a scenario file.
+    /// Read a scenario file. Its text may take [`DEFAULT_MEMORY_BYTES`](subaperture_describe::DEFAULT_MEMORY_BYTES) when it is parsed.
     ///
     /// # Errors
-    /// If the file cannot be read, is not UTF-8, or is larger than 4 MiB.
+    /// As [`Description::read_within`].
     pub fn read(path: &Path) -> io::Result<Self> {
         Description::read(path).map(Self)
+    }
+
+    /// Read a scenario file whose text takes at most `memory_bytes` when it is parsed.
+    ///
+    /// # Errors
+    /// As [`Description::read_within`].
+    pub fn read_within(path: &Path, memory_bytes: u64) -> io::Result<Self> {
+        Description::read_within(path, memory_bytes).map(Self)
     }
 
     /// Override the key at a dotted path, such as `radar.pri` or `scene.point[0].position`. The value is written as in

@@ -34,7 +34,7 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     let Some(path) = &typed.experiment else {
         return Ok(());
     };
-    let mut experiment = Experiment::read(path, &typed.set)?;
+    let mut experiment = Experiment::read_within(path, &typed.set, session.memory_bytes)?;
     if let Some(recording) = &typed.replay {
         experiment.device = Device::Replay(recording.clone());
     }

@@ -165,7 +165,7 @@ fn sampled_patterns(paths: &[PathBuf]) -> anyhow::Result<u64> {
 fn containers(paths: &[PathBuf], memory_bytes: u64) -> anyhow::Result<Vec<Container>> {
     let mut containers = Vec::new();
     for path in paths {
-        if let Some(info) = cphd_info(path)? {
+        if let Some(info) = cphd_info(path, memory_bytes)? {
             containers.push(Container {
                 path: path.clone(),
                 offsets_m: (info.channels.len() > 1).then(|| offsets_m(path, memory_bytes)),

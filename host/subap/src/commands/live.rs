@@ -24,7 +24,7 @@ use crate::{messages, text};
 /// Captures and images.
 pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
     let started = Instant::now();
-    let experiment = Experiment::read(&typed.experiment, &typed.set)?;
+    let experiment = Experiment::read_within(&typed.experiment, &typed.set, session.memory_bytes)?;
     let Some(live) = &experiment.live else {
         let what = "the experiment has no section [live], which says what is imaged and how the antennas move: subap capture --keys has its keys";
         return Err(Usage(what.to_owned()).into());

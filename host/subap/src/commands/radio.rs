@@ -102,7 +102,7 @@ struct Probed {
 }
 
 fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
-    let experiment = Experiment::read(&typed.experiment, &typed.set)?;
+    let experiment = Experiment::read_within(&typed.experiment, &typed.set, session.memory_bytes)?;
     let opening = session.progress("opening the radio");
     let probed = experiment.with_radio(session.memory_bytes, |radio| Probed {
         about: radio.about().clone(),

@@ -40,7 +40,7 @@ pub(crate) fn run(session: &Session, typed: &Run) -> anyhow::Result<()> {
     let Some(path) = &typed.job else {
         return Ok(());
     };
-    let job = JobText::read(path, "--set", &typed.set)?;
+    let job = JobText::read(path, "--set", &typed.set, session.memory_bytes)?;
     let options = Options::of(&job, path, typed.writing).map_err(|found| job.explain(found))?;
     // Settings that say nothing together are told before anything is read.
     options.focus.typed.image.former.former()?;

@@ -94,8 +94,8 @@ fn report(session: &Session, start: Instant, written: Vec<Value>) -> anyhow::Res
 
 /// What the scenario says, with the settings laid over.
 fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
-    let mut scenario =
-        Scenario::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut scenario = Scenario::read_within(path, session.memory_bytes)
+        .with_context(|| format!("cannot read {}", path.display()))?;
     for (key, value) in &typed.set {
         scenario.set(key, value)?;
     }

@@ -32,7 +32,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     let start = Instant::now();
     let keys = &typed.vary;
     let _claims = check_and_claim(session, typed)?;
-    let mut recording = RecordingFile::read(&typed.recording)
+    let mut recording = RecordingFile::read_within(&typed.recording, session.memory_bytes)
         .with_context(|| format!("cannot read {}", typed.recording.display()))?;
     for (key, value) in &typed.set {
         recording.set(key, value)?;

@@ -31,7 +31,7 @@ const VELOCITY_PLANE: &str = "subaperture-velocity-plane";
 /// Options for opening an image.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading {
-    /// Maximum size of an unpacked part of a file, such as a GeoTIFF tile, bytes. Default: 256 MiB.
+    /// Maximum size of an unpacked part of a file, such as a GeoTIFF tile, and of parsed XML, bytes. Default: 256 MiB.
     pub memory_bytes: u64,
     /// Whether an array in a product's folder is read once to verify its CRC-32. Default: true.
     pub verified: bool,
@@ -140,8 +140,8 @@ impl OpenImage {
         })?;
         match &start {
             b"\x93NUM" => array(path, path, Pixels::Array),
-            b"NITF" | b"NSIF" if is_sidd(path) => sidd(path),
-            b"NITF" | b"NSIF" => sicd(path),
+            b"NITF" | b"NSIF" if is_sidd(path) => sidd(path, reading),
+            b"NITF" | b"NSIF" => sicd(path, reading),
             b"II*\0" | b"MM\0*" | b"II+\0" | b"MM\0+" => map(path, reading),
             _ => Err(no_image(path, "")),
         }
@@ -340,8 +340,8 @@ fn source_of(image: &ZarrImage) -> Option<Value> {
     Some(record)
 }
 
-fn sicd(path: &Path) -> Result<OpenImage, OpenError> {
-    let file = SicdFile::open(path)?;
+fn sicd(path: &Path, reading: &Reading) -> Result<OpenImage, OpenError> {
+    let file = SicdFile::open_within(path, reading.memory_bytes)?;
     let on_map = SicdOnMap::new(&file).map_err(|error| error.to_string());
     Ok(OpenImage {
         path: path.to_owned(),
@@ -355,8 +355,8 @@ fn sicd(path: &Path) -> Result<OpenImage, OpenError> {
     })
 }
 
-fn sidd(path: &Path) -> Result<OpenImage, OpenError> {
-    let file = SiddFile::open(path)?;
+fn sidd(path: &Path, reading: &Reading) -> Result<OpenImage, OpenError> {
+    let file = SiddFile::open_within(path, reading.memory_bytes)?;
     let lies = match file.plane() {
         Some(plane) => PixelGeometry::Grid {
             grid: plane.grid.clone(),

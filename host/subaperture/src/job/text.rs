@@ -35,7 +35,8 @@ pub struct JobText {
 }
 
 impl JobText {
-    /// Read a text and apply overrides (key and value, as `former.error` and `-50 dB`). Errors attribute an override to `option`.
+    /// Read a text that takes at most `memory_bytes` when it is parsed, and apply overrides (key and value, as `former.error` and
+    /// `-50 dB`). Errors attribute an override to `option`.
     ///
     /// # Errors
     /// The file cannot be read, or the list of all faults in the text.
@@ -43,8 +44,9 @@ impl JobText {
         path: &Path,
         option: &str,
         settings: &[(String, String)],
+        memory_bytes: u64,
     ) -> Result<Self, JobError> {
-        let read = Description::read(path).map_err(|source| JobError::Read {
+        let read = Description::read_within(path, memory_bytes).map_err(|source| JobError::Read {
             path: path.to_owned(),
             source,
         });

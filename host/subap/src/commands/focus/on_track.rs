@@ -51,7 +51,7 @@ pub(super) fn open(
     }
     let body = SampledTrack::new(&fixes).with_context(named)?;
     let span_s = (fixes[0].time_s, fixes[fixes.len() - 1].time_s);
-    let wanted = wanted(input, &channels)?;
+    let wanted = wanted(input, &channels, session.memory_bytes)?;
     let all = channels.num_pulses();
     let mut moved = Vec::new();
     for (c, (about, history)) in channels.into_inner().into_iter().enumerate() {
@@ -155,14 +155,14 @@ fn found(
 }
 
 /// The channels of the image: those named, else the reference channel of a CPHD, or all channels of a description.
-fn wanted(input: &Input, channels: &Channels) -> anyhow::Result<Vec<usize>> {
+fn wanted(input: &Input, channels: &Channels, memory_bytes: u64) -> anyhow::Result<Vec<usize>> {
     let named: Vec<String> = match (&input.channel, &input.channels) {
         (Some(name), _) => vec![name.clone()],
         (None, Some(several)) => match several.named() {
             Some(names) => names.to_vec(),
             None => return Ok((0..channels.len()).collect()),
         },
-        (None, None) => match cphd_info(&input.paths[0])? {
+        (None, None) => match cphd_info(&input.paths[0], memory_bytes)? {
             Some(info) => vec![info.ref_channel],
             None => return Ok((0..channels.len()).collect()),
         },

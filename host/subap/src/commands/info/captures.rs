@@ -8,6 +8,7 @@ use subaperture::radio::experiment::{Device, Experiment};
 use subaperture::radio::sigmf::Recording;
 
 use super::description::{Description, line};
+use crate::config::Session;
 use crate::text::{bytes, hertz, seconds};
 
 /// A recording as SigMF: carriers, sweeps and what is wrong with steps.
@@ -110,8 +111,8 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
 }
 
 /// An experiment's plan and radio.
-pub(super) fn experiment(path: &Path) -> anyhow::Result<Description> {
-    let experiment = Experiment::read(path, &[])?;
+pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Description> {
+    let experiment = Experiment::read_within(path, &[], session.memory_bytes)?;
     let plan = &experiment.plan;
     let radio = match &experiment.device {
         Device::Simulated(simulated) => {

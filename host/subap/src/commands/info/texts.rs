@@ -142,8 +142,8 @@ pub(super) fn features(session: &Session, path: &Path) -> anyhow::Result<Descrip
 
 /// A scenario of the simulator.
 pub(super) fn scenario(session: &Session, path: &Path) -> anyhow::Result<Description> {
-    let scenario =
-        Scenario::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let scenario = Scenario::read_within(path, session.memory_bytes)
+        .with_context(|| format!("cannot read {}", path.display()))?;
     let scene = scenario.experiment_within(session.memory_bytes)?;
     let radar = &scene.radar;
     let pairs = radar.transmitters.len() * radar.receivers.len();
@@ -164,8 +164,8 @@ pub(super) fn scenario(session: &Session, path: &Path) -> anyhow::Result<Descrip
 }
 
 /// Describe the text of a job.
-pub(super) fn job(path: &Path) -> anyhow::Result<Description> {
-    let job = job::JobText::read(path, "--set", &[])?;
+pub(super) fn job(session: &Session, path: &Path) -> anyhow::Result<Description> {
+    let job = job::JobText::read(path, "--set", &[], session.memory_bytes)?;
     let values = job.settings(&[
         "input",
         "track",
