@@ -130,6 +130,41 @@ fn what_tune_finds_is_written_and_nothing_else_changes() {
 }
 
 #[test]
+fn tune_writes_no_value_whose_error_is_unknown() {
+    let folder = folder();
+    let at = folder.path();
+    let path = at.join("raw/recording.toml");
+    let before = fs::read(&path).unwrap();
+    let wide = "-0.3:0.3:0.05m";
+    for (interval, options, verdict) in [
+        // An error is stated for three values or more, and for two pulses or more in each of eight parts of the aperture.
+        ("0:0.05:0.05m", "", "error unknown"),
+        (wide, "--set recording.count=15", "error unknown"),
+        // An optimum at an end has no known error either.
+        ("0.1:0.3:0.05m", "", "at an end"),
+    ] {
+        let tune = format!(
+            "tune raw/recording.toml --vary recording.range_bias={interval} --refine 1 --at 0.4,3.6 --at 0.1,4.7 {options}"
+        );
+        let alone = run(at, &tune);
+        assert!(alone.succeeded().contains(verdict), "{alone:?}");
+        for write in ["--write", "--write-to raw/tuned.toml", "--write --json"] {
+            let ran = run(at, &format!("{tune} {write}"));
+            ran.failed(1, &["recording.range_bias", "nothing was written"]);
+            assert_eq!(fs::read(&path).unwrap(), before, "{ran:?}");
+            assert!(!at.join("raw/tuned.toml").exists(), "{ran:?}");
+        }
+    }
+    // The same search with enough values and pulses is written.
+    run(
+        at,
+        &format!("tune raw/recording.toml --vary recording.range_bias={wide} --refine 1 --at 0.4,3.6 --at 0.1,4.7 --write"),
+    )
+    .succeeded();
+    assert_ne!(fs::read(&path).unwrap(), before);
+}
+
+#[test]
 fn messages_say_what_is_meant() {
     let folder = folder();
     let at = folder.path();

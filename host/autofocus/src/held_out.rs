@@ -12,24 +12,21 @@
 //!
 //! **Track.** A sharper image is no proof of a better track: displacements that hardly change the phases of the points are free, and noise
 //! fills them. The jackknife (`track_error.rs`) has to show, at the same significance, that the track is better than the recorded one. It compares tracks estimated
-//! without each group of points, if the method provides them ([`Method::without_points`]), else the tracks of the folds.
+//! without each group of points, if the method provides them ([`Method::without_points`]), else the tracks of the folds. Applies to tracks of near scenes.
 //!
-//! **Slips.** The two-way phase of the displacements has to change by less than half a turn between neighbouring pulses (`slips.rs`): half-wavelength slips show in
-//! no image. Applies to tracks.
+//! **Slips.** The two-way phase of the displacements has to change by less than a limit between neighbouring pulses (`slips.rs`, in far scenes `far.rs`): half-wavelength
+//! slips show in no image. Applies to tracks.
 //!
-//! In a far scene, where the lines of sight to all pixels are parallel within [`PARALLEL`], a displacement along them is a phase that all points share. There the tests
-//! of track and slips apply only to methods that provide tracks without each group of points. Other tracks are judged as phases: two folds are too few for a jackknife of
-//! a phase.
+//! In a far scene (`far.rs`) a track is one phase a pulse that all points share, and no displacement is free: an image that is sharper on held-out cells shows that the phases are
+//! better, but for whole turns. So the tests of sharpness and slips decide, with the folds of phases. The track and those of the folds are placed along the line of sight first.
 //!
 //! Not covered: errors that all points share, such as a mismatch of the whole geometry.
 
-use glam::DVec3;
-use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::Collection;
 
 use super::chance::student_above;
 use super::correction::{Corrected, Correction};
+use super::far::{FarScene, max_step_rad};
 use super::folds::{Folds, SCATTERER};
 use super::rounds::{
     Figures, Method, RoundInput, SharpenError, Stopping, Subject, by_rounds, figures, form, merit,
@@ -56,31 +53,19 @@ pub struct HeldOut {
     pub segments: usize,
     /// Probability of at least this mean gain over the segments under the null hypothesis of no gain (one-sided t test).
     pub p_value: f64,
-    /// Jackknife estimate of the rms error of the track, metres; `None` for phases, and if a jackknife replicate gives no track.
+    /// Whether a track was judged as one of a far scene: along the line of sight, without the jackknife.
+    pub far: bool,
+    /// Jackknife estimate of the rms error of the track, metres; `None` for phases and far scenes, and if a jackknife replicate gives no track.
     pub track_error_m: Option<f64>,
     /// Probability of as small an estimate under the null hypothesis that the track is no better than the recorded one; `None` as for
     /// `track_error_m`.
     pub track_p_value: Option<f64>,
-    /// Largest change between neighbouring pulses of the two-way phase of the displacements, radians; `None` for phases. From
-    /// [`MAX_STEP_RAD`] on, half-wavelength slips are possible.
+    /// Largest change between neighbouring pulses of the two-way phase of the displacements, radians; `None` for phases.
     pub largest_step_rad: Option<f64>,
+    /// Limit of `largest_step_rad`, from which on half-wavelength slips are possible; `None` for phases.
+    pub max_step_rad: Option<f64>,
     /// Whether the correction passes all tests.
     pub sharper: bool,
-}
-
-/// Largest difference between unit vectors to the corners of a far scene.
-const PARALLEL: f64 = 0.05;
-
-/// Whether the lines of sight to the corners of the grid are parallel, from the middle of the aperture.
-fn is_far(collection: &Collection, grid: &ImageGrid) -> bool {
-    let pulse = &collection.pulses[collection.num_turns() / 2];
-    let antennas_m = 0.5 * (pulse.transmitter_m + pulse.receiver_m);
-    let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
-    let corners = [(0, 0), (0, columns), (rows, 0), (rows, columns)];
-    let sights = corners
-        .map(|(row, column)| (grid.position_m(row, column) - antennas_m).normalize_or_zero());
-    let differ = |a: &DVec3| sights.iter().any(|b| a.distance(*b) > PARALLEL);
-    !sights.iter().any(differ)
 }
 
 /// Judge `correction`, which gave `image_after`. `None` if bright points lie in too few range cells.
@@ -90,16 +75,21 @@ pub(crate) fn judge(
     stopping: Stopping,
     [image_before, image_after]: [&Image; 2],
     correction: &Correction,
+    far: Option<&FarScene>,
 ) -> Result<Option<HeldOut>, SharpenError> {
     let collection = subject.history.collection();
     let grid = subject.grid;
-    let tracks = match correction {
-        Correction::Track { .. } => without_points(subject, method, image_after, correction)?,
-        Correction::Phase { .. } => None,
+    let settled = |found: Correction| match far {
+        Some(far) => far.along_sight(found),
+        None => found,
     };
-    let is_track = matches!(correction, Correction::Track { .. })
-        && (tracks.is_some() || !is_far(collection, grid));
-    let folds = match is_track {
+    let is_track = matches!(correction, Correction::Track { .. });
+    let is_near_track = is_track && far.is_none();
+    let tracks = match is_near_track {
+        true => without_points(subject, method, image_after, correction)?,
+        false => None,
+    };
+    let folds = match is_near_track {
         true => Folds::of_scatterers(collection, grid, image_before),
         false => Split::of(collection, grid, image_before).map(|split| Folds::halves(&split)),
     };
@@ -129,7 +119,8 @@ pub(crate) fn judge(
             // Guard cells take all of the fold.
             continue;
         };
-        let image = match &best.correction {
+        let found = best.correction.map(settled);
+        let image = match &found {
             None => image_before.clone(),
             Some(found) => form(subject, &Corrected::new(subject.history, found)?)?,
         };
@@ -142,7 +133,7 @@ pub(crate) fn judge(
         for pixels in folds.segments(fold, collection, grid, image_before) {
             segments.push(Segment::of(subject, &pixels, [image_before, &image])?);
         }
-        corrections.push(best.correction);
+        corrections.push(found);
     }
     if before.is_empty() {
         return Ok(None);
@@ -158,27 +149,33 @@ pub(crate) fn judge(
     let Some(p_value) = no_gain(&gains) else {
         return Ok(None);
     };
-    let track = TrackError::of(correction, tracks.as_deref().unwrap_or(&corrections));
-    let largest_step_rad = match correction {
-        Correction::Track { displacement_m } => Some(largest_step_rad(
-            subject.history.collection(),
-            grid,
-            displacement_m,
-        )),
-        Correction::Phase { .. } => None,
+    let track = match is_near_track {
+        true => TrackError::of(correction, tracks.as_deref().unwrap_or(&corrections)),
+        false => None,
     };
-    let track_holds = !is_track
-        || p_value < SIGNIFICANCE
-            && track.is_some_and(|track| track.p_value < SIGNIFICANCE)
-            && largest_step_rad.is_some_and(|step_rad| step_rad < MAX_STEP_RAD);
+    let (largest_step_rad, limit_rad) = match correction {
+        Correction::Track { displacement_m } => {
+            let limit_rad = match far {
+                Some(_) => max_step_rad(collection.num_turns()),
+                None => MAX_STEP_RAD,
+            };
+            let largest_rad = largest_step_rad(collection, grid, displacement_m);
+            (Some(largest_rad), Some(limit_rad))
+        }
+        Correction::Phase { .. } => (None, None),
+    };
+    let better = !is_near_track || track.is_some_and(|track| track.p_value < SIGNIFICANCE);
+    let track_holds = !is_track || p_value < SIGNIFICANCE && better && largest_step_rad < limit_rad;
     Ok(Some(HeldOut {
         before: mean(&before),
         after: mean(&after),
         segments: gains.len(),
         p_value,
+        far: is_track && far.is_some(),
         track_error_m: track.map(|track| track.error_m),
         track_p_value: track.map(|track| track.p_value),
         largest_step_rad,
+        max_step_rad: limit_rad,
         sharper: gain > 0.0 && gain > HELD_PART * gain_on_used && track_holds,
     }))
 }

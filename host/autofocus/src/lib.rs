@@ -58,6 +58,7 @@ mod curve;
 mod determine;
 mod echoes;
 mod estimator;
+mod far;
 mod folds;
 mod held_out;
 mod joint;

@@ -10,11 +10,12 @@
 
 use subaperture_model::image::Image;
 
-use super::correction::Correction;
+use super::correction::{Corrected, Correction};
+use super::far::FarScene;
 use super::folds::Folds;
 use super::held_out::{self, HeldOut};
 use super::rounds::{
-    Best, Figures, Method, Round, SharpenError, Stopping, Subject, by_rounds, figures, form,
+    Best, Figures, Method, Round, SharpenError, Stopping, Subject, by_rounds, figures, form, merit,
 };
 
 /// Largest number of images formed in so many rounds by a method for tracks or for phases: one before, those of the rounds on all range cells
@@ -75,11 +76,15 @@ pub fn sharpen(
     let image_before = form(subject, subject.history)?;
     let before = figures(&image_before)?;
     let (mut best, rounds) = by_rounds(subject, method, stopping, &image_before, None)?;
+    let far = FarScene::of(subject.history.collection(), subject.grid);
+    if let (Some(far), Some(Correction::Track { .. })) = (&far, &best.correction) {
+        best = along_sight(subject, far, best, &image_before)?;
+    }
     let held_out = match &best.correction {
         None => None,
         Some(correction) => {
             let images = [&image_before, &best.image];
-            held_out::judge(subject, method, stopping, images, correction)?
+            held_out::judge(subject, method, stopping, images, correction, far.as_ref())?
         }
     };
     let outcome = match (&best.correction, held_out) {
@@ -113,5 +118,33 @@ pub fn sharpen(
         image_before,
         image_after: best.image,
         rounds,
+    })
+}
+
+/// The best track along the line of sight of a far scene, with its image; no correction if that image is not sharper than the one before.
+fn along_sight(
+    subject: &Subject,
+    far: &FarScene,
+    best: Best,
+    image_before: &Image,
+) -> Result<Best, SharpenError> {
+    let correction = best.correction.map(|track| far.along_sight(track));
+    let image = match &correction {
+        Some(track) => form(subject, &Corrected::new(subject.history, track)?)?,
+        None => image_before.clone(),
+    };
+    let (figures, before) = (figures(&image)?, figures(image_before)?);
+    let of = |figures, image| merit(subject.measure, figures, image);
+    Ok(match of(&figures, &image) > of(&before, image_before) {
+        true => Best {
+            correction,
+            figures,
+            image,
+        },
+        false => Best {
+            correction: None,
+            figures: before,
+            image: image_before.clone(),
+        },
     })
 }

@@ -4,6 +4,8 @@
 //! follows the phase from pulse to pulse, and can lose a turn between two pulses. The image then is sharp, and
 //! all parts of the data agree, but the track is wrong by half a wavelength from that pulse on. So a track whose two-way phase changes by more than
 //! [`MAX_STEP_RAD`] between two neighbouring pulses is not accepted.
+//!
+//! Tracks of far scenes have a smaller limit (`far.rs`).
 
 use glam::DVec3;
 

@@ -7,9 +7,9 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use subaperture::autofocus::{
-    Correction, Figures, HELD_IMAGES, MAX_STEP_RAD, MapDrift, Method, ModifiedPhaseGradient,
-    Outcome, PhaseGradient, Points, SIGNIFICANCE, SharpenError, Sharpened, Sharpness, Stopping,
-    Subject, most_images, sharpen,
+    Correction, Figures, HELD_IMAGES, MapDrift, Method, ModifiedPhaseGradient, Outcome,
+    PhaseGradient, Points, SIGNIFICANCE, SharpenError, Sharpened, Sharpness, Stopping, Subject,
+    most_images, sharpen,
 };
 use subaperture::focus::forecast::Forecast;
 use subaperture::focus::{ImageFormer, Task};
@@ -388,14 +388,14 @@ fn doubt(found: &Sharpened) -> Option<String> {
                         "expected a track better than the recorded one with a probability of error below {limit}, found {}",
                         probability(p_value)
                     ),
-                    Some(_) => match held_out.largest_step_rad {
-                        Some(step_rad) if step_rad >= MAX_STEP_RAD => format!(
-                            "expected displacements that change the two-way phase by less than {MAX_STEP_RAD:.2} rad between pulses, found {step_rad:.2}: \
+                    None if !held_out.far => "some of the held-out folds give no track".to_owned(),
+                    _ => match (held_out.largest_step_rad, held_out.max_step_rad) {
+                        (Some(step_rad), Some(limit_rad)) if step_rad >= limit_rad => format!(
+                            "expected displacements that change the two-way phase by less than {limit_rad:.2} rad between pulses, found {step_rad:.2}: \
                              half-wavelength slips are possible, which no image shows"
                         ),
                         _ => LESS_THAN_A_QUARTER.to_owned(),
                     },
-                    None => "some of the held-out folds give no track".to_owned(),
                 },
                 _ => LESS_THAN_A_QUARTER.to_owned(),
             };
