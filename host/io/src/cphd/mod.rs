@@ -120,6 +120,6 @@ pub(crate) mod xml;
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use write::{file_bytes, write};
+pub use write::{add_to, file_bytes, write};
 pub use write_options::{Channel, WriteError, WriteOptions};
 pub use xml::MetadataError;
