@@ -15,6 +15,8 @@ mod driver;
 mod echoes;
 mod every_command;
 mod export;
+#[cfg(target_os = "linux")]
+mod failing_writes;
 mod guide;
 mod hostile;
 mod json;

@@ -7,9 +7,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Finding, Item};
-use subaperture_io::atomic::{WriteError, write_atomically};
+use subaperture_io::atomic::WriteError;
 use subaperture_io::input::open_file;
 use subaperture_io::json::{self, Limits};
+use subaperture_io::together::FileSet;
 
 /// Size limits of a stored finding.
 const LIMITS: Limits = Limits {
@@ -98,18 +99,19 @@ pub(super) fn load(folder: &Path, item: &Item, key: &str) -> Option<Finding> {
     Some(finding)
 }
 
-/// Keeps a finding: pictures first, so that whoever finds the text finds them too.
+/// Keeps a finding with its pictures, all or none.
 pub(super) fn save(
     folder: &Path,
     item: &Item,
     key: &str,
     finding: &Finding,
 ) -> Result<(), WriteError> {
+    let mut files = FileSet::new();
     for picture in &finding.pictures {
-        let path = folder.join(picture_file(item, &picture.name));
-        write_atomically(&path, picture.png.len() as u64, |file| {
-            file.write_all(&picture.png)
-        })?;
+        files.write_bytes(
+            &folder.join(picture_file(item, &picture.name)),
+            &picture.png,
+        )?;
     }
     let kept = Kept {
         schema: SCHEMA.to_owned(),
@@ -121,8 +123,9 @@ pub(super) fn save(
         pictures_crc32: finding.pictures.iter().map(|p| crc32(&p.png)).collect(),
     };
     let path = folder.join(format!("{}.json", item.id));
-    write_atomically(&path, 0, |file| {
+    files.write(&path, 0, |file| {
         serde_json::to_writer_pretty(&mut *file, &kept)?;
         file.write_all(b"\n")
-    })
+    })?;
+    files.commit()
 }

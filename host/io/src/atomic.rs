@@ -5,7 +5,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lock::KEPT_SUFFIX;
+use super::moves::Moves;
 use super::place::OutputPlace;
+use super::together::FileSet;
 use super::unfinished::{self, Thing};
 
 pub use super::write_error::WriteError;
@@ -87,8 +89,15 @@ impl AtomicFile {
     /// # Errors
     /// Then the target is as it was.
     pub fn commit(self) -> Result<(), WriteError> {
-        put_in_place(&self.file, &self.hidden.0, &self.place.path)
-            .map_err(|source| self.failed(source))
+        let mut alone = FileSet::new();
+        alone.add(self)?;
+        alone.commit()
+    }
+
+    /// Rename the file, which was forced to disk, into place.
+    pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
+        let put = moves.put(&self.hidden.0, &self.place.path, &self.place.lock);
+        put.map_err(|source| self.failed(source))
     }
 }
 

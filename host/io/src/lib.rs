@@ -1,7 +1,7 @@
 //! Files: recordings in, images out. A part of [Subaperture](https://docs.rs/subaperture), whose crate `subaperture`
 //! has it as its module `io`.
 //!
-//! [`open`] opens recordings by what they hold; [`product`] is the folder that an image leaves; [`atomic`], [`place`],
+//! [`open`] opens recordings by what they hold; [`product`] is the folder that an image leaves; [`atomic`], [`together`], [`place`],
 //! [`lock`] and [`claim`] ensure that outputs are complete or absent and replace no file of another program.
 //!
 //! # Features
@@ -43,6 +43,7 @@ mod marker_swaps;
 mod matlab;
 #[cfg(feature = "recording")]
 pub mod motive;
+mod moves;
 pub mod npy;
 pub mod open;
 pub mod ours;
@@ -57,6 +58,7 @@ pub mod recording;
 pub mod stack;
 pub mod staging;
 pub mod tiles;
+pub mod together;
 #[cfg(feature = "recording")]
 pub mod track_axes;
 #[cfg(feature = "recording")]

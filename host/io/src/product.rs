@@ -13,7 +13,7 @@
 //! - if it exists, whatever else lies in it stays, and `image.json` is the mark of a whole product:
 //!   an old one is removed first, image and quicklook are renamed into place, and the new
 //!   `image.json` last. Whoever finds it finds the other two, and by `files` can tell that they are
-//!   the same product's even if they were replaced while being read.
+//!   the same product's even if they were replaced while being read. A failed rename undoes the earlier ones.
 //!
 //! An error on the way removes the staging folder; only a killed process or a power cut leaves one
 //! (`.subap-*`), never a product in part, and the next run that writes there removes it.
@@ -26,8 +26,7 @@ mod growing;
 mod read;
 pub mod record;
 
-use std::fs;
-use std::io::{self, Write};
+use std::io::Write;
 use std::panic::resume_unwind;
 use std::path::Path;
 use std::thread;
@@ -36,8 +35,9 @@ use serde_json::{Value, json};
 
 use super::atomic::WriteError;
 use super::npy;
-use super::staging::Staged;
+use super::staging::{Names, Staged, StagedSet};
 use super::tiles::{self, TileStore};
+use super::together::FileSet;
 use subaperture_model::image::Image;
 
 pub use antennas::Antennas;
@@ -95,7 +95,7 @@ fn write_beside(
     let staged = Staged::begin(folder, quicklook.len() as u64)?;
     files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
     write_metadata(&staged, metadata, files)?;
-    staged.commit(&[QUICKLOOK], &[METADATA])
+    staged.commit(names(&[QUICKLOOK], &[]))
 }
 
 fn write_metadata(staged: &Staged, metadata: &Value, files: Value) -> Result<(), WriteError> {
@@ -138,17 +138,30 @@ impl Product<'_> {
     /// there is no new one.
     ///
     /// # Errors
-    /// [`WriteError`]; then the folder is as it was, or, if replacing an older product failed half way,
-    /// without an `image.json`.
+    /// [`WriteError`]; then the folder is as it was.
     ///
     /// # Panics
     /// If `metadata` is not an object.
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
+        let mut alone = FileSet::new();
+        self.add_to(&mut alone, folder)?;
+        alone.commit()
+    }
+
+    /// As [`Self::write`], put in place with the other files of a set.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    ///
+    /// # Panics
+    /// If `metadata` is not an object.
+    pub fn add_to(&self, files: &mut FileSet, folder: &Path) -> Result<(), WriteError> {
         let needed_bytes =
             npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
         let staged = Staged::begin(folder, needed_bytes)?;
         let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
-        finish(staged, folder, image, self.metadata, self.quicklook)
+        files.add_folder(finish(staged, image, self.metadata, self.quicklook)?);
+        Ok(())
     }
 }
 
@@ -181,41 +194,41 @@ pub fn write_drawing<E: From<WriteError>>(
         };
         (written, drawn)
     });
-    finish(staged, folder, written?, &metadata, &drawn?)?;
+    commit(finish(staged, written?, &metadata, &drawn?)?)?;
     Ok(metadata)
 }
 
-/// Writes record and picture beside a staged image, of whose file `image` tells, and moves all of them into place. A picture
-/// of an older product goes if there is no new one.
+/// Writes record and picture beside a staged image, whose file `image` describes. A picture of an older product goes if there is no
+/// new one.
 fn finish(
     staged: Staged,
-    folder: &Path,
     image: Value,
     metadata: &Value,
     quicklook: &[u8],
-) -> Result<(), WriteError> {
+) -> Result<StagedSet, WriteError> {
     let mut files = json!({ IMAGE: image });
-    let mut names = vec![IMAGE];
     if !quicklook.is_empty() {
         files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
-        names.push(QUICKLOOK);
     }
     write_metadata(&staged, metadata, files)?;
-    staged.commit(&names, &[METADATA])?;
-    match quicklook.is_empty() {
-        true => remove(&folder.join(QUICKLOOK)),
-        false => Ok(()),
+    Ok(staged.complete(match quicklook.is_empty() {
+        true => names(&[IMAGE], &[QUICKLOOK]),
+        false => names(&[IMAGE, QUICKLOOK], &[]),
+    }))
+}
+
+fn names(files: &[&str], gone: &[&str]) -> Names {
+    let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    Names {
+        files: owned(files),
+        marks: vec![METADATA.to_owned()],
+        gone: owned(gone),
     }
 }
 
-/// Removes what there may be.
-fn remove(path: &Path) -> Result<(), WriteError> {
-    match fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WriteError::Io {
-            path: path.to_owned(),
-            needed_bytes: 0,
-            source,
-        }),
-        _ => Ok(()),
-    }
+/// The set alone, moved into place.
+fn commit(set: StagedSet) -> Result<(), WriteError> {
+    let mut alone = FileSet::new();
+    alone.add_folder(set);
+    alone.commit()
 }

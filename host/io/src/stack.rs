@@ -22,7 +22,9 @@ use serde_json::{Map, Value, json};
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::open_file;
 use super::json::{self, Limits};
+use super::moves::Moves;
 use super::place::OutputPlace;
+use super::together::after_undo;
 use super::unfinished::{self, Thing};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{ImageSource, ImageSourceError, Tiling};
@@ -111,10 +113,7 @@ impl Stack<'_> {
             .map_err(failed)?;
         self.write_images(&beside.0, monitor, &failed)?;
         self.describe(&beside.0).map_err(failed)?;
-        beside
-            .put_in_place(&place, &place.folder().join(place.lock.hidden_name(".old")))
-            .map_err(failed)?;
-        Ok(())
+        Ok(beside.put_in_place(&place, failed)?)
     }
 
     fn write_images(
@@ -239,24 +238,21 @@ impl StagedFolder {
         Ok(Self(path))
     }
 
-    /// Renames it to its place; what stood there is moved to `old` first, and removed.
-    fn put_in_place(self, place: &OutputPlace, old: &Path) -> io::Result<()> {
-        let moving = unfinished::commit();
-        let stood = place.path.is_dir();
-        if stood {
-            fs::rename(&place.path, old)?;
-        }
-        if let Err(error) = fs::rename(&self.0, &place.path) {
-            if stood {
-                let _ = fs::rename(old, &place.path);
+    /// Renames it to its place; what stood there is moved aside first, and removed.
+    fn put_in_place(
+        self,
+        place: &OutputPlace,
+        failed: impl Fn(io::Error) -> WriteError,
+    ) -> Result<(), WriteError> {
+        let _moving = unfinished::commit();
+        let mut moves = Moves::default();
+        let moved = moves.put(&self.0, &place.path, &place.lock);
+        match moved.and_then(|()| moves.sync()) {
+            Ok(()) => {
+                moves.keep_new();
+                Ok(())
             }
-            return Err(error);
-        }
-        sync_folder(place.folder())?;
-        drop(moving);
-        match stood {
-            true => fs::remove_dir_all(old),
-            false => Ok(()),
+            Err(error) => Err(after_undo(moves, failed(error))),
         }
     }
 }

@@ -4,7 +4,8 @@
 //! soon as it is whole, so that the disk is waited for once and not for each. Then
 //! - if the folder does not exist, the staging folder is renamed to it: one step;
 //! - if it exists, whatever else lies in it stays. Some of the files are marks of a whole set: old ones are removed
-//!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others.
+//!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others. A failed rename
+//!   undoes the earlier ones.
 //!
 //! An error on the way removes the staging folder; only a killed process or a power cut leaves one (`.subap-*`),
 //! never a set in part, and the next run that writes there removes it. Meanwhile the folder is locked.
@@ -20,7 +21,9 @@ use serde_json::{Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::checksum;
+use super::moves::Moves;
 use super::place::OutputPlace;
+use super::together::FileSet;
 use super::unfinished::{self, Thing};
 
 /// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
@@ -184,28 +187,88 @@ impl Staged {
         }
     }
 
-    /// Moves the files, `names` and `marks`, into place.
+    /// Moves the files into place.
     ///
     /// # Errors
-    /// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without marks.
-    pub(super) fn commit(self, names: &[&str], marks: &[&str]) -> Result<(), WriteError> {
-        let (staging, folder) = (&self.staging.0, &self.place.path);
-        // The names while the files are on their way.
-        let named = sync_folder(staging);
-        let forced =
-            std::mem::take(&mut *self.forced.lock().unwrap_or_else(PoisonError::into_inner));
-        for file in forced {
-            self.wait_for(file)?;
+    /// As [`FileSet::commit`].
+    pub(super) fn commit(self, names: Names) -> Result<(), WriteError> {
+        let mut alone = FileSet::new();
+        alone.add_folder(self.complete(names));
+        alone.commit()
+    }
+
+    /// The files, all of which are written.
+    pub(super) fn complete(self, names: Names) -> StagedSet {
+        StagedSet {
+            staged: self,
+            names,
         }
-        let moved = named.and_then(|()| {
-            let _moving = unfinished::commit();
-            if folder.is_dir() {
-                return replace(staging, folder, names, marks);
-            }
-            fs::rename(staging, folder)?;
-            sync_folder(self.place.folder())
-        });
-        moved.map_err(|source| self.failed("", source))
+    }
+}
+
+/// Names of the files of a staging folder.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    /// Files that are replaced one by one.
+    pub(super) files: Vec<String>,
+    /// Marks of a whole set.
+    pub(super) marks: Vec<String>,
+    /// Files of an older set that the new one does not have.
+    pub(super) gone: Vec<String>,
+}
+
+/// A staging folder with all its files.
+#[derive(Debug)]
+pub(super) struct StagedSet {
+    staged: Staged,
+    names: Names,
+}
+
+/// Wait until all files of a set are forced to disk.
+pub(super) fn settled(set: &StagedSet) -> Result<(), WriteError> {
+    let staged = &set.staged;
+    // The names while the files are on their way.
+    let named = sync_folder(&staged.staging.0);
+    let forced = std::mem::take(&mut *staged.forced.lock().unwrap_or_else(PoisonError::into_inner));
+    for file in forced {
+        staged.wait_for(file)?;
+    }
+    named.map_err(|source| staged.failed("", source))
+}
+
+impl StagedSet {
+    /// The error of moving it.
+    pub(super) fn failed(&self, source: io::Error) -> WriteError {
+        self.staged.failed("", source)
+    }
+
+    /// Renames the whole folder where there was none, else the files over those of the folder: marks first off and last on.
+    pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
+        self.put_all(moves).map_err(|source| self.failed(source))
+    }
+
+    fn put_all(&self, moves: &mut Moves) -> io::Result<()> {
+        let place = &self.staged.place;
+        let (staging, folder, lock) = (&self.staged.staging.0, &place.path, &*place.lock);
+        if !folder.is_dir() {
+            return moves.put(staging, folder, lock);
+        }
+        let Names { files, marks, gone } = &self.names;
+        for mark in marks {
+            moves.clear(&folder.join(mark), lock)?;
+        }
+        moves.sync()?;
+        for name in gone {
+            moves.clear(&folder.join(name), lock)?;
+        }
+        for name in files {
+            moves.put(&staging.join(name), &folder.join(name), lock)?;
+        }
+        moves.sync()?;
+        for mark in marks {
+            moves.put(&staging.join(mark), &folder.join(mark), lock)?;
+        }
+        Ok(())
     }
 }
 
@@ -264,23 +327,4 @@ impl Write for Checked {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
-}
-
-/// Moves the staged files over those of an existing folder, marks first off and last on.
-fn replace(staging: &Path, folder: &Path, names: &[&str], marks: &[&str]) -> io::Result<()> {
-    for mark in marks {
-        match fs::remove_file(folder.join(mark)) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-            _ => {}
-        }
-    }
-    sync_folder(folder)?;
-    for name in names {
-        fs::rename(staging.join(name), folder.join(name))?;
-    }
-    sync_folder(folder)?;
-    for mark in marks {
-        fs::rename(staging.join(mark), folder.join(mark))?;
-    }
-    sync_folder(folder)
 }

@@ -1,5 +1,6 @@
 //! Why an output was not written.
 
+use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -64,6 +65,16 @@ pub enum WriteError {
         /// What was to be written.
         path: PathBuf,
     },
+    /// Files that belong together are neither all new nor as they were: putting them back failed too.
+    #[error("{error}; {}", left_in_part(replaced, kept))]
+    InPart {
+        /// The first error.
+        error: Box<WriteError>,
+        /// Files that are new, or gone.
+        replaced: Vec<PathBuf>,
+        /// Where their old content is.
+        kept: Vec<PathBuf>,
+    },
     /// Something stands there that this program did not write.
     #[error(
         "cannot write {}: it is there already, and {what}",
@@ -87,6 +98,23 @@ fn same(path: &Path, input: &Path) -> String {
     }
 }
 
+fn left_in_part(replaced: &[PathBuf], kept: &[PathBuf]) -> String {
+    let list = |paths: &[PathBuf]| {
+        let paths = paths.iter().map(|path| path.display().to_string());
+        paths.collect::<Vec<_>>().join(", ")
+    };
+    let replaced = list(replaced);
+    let mut text =
+        format!("files of this run are left in part, and putting them back failed too: {replaced}");
+    if !kept.is_empty() {
+        let kept = list(kept);
+        text += &format!(
+            "; the files before them are {kept}: rename these, for the next run that writes there removes them"
+        );
+    }
+    text
+}
+
 fn advice(source: &io::Error, needed_bytes: u64) -> String {
     let full = matches!(
         source.kind(),
@@ -99,9 +127,26 @@ fn advice(source: &io::Error, needed_bytes: u64) -> String {
             | io::ErrorKind::NotFound
     );
     match (full, needed_bytes) {
+        (false, _) if is_fault(source) => {
+            "; the disk reports a fault: check it, or write to another".to_owned()
+        }
         (false, _) if closed => "; choose a folder that exists and can be written to".to_owned(),
         (false, _) => String::new(),
         (true, 0) => "; free some space or write elsewhere".to_owned(),
         (true, bytes) => format!("; {bytes} bytes are needed: free some or write elsewhere"),
     }
+}
+
+/// Whether the system reports a fault of the device (`EIO`), also if it was wrapped on the way.
+fn is_fault(source: &io::Error) -> bool {
+    const EIO: i32 = 5;
+    let mut cause: Option<&(dyn Error + 'static)> = Some(source);
+    while let Some(error) = cause {
+        let system = error.downcast_ref::<io::Error>();
+        if let Some(code) = system.and_then(io::Error::raw_os_error) {
+            return cfg!(unix) && code == EIO;
+        }
+        cause = error.source();
+    }
+    false
 }

@@ -19,6 +19,7 @@ use serde_json::json;
 
 use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
+use subaperture_io::together::FileSet;
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
 
@@ -135,11 +136,29 @@ pub fn write(
     title: &str,
     monitor: &dyn Monitor,
 ) -> Result<(), MapError> {
-    write_as(path, ortho, layout, title, monitor, MAX_SMALL_BYTES)
+    let mut alone = FileSet::new();
+    add_to(&mut alone, path, ortho, layout, title, monitor)?;
+    Ok(alone.commit()?)
 }
 
-/// As [`write`]; the file is BigTIFF above `most_small_bytes`.
-fn write_as(
+/// As [`write`], put in place with the other files of a set.
+///
+/// # Errors
+/// As [`write`].
+pub fn add_to(
+    files: &mut FileSet,
+    path: &Path,
+    ortho: &Ortho,
+    layout: Layout,
+    title: &str,
+    monitor: &dyn Monitor,
+) -> Result<(), MapError> {
+    add_as(files, path, ortho, layout, title, monitor, MAX_SMALL_BYTES)
+}
+
+/// As [`add_to`]; the file is BigTIFF above `most_small_bytes`.
+fn add_as(
+    files: &mut FileSet,
     path: &Path,
     ortho: &Ortho,
     layout: Layout,
@@ -208,7 +227,7 @@ fn write_as(
         out.flush()
     })();
     written.map_err(|e| beside.failed(e))?;
-    Ok(beside.commit()?)
+    Ok(files.add(beside)?)
 }
 
 /// `GDAL_STRUCTURAL_METADATA` of a COG, by which GDAL recognises the layout.

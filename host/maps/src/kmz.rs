@@ -18,6 +18,7 @@ use subaperture_io::atomic::AtomicFile;
 use subaperture_io::ours::TEXT_MARK;
 use subaperture_model::monitor::Monitor;
 
+use crate::first_error::{FirstError, KeptError};
 use crate::levels::Levels;
 use crate::pyramid::{Pyramid, TILE, Tile, Values, tiles};
 use crate::{MapError, Ortho, Raster};
@@ -89,12 +90,16 @@ impl From<zip::result::ZipError> for Failure {
 }
 
 struct Archive {
-    zip: ZipWriter<BufWriter<std::fs::File>>,
+    zip: ZipWriter<FirstError<BufWriter<std::fs::File>>>,
+    /// The archive's writer panics after an error below it, and keeps no cause.
+    error: KeptError,
 }
 
 impl Archive {
     fn new(out: BufWriter<std::fs::File>) -> Self {
+        let out = FirstError::new(out);
         Self {
+            error: out.error(),
             zip: ZipWriter::new(out),
         }
     }
@@ -103,11 +108,13 @@ impl Archive {
     fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let how = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
         self.zip.start_file(name, how)?;
-        Ok(self.zip.write_all(bytes)?)
+        self.zip.write_all(bytes)?;
+        Ok(self.error.check()?)
     }
 
     fn finish(self) -> Result<(), Failure> {
-        Ok(self.zip.finish()?.flush()?)
+        self.zip.finish()?.flush()?;
+        Ok(self.error.check()?)
     }
 
     fn one(

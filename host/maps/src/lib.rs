@@ -25,6 +25,7 @@
 mod carrier;
 pub mod cog;
 mod error;
+mod first_error;
 pub mod kmz;
 mod levels;
 mod ortho;

@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf};
 
 use png::{BitDepth, ColorType};
 
-use subaperture_io::atomic::{AtomicFile, write_atomically};
+use subaperture_io::atomic::AtomicFile;
+use subaperture_io::together::FileSet;
 use subaperture_model::PROGRAM;
 use subaperture_model::monitor::Monitor;
 
+use crate::first_error::FirstError;
 use crate::levels::Levels;
 use crate::{MapError, Ortho, Projection};
 
@@ -23,7 +25,7 @@ pub fn beside(path: &Path) -> [PathBuf; 2] {
     ["pgw", "prj"].map(|ending| path.with_extension(ending))
 }
 
-/// Write picture, world file and projection file, each atomically.
+/// Write picture, world file and projection file, all or none.
 ///
 /// # Errors
 /// [`MapError`] if the image cannot be read or resampled, a file cannot be written, or the monitor cancels.
@@ -34,10 +36,12 @@ pub fn write(
     monitor: &dyn Monitor,
 ) -> Result<(), MapError> {
     let raster = ortho.raster();
+    let mut files = FileSet::new();
     let mut file = AtomicFile::create(path, 0, ".part")?;
     let mut failed = None;
     let written = (|| -> std::io::Result<()> {
-        let mut out = BufWriter::new(file.file());
+        let mut out = FirstError::new(BufWriter::new(file.file()));
+        let error = out.error();
         let mut encoder = png::Encoder::new(&mut out, raster.columns as u32, raster.rows as u32);
         encoder.set_color(ColorType::GrayscaleAlpha);
         encoder.set_depth(BitDepth::Eight);
@@ -62,25 +66,26 @@ pub fn write(
                 .flat_map(|power| levels.grey_alpha(power))
                 .collect();
             rows.write_all(&greys)?;
+            error.check()?;
             monitor.progress(band.end as f64 / raster.rows as f64);
         }
         rows.finish()?;
         writer.finish()?;
-        out.flush()
+        out.flush()?;
+        error.check()
     })();
     if let Some(error) = failed {
         return Err(error);
     }
     written.map_err(|e| file.failed(e))?;
-    file.commit()?;
+    files.add(file)?;
     let [world, system] = beside(path);
     let [east, south] = raster.step;
     let [x, y] = raster.coordinates([0.5, 0.5]);
     let text = format!("{east}\n0\n0\n{}\n{x}\n{y}\n", -south);
-    write_atomically(&world, 0, |out| out.write_all(text.as_bytes()))?;
-    let text = well_known_text(&raster.projection);
-    write_atomically(&system, 0, |out| out.write_all(text.as_bytes()))?;
-    Ok(())
+    files.write_bytes(&world, text.as_bytes())?;
+    files.write_bytes(&system, well_known_text(&raster.projection).as_bytes())?;
+    Ok(files.commit()?)
 }
 
 /// Coordinate system in ESRI WKT, which most programs read.

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use subaperture_io::atomic::write_atomically;
 use subaperture_io::ours::ITEM_SCHEMA;
+use subaperture_io::together::FileSet;
 
 use crate::cog::Layout;
 use crate::{MapError, Ortho};
@@ -25,11 +25,12 @@ pub struct About<'a> {
     pub properties: Value,
 }
 
-/// Write the item of the map at `map` atomically. The map's link is relative: same folder.
+/// Add the item of the map at `map` to a set of files. The map's link is relative: same folder.
 ///
 /// # Errors
 /// [`MapError`] if the outline does not project to the Earth, or the file cannot be written.
-pub fn write(
+pub fn add_to(
+    files: &mut FileSet,
     path: &Path,
     map: &Path,
     ortho: &Ortho,
@@ -41,7 +42,7 @@ pub fn write(
         serde_json::to_writer_pretty(&mut *file, &item)?;
         file.write_all(b"\n")
     };
-    Ok(write_atomically(path, 0, write)?)
+    Ok(files.write(path, 0, write)?)
 }
 
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {

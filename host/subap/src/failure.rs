@@ -28,11 +28,6 @@ pub(crate) struct Usage(pub(crate) String);
 #[error("interrupted")]
 pub(crate) struct Interrupted;
 
-/// [`Interrupted`], after some of a command's files were written.
-#[derive(Debug, thiserror::Error)]
-#[error("interrupted; every file in {0} is whole, but some are missing or of an earlier run")]
-pub(crate) struct InterruptedAmidFiles(pub(crate) String);
-
 /// [`Interrupted`], with all stages of a job that were done, and the tiles of the one that was not.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted; what was done is in {0}, and the same command goes on from there")]
@@ -118,8 +113,7 @@ fn reported(done: anyhow::Result<()>) -> (u8, Option<String>) {
     if let Some(SayError::ReaderGone) = error.downcast_ref() {
         return (DONE, None);
     }
-    if error.is::<InterruptedAmidFiles>()
-        || error.is::<InterruptedJob>()
+    if error.is::<InterruptedJob>()
         || error.is::<InterruptedWithMaps>()
         || error.is::<InterruptedWithSteps>()
     {

@@ -123,6 +123,6 @@ pub(crate) mod xml;
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use write::{describes_antennas, file_bytes, write};
+pub use write::{add_to, describes_antennas, file_bytes, write};
 pub use write_options::{Channel, WriteError, WriteOptions};
 pub use xml::MetadataError;

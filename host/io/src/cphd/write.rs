@@ -20,6 +20,7 @@ use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use super::write_options::{Channel, WriteError, WriteOptions};
 use crate::atomic::{self, AtomicFile};
+use crate::together::FileSet;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::check_finite;
 
@@ -68,7 +69,22 @@ pub fn write(
     options: &WriteOptions,
     monitor: &dyn Monitor,
 ) -> Result<(), WriteError> {
-    let path = path.as_ref();
+    let mut alone = FileSet::new();
+    add_to(&mut alone, path.as_ref(), channels, options, monitor)?;
+    Ok(alone.commit()?)
+}
+
+/// As [`write()`], put in place with the other files of a set.
+///
+/// # Errors
+/// As [`write()`].
+pub fn add_to(
+    files: &mut FileSet,
+    path: &Path,
+    channels: &[Channel],
+    options: &WriteOptions,
+    monitor: &dyn Monitor,
+) -> Result<(), WriteError> {
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
     let xml = describe::document(&entries, options)?;
@@ -106,7 +122,7 @@ pub fn write(
             Ok(())
         })?;
     }
-    Ok(beside.commit()?)
+    Ok(files.add(beside)?)
 }
 
 /// Whether [`write()`] describes the antennas of a channel: it has some, and their axes follow polynomials of time.

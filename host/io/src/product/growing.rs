@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use num_complex::Complex32;
 use serde_json::Value;
 
-use super::{IMAGE, finish};
+use super::{IMAGE, commit, finish};
 use crate::atomic::WriteError;
 use crate::npy::{self, Filling, ImageFile};
 use crate::staging::Staged;
@@ -72,7 +72,6 @@ impl PendingProduct {
             image,
             about,
             staged,
-            folder,
         })
     }
 }
@@ -84,7 +83,6 @@ pub struct CompleteProduct {
     /// Size and CRC-32 of its file.
     about: Value,
     staged: Staged,
-    folder: PathBuf,
 }
 
 impl CompleteProduct {
@@ -96,7 +94,7 @@ impl CompleteProduct {
     /// # Panics
     /// If `metadata` is not an object.
     pub fn write(self, metadata: &Value, quicklook: &[u8]) -> Result<(), WriteError> {
-        finish(self.staged, &self.folder, self.about, metadata, quicklook)
+        commit(finish(self.staged, self.about, metadata, quicklook)?)
     }
 }
 

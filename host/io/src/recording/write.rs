@@ -34,7 +34,8 @@ use super::text::{Facts, describe};
 use crate::atomic;
 use crate::npy::ArrayWriter;
 use crate::ours::{array_line, marked_description};
-use crate::staging::{Staged, StagedFile};
+use crate::staging::{Names, Staged, StagedFile};
+use crate::together::FileSet;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Carried, Waveform};
@@ -104,9 +105,23 @@ fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
 /// exists, descriptions are removed first and come last: who finds one finds its arrays.
 ///
 /// # Errors
-/// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without
-/// descriptions.
+/// [`WriteError`]; then the folder is as it was.
 pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(), WriteError> {
+    let mut alone = FileSet::new();
+    add_to(&mut alone, folder, channels, monitor)?;
+    Ok(alone.commit()?)
+}
+
+/// As [`write()`], put in place with the other files of a set.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn add_to(
+    files: &mut FileSet,
+    folder: &Path,
+    channels: &[Raw],
+    monitor: &dyn Monitor,
+) -> Result<(), WriteError> {
     let plans: Vec<Plan> = channels
         .iter()
         .map(|raw| Plan::new(raw, channels.len() > 1))
@@ -143,7 +158,13 @@ pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(
     if monitor.cancelled() {
         return Err(WriteError::Cancelled);
     }
-    Ok(staged.commit(&names, &marks)?)
+    let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    files.add_folder(staged.complete(Names {
+        files: owned(&names),
+        marks: owned(&marks),
+        gone: Vec::new(),
+    }));
+    Ok(())
 }
 
 /// One channel's files.

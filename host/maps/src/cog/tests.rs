@@ -118,7 +118,18 @@ fn classic_and_big_tiff_have_identical_tiles_in_cog_order() {
     let path = folder.path().join("map.tif");
     let mut seen: Option<Vec<Vec<u32>>> = None;
     for (most, expected) in [(u64::MAX, false), (1000, true)] {
-        write_as(&path, &ortho, Layout::Complex, "a & b", &Silent, most).unwrap();
+        let mut files = FileSet::new();
+        add_as(
+            &mut files,
+            &path,
+            &ortho,
+            Layout::Complex,
+            "a & b",
+            &Silent,
+            most,
+        )
+        .unwrap();
+        files.commit().unwrap();
         let file = std::fs::read(&path).unwrap();
         let (big, directories) = read(&file);
         assert_eq!((big, directories.len()), (expected, 2));

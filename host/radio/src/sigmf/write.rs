@@ -26,7 +26,7 @@ impl Writer {
     /// Create the recording `path` (a name; suffixes are added).
     ///
     /// # Errors
-    /// If one of its files exists or cannot be created.
+    /// If one of its files exists or cannot be created; then none is left.
     pub fn create(path: &Path, setup: Setup) -> Result<Self, SigmfError> {
         let paths = [DATA, META, JOURNAL].map(|ending| beside(path, ending));
         if let Some(there) = paths.iter().find(|path| path.symlink_metadata().is_ok()) {
@@ -40,9 +40,16 @@ impl Writer {
                 _ => SigmfError::io(path)(source),
             })
         };
+        let remove = |made: &[PathBuf]| {
+            for path in made {
+                let _ = fs::remove_file(path);
+            }
+        };
+        let data = new(&paths[0]).inspect_err(|_| remove(&paths[1..2]))?;
+        let journal = new(&paths[2]).inspect_err(|_| remove(&paths[..2]))?;
         Ok(Self {
-            data: new(&paths[0])?,
-            journal: new(&paths[2])?,
+            data,
+            journal,
             setup,
             paths,
             written: 0,

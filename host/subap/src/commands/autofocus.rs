@@ -1,8 +1,6 @@
 //! `subap autofocus`: estimate phase errors or the track from the image.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -14,10 +12,10 @@ use subaperture::autofocus::{
 use subaperture::focus::forecast::Forecast;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::{Collection, Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
@@ -97,8 +95,10 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
         messages::bound_missed(warning);
     }
     let correction = correction(typed, &history, &found);
+    let mut files = FileSet::new();
     if let Some(path) = &typed.out {
-        put(path, file(history.collection(), &correction).as_bytes())?;
+        let text = file(history.collection(), &correction);
+        files.write_bytes(path, text.as_bytes())?;
     }
     if let Some(path) = &typed.picture {
         // One scale for both, from the brightest pixel of either.
@@ -114,8 +114,9 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
             panel(&found.image_before, "as recorded".to_owned()),
             panel(&found.image_after, format!("by {}", name(typed))),
         ];
-        put(path, &plot::panels(&panels, 2)?)?;
+        files.write_bytes(path, &plot::panels(&panels, 2)?)?;
     }
+    files.commit()?;
     Ok(Some((found, history)))
 }
 
@@ -241,12 +242,6 @@ fn file(collection: &Collection, correction: &Correction) -> String {
             text
         }
     }
-}
-
-fn put(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    Ok(write_atomically(path, bytes.len() as u64, |file| {
-        file.write_all(bytes)
-    })?)
 }
 
 /// The result as JSON.

@@ -1,14 +1,13 @@
 //! `subap navigation`: describe a navigation log and its gaps; export its track.
 
-use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use glam::EulerRot;
 use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, SceneFrame};
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::{Kind as Written, TEXT_MARK};
+use subaperture::io::together::FileSet;
 use subaperture::navigation::{Clock, Coverage, Log, Options, Place};
 use subaperture::plot::{self, Chart, Curve, Stroke};
 use subaperture::track::Fix;
@@ -132,10 +131,12 @@ fn write(
     let fixes = log.fixes(chosen.kind, &frame, chosen.from);
     let fixes = fixes.with_context(|| name.to_string())?;
     let csv = csv(typed, chosen, &frame, &fixes);
-    write_atomically(out, csv.len() as u64, |file| file.write_all(csv.as_bytes()))?;
     let file = typed.file.file_name().unwrap_or(typed.file.as_os_str());
     let png = plot::lines(&chart(&file.to_string_lossy(), &frame, chosen, &fixes))?;
-    write_atomically(picture, png.len() as u64, |file| file.write_all(&png))?;
+    let mut files = FileSet::new();
+    files.write_bytes(out, csv.as_bytes())?;
+    files.write_bytes(picture, &png)?;
+    files.commit()?;
     Ok(Track {
         out: out.display().to_string(),
         fixes: fixes.len(),

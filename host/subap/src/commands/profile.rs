@@ -1,14 +1,11 @@
 //! `subap profile`: compute range profiles of a capture.
 
 use std::collections::BTreeSet;
-use std::io::Write;
-use std::path::Path;
 
-use anyhow::Context;
 use serde_json::json;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::Axis;
-use subaperture::io::atomic::write_atomically;
+use subaperture::io::together::FileSet;
 use subaperture::monitor::Monitor;
 use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines};
 use subaperture::radio::Reference;
@@ -116,12 +113,14 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
     if let Some(folder) = &typed.out {
         let title = format!("{}, sweep {}", setup.name, typed.sweep);
         let chart = chart(&profile, title);
-        save(folder, "profile.png", &lines(&chart)?)?;
+        let mut files = FileSet::new();
+        files.write_bytes(&folder.join("profile.png"), &lines(&chart)?)?;
         if sweeps.len() > 1 {
             let drawn = waterfall(session, &mut means, &mut recording, &sweeps)?;
-            save(folder, "waterfall.png", &drawn)
-                .with_context(|| format!("{} is written", folder.join("profile.png").display()))?;
+            files.write_bytes(&folder.join("waterfall.png"), &drawn)?;
         }
+        interrupt::check()?;
+        files.commit()?;
     }
     let levels = |z: f64| 20.0 * z.log10();
     if session.json() {
@@ -170,14 +169,6 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         })
         .collect();
     text::say(text::table(&["range", &format!("of {to}")], &rows))?;
-    Ok(())
-}
-
-fn save(folder: &Path, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
-    interrupt::check()?;
-    write_atomically(&folder.join(name), bytes.len() as u64, |file| {
-        file.write_all(bytes)
-    })?;
     Ok(())
 }
 

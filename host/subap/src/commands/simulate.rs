@@ -9,6 +9,7 @@ use subaperture::focus::forecast::{self, Forecast};
 use subaperture::io::cphd::{self, Channel, Domain, ReferenceSurface, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::receive::Echoes;
 use subaperture::simulate::scenario::{self, Scenario};
@@ -38,7 +39,6 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         let recordings = record(session, &experiment)
             .with_context(|| format!("cannot simulate {}", path.display()))?;
         preparing.finish();
-        let mut written = Vec::new();
         if let Some(folder) = &typed.echoes {
             let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
             claims.folder(folder, recording::names(&ids))?;
@@ -53,13 +53,14 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
+        let mut written = Written::default();
         if let Some(folder) = &typed.echoes {
-            written.extend(write_echoes(session, folder, &recordings)?);
+            written.add_echoes(session, folder, &recordings)?;
         }
         if let Some(out) = &typed.out {
-            written.extend(write(session, typed, out, &channels)?);
+            written.add_history(session, typed, out, &channels)?;
         }
-        return report(session, start, written);
+        return written.commit(session, start);
     }
     if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
         let mut claims = session.claims::<&Path>(&typed.writing, &[]);
@@ -69,8 +70,9 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if ahead(session, typed, &channels, &[])?.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
-        let written = write(session, typed, out, &channels)?;
-        return report(session, start, written);
+        let mut written = Written::default();
+        written.add_history(session, typed, out, &channels)?;
+        return written.commit(session, start);
     }
     Ok(())
 }
@@ -82,15 +84,6 @@ const MANY_SAMPLES: u64 = 1 << 21;
 /// twice the length and its tables.
 const ROW_BYTES: u64 = 24;
 const THREAD_ROW_BYTES: u64 = 160;
-
-/// Prints what was written where JSON is wanted; else each said so as it was.
-fn report(session: &Session, start: Instant, written: Vec<Value>) -> anyhow::Result<()> {
-    if !session.json() {
-        return Ok(());
-    }
-    let run = record_of_run(session, start.elapsed());
-    text::say_json("simulate", json!({ "run": run, "written": written }))
-}
 
 /// What the scenario says, with the settings laid over.
 fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
@@ -152,48 +145,6 @@ fn variation(typed: &Simulate) -> Variation {
         perturbation_m: typed.perturb,
         seed,
     }
-}
-
-fn write_echoes(
-    session: &Session,
-    folder: &Path,
-    recordings: &[(String, Recording)],
-) -> anyhow::Result<Vec<Value>> {
-    let raw: Vec<Raw> = recordings
-        .iter()
-        .map(|(id, recording)| Raw {
-            id: id.clone(),
-            echoes: recording.echoes(),
-            antennas: Some(recording.echoes().carried()),
-        })
-        .collect();
-    let progress = session.progress("simulating");
-    recording::write(folder, &raw, &progress)?;
-    progress.finish();
-    let mut written = Vec::new();
-    for raw in &raw {
-        let collection = raw.echoes.collection();
-        let name = match recordings.len() {
-            1 => String::new(),
-            _ => format!(" {}", raw.id),
-        };
-        if session.tells() {
-            text::say(format!(
-                "{}{name}: {} echoes of {} samples",
-                folder.display(),
-                collection.pulses.len(),
-                collection.waveform.num_samples()
-            ))?;
-        }
-        written.push(json!({
-            "path": folder.display().to_string(),
-            "holds": "echoes",
-            "channel": raw.id,
-            "pulses": collection.pulses.len(),
-            "samples": collection.waveform.num_samples(),
-        }));
-    }
-    Ok(written)
 }
 
 /// What the files will take. Every channel takes as long as the first a pulse.
@@ -261,47 +212,106 @@ fn options(typed: &Simulate) -> WriteOptions {
     }
 }
 
-fn write(
-    session: &Session,
-    typed: &Simulate,
-    out: &Path,
-    channels: &[Channel],
-) -> anyhow::Result<Vec<Value>> {
-    let options = options(typed);
-    let progress = session.progress("simulating");
-    cphd::write(out, channels, &options, &progress)?;
-    for channel in channels {
-        if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
-            messages::warning(format!(
-                "channel {}: its antenna patterns are not in the file, because the antennas turn in other ways than a polynomial of time of the fifth order: \
-                 give the beam to subap focus by --beam",
-                channel.id
-            ));
+/// Files written, not yet in place, and what is said of them once they are.
+#[derive(Default)]
+struct Written {
+    files: FileSet,
+    records: Vec<Value>,
+    lines: Vec<String>,
+}
+
+impl Written {
+    fn add_echoes(
+        &mut self,
+        session: &Session,
+        folder: &Path,
+        recordings: &[(String, Recording)],
+    ) -> anyhow::Result<()> {
+        let raw: Vec<Raw> = recordings
+            .iter()
+            .map(|(id, recording)| Raw {
+                id: id.clone(),
+                echoes: recording.echoes(),
+                antennas: Some(recording.echoes().carried()),
+            })
+            .collect();
+        let progress = session.progress("simulating");
+        recording::add_to(&mut self.files, folder, &raw, &progress)?;
+        progress.finish();
+        for raw in &raw {
+            let collection = raw.echoes.collection();
+            let (pulses, samples) = (collection.pulses.len(), collection.waveform.num_samples());
+            let name = named(folder, &raw.id, recordings.len());
+            self.lines
+                .push(format!("{name}: {pulses} echoes of {samples} samples"));
+            self.records
+                .push(record_of(folder, "echoes", &raw.id, [pulses, samples]));
         }
+        Ok(())
     }
-    progress.finish();
-    let mut written = Vec::new();
-    for channel in channels {
-        let collection = channel.history.collection();
-        let name = match channels.len() {
-            1 => String::new(),
-            _ => format!(" {}", channel.id),
-        };
+
+    fn add_history(
+        &mut self,
+        session: &Session,
+        typed: &Simulate,
+        out: &Path,
+        channels: &[Channel],
+    ) -> anyhow::Result<()> {
+        let progress = session.progress("simulating");
+        cphd::add_to(&mut self.files, out, channels, &options(typed), &progress)?;
+        progress.finish();
+        for channel in channels {
+            if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
+                messages::warning(format!(
+                    "channel {}: its antenna patterns are not in the file, because a polynomial of time of the fifth order does not follow \
+                     the antennas' attitude: give the beam to subap focus by --beam",
+                    channel.id
+                ));
+            }
+        }
+        for channel in channels {
+            let collection = channel.history.collection();
+            let (pulses, samples) = (collection.pulses.len(), collection.num_samples);
+            let name = named(out, &channel.id, channels.len());
+            self.lines
+                .push(format!("{name}: {pulses} pulses of {samples} frequencies"));
+            let size = [pulses, samples];
+            self.records
+                .push(record_of(out, "phase history", &channel.id, size));
+        }
+        Ok(())
+    }
+
+    /// Puts all files in place, and says so.
+    fn commit(self, session: &Session, start: Instant) -> anyhow::Result<()> {
+        self.files.commit()?;
+        if session.json() {
+            let run = record_of_run(session, start.elapsed());
+            return text::say_json("simulate", json!({ "run": run, "written": self.records }));
+        }
         if session.tells() {
-            text::say(format!(
-                "{}{name}: {} pulses of {} frequencies",
-                out.display(),
-                collection.pulses.len(),
-                collection.num_samples
-            ))?;
+            for line in self.lines {
+                text::say(line)?;
+            }
         }
-        written.push(json!({
-            "path": out.display().to_string(),
-            "holds": "phase history",
-            "channel": channel.id,
-            "pulses": collection.pulses.len(),
-            "samples": collection.num_samples,
-        }));
+        Ok(())
     }
-    Ok(written)
+}
+
+/// An output, with its channel where there are several.
+fn named(path: &Path, id: &str, channels: usize) -> String {
+    match channels {
+        1 => path.display().to_string(),
+        _ => format!("{} {id}", path.display()),
+    }
+}
+
+fn record_of(path: &Path, holds: &str, id: &str, [pulses, samples]: [usize; 2]) -> Value {
+    json!({
+        "path": path.display().to_string(),
+        "holds": holds,
+        "channel": id,
+        "pulses": pulses,
+        "samples": samples,
+    })
 }

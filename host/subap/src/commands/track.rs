@@ -1,16 +1,15 @@
 //! `subap track`: the radar's track from a recording of several receivers.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::convention::INFERENCE;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::found_track::{self, EstimatedFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::Channels;
 use subaperture::plot::{Chart, Curve, Stroke, stacked};
 use subaperture::targets::follow::Event;
@@ -26,7 +25,7 @@ use crate::{interrupt, messages, text};
 /// Number of error ellipses in the picture.
 const ELLIPSES: usize = 12;
 
-/// Estimate the track and write it with its picture, each complete or not at all.
+/// Estimate the track and write it with its picture, both complete or neither.
 pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let picture = match &typed.picture {
         Some(path) => path.clone(),
@@ -73,8 +72,10 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     }
     let drawn = stacked(&charts(&name, &found))?;
     let fixes: Vec<EstimatedFix> = found.moments.iter().map(found_fix).collect();
-    found_track::write(&typed.out, &fixes)?;
-    write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
+    let mut files = FileSet::new();
+    files.write_bytes(&typed.out, found_track::text(&fixes).as_bytes())?;
+    files.write_bytes(&picture, &drawn)?;
+    files.commit()?;
     tell(session, typed, &picture, &found, both.as_ref())
 }
 

@@ -16,6 +16,7 @@ use subaperture::focus::FormError;
 use subaperture::focus::forecast::Forecast;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::recording::{RecordingFile, Take};
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::InMemory;
 
 use crate::ahead::Ahead;
@@ -81,9 +82,11 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     })?;
     interrupt::check()?;
     let record = record(session, typed, &found, &recording, start)?;
+    let mut files = FileSet::new();
     if let Some(folder) = &typed.out {
         let tuned = varied.history(&found.best)?;
-        pictures::write(
+        pictures::add_to(
+            &mut files,
             session,
             typed,
             folder,
@@ -100,8 +103,15 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         .zip(&found.best)
         .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
         .collect();
-    check_determined(typed, &found)?;
-    let file = written::write(typed, &recording, &values)?;
+    let file = match check_determined(typed, &found) {
+        Ok(()) => written::add_to(&mut files, typed, &recording, &values)?,
+        Err(error) => {
+            // The record and the pictures show why.
+            files.commit()?;
+            return Err(error);
+        }
+    };
+    files.commit()?;
     if session.json() {
         return text::say_json("tune", record);
     }

@@ -1,21 +1,19 @@
 //! The demonstration's files: every image's folder, the differences, the overview and the table.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::product::Product;
-use subaperture::plot::{self, Colours, Panel, Scale};
+use subaperture::io::together::FileSet;
+use subaperture::plot::{self, Colours, Panel, PlotError, Scale};
 use subaperture::signal::window::Window;
 use subaperture::simulate::Preset;
 
 use super::{GRID, Outcome, report};
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
-use crate::failure::InterruptedAmidFiles;
 use crate::interrupt;
 
 /// Images side by side in the overview: half of them all.
@@ -33,7 +31,7 @@ const DIFFERENCE_SCALE: Scale = Scale::Fixed {
     span_db: 80.0,
 };
 
-/// Writes every product, complete one by one, the table last.
+/// Writes all products, differences and tables, or nothing.
 pub(super) fn write(
     session: &Session,
     typed: &Demo,
@@ -42,12 +40,14 @@ pub(super) fn write(
     report: &report::Report,
     start: Instant,
 ) -> anyhow::Result<()> {
+    let mut files = FileSet::new();
     let image_panel = |image, title: &str| Panel {
         scale: IMAGE_SCALE,
         ..Panel::new(image, grid, title)
     };
     let panel = image_panel(exact, "exact");
     save(
+        &mut files,
         typed,
         "exact",
         record(session, typed, "exact", json!({}), report.exact_taken),
@@ -73,7 +73,7 @@ pub(super) fn write(
         let panel = image_panel(image, way.title);
         let mut metadata = record(session, typed, way.title, json!(settings), *taken);
         metadata["comparison"] = json!(comparison);
-        save(typed, way.folder, metadata, image, &panel)?;
+        save(&mut files, typed, way.folder, metadata, image, &panel)?;
         panels.push(panel);
         let error = comparison.error_db.unwrap_or(f64::NAN);
         differences.push(Panel {
@@ -85,31 +85,32 @@ pub(super) fn write(
     for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
         let picture = plot::quicklook(panel)?;
         let name = format!("difference-{}.png", outcome.way.folder);
-        write_bytes(&typed.out.join(name), &picture)?;
+        files.write_bytes(&typed.out.join(name), &picture)?;
     }
-    check_amid_files(typed)?;
-    overview(typed, &panels, &differences)?;
-    write_bytes(
+    interrupt::check()?;
+    files.write_bytes(
+        &typed.out.join("overview.png"),
+        &overview(&panels, &differences)?,
+    )?;
+    files.write_bytes(
         &typed.out.join("errors.md"),
         report.to_markdown().as_bytes(),
     )?;
     let mut table = report.to_json();
     table["run"] = record_of_run(session, start.elapsed());
     let table = serde_json::to_vec_pretty(&table)?;
-    write_bytes(&typed.out.join("errors.json"), &table)
+    files.write_bytes(&typed.out.join("errors.json"), &table)?;
+    Ok(files.commit()?)
 }
 
 /// All images on one page: rows of images, each above the row of their differences.
-fn overview(typed: &Demo, panels: &[Panel], differences: &[Panel]) -> anyhow::Result<()> {
+fn overview(panels: &[Panel], differences: &[Panel]) -> Result<Vec<u8>, PlotError> {
     let mut page = Vec::new();
     for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
         page.extend_from_slice(images);
         page.extend_from_slice(differences);
     }
-    write_bytes(
-        &typed.out.join("overview.png"),
-        &plot::panels(&page, COLUMNS)?,
-    )
+    plot::panels(&page, COLUMNS)
 }
 
 /// What stands beside an image.
@@ -133,33 +134,22 @@ fn record(
     })
 }
 
-/// Writes an image's folder.
+/// Adds an image's folder.
 fn save(
+    files: &mut FileSet,
     typed: &Demo,
     folder: &str,
     metadata: serde_json::Value,
     image: &Image,
     panel: &Panel,
 ) -> anyhow::Result<()> {
-    check_amid_files(typed)?;
+    interrupt::check()?;
     let quicklook = plot::quicklook(panel)?;
     Product {
         image,
         metadata: &metadata,
         quicklook: &quicklook,
     }
-    .write(&typed.out.join(folder))?;
-    Ok(())
-}
-
-/// Fails if the user wants to stop, now that some files are written.
-fn check_amid_files(typed: &Demo) -> Result<(), InterruptedAmidFiles> {
-    let folder = || typed.out.display().to_string();
-    interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
-}
-
-fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    use std::io::Write;
-    write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
+    .add_to(files, &typed.out.join(folder))?;
     Ok(())
 }

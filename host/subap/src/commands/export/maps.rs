@@ -11,6 +11,7 @@ use subaperture::images::{OpenImage, PixelGeometry, Pixels};
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::ours::Kind;
 use subaperture::io::product;
+use subaperture::io::together::FileSet;
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
 use subaperture::on_map::SicdOnMap;
 
@@ -293,7 +294,8 @@ impl<'a> Wanted<'a> {
                     MapLayout::Complex => Layout::Complex,
                 };
                 let progress = session.progress("writing");
-                maps::cog::write(out, ortho, layout, title, &progress)?;
+                let mut files = FileSet::new();
+                maps::cog::add_to(&mut files, out, ortho, layout, title, &progress)?;
                 progress.finish();
                 let id = out.file_stem().unwrap_or_default().to_string_lossy();
                 let (datetime, meaning) = about.datetime()?;
@@ -303,13 +305,8 @@ impl<'a> Wanted<'a> {
                     properties: json!({ "title": title, "subaperture:datetime": meaning }),
                 };
                 let beside = out.with_extension("json");
-                maps::stac::write(&beside, out, ortho, layout, &item).with_context(|| {
-                    format!(
-                        "{} is whole, but what is to be said of it in {} is not written",
-                        out.display(),
-                        beside.display()
-                    )
-                })?;
+                maps::stac::add_to(&mut files, &beside, out, ortho, layout, &item)?;
+                files.commit()?;
             }
         }
         Ok(self.written(ortho))

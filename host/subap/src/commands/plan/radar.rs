@@ -1,8 +1,5 @@
 //! `subap plan radar`: predicted performance and cost of a collection.
 
-use std::io::Write;
-use std::path::Path;
-
 use anyhow::Context;
 use glam::DVec3;
 use num_complex::Complex32;
@@ -10,7 +7,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, SCRATCH_BYTES};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
-use subaperture::io::atomic::write_atomically;
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::planner::ambiguity::{Around, MAX_CELLS};
 use subaperture::planner::grating::PointResponse;
@@ -62,8 +59,12 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     if let Some(folder) = &typed.plots {
         let mut claims = session.claims(&typed.writing, &typed.input.paths);
         claims.folder(folder, ["response.png", "ambiguity.png"])?;
-        plot(&collection, &grid, &plan, folder)?;
-        plot_ambiguity(&pulse(typed, &plan), folder)?;
+        let response = plot(&collection, &grid, &plan)?;
+        let ambiguity = plot_ambiguity(&pulse(typed, &plan))?;
+        let mut files = FileSet::new();
+        files.write_bytes(&folder.join("response.png"), &response)?;
+        files.write_bytes(&folder.join("ambiguity.png"), &ambiguity)?;
+        files.commit()?;
     }
     planning.finish();
     if session.json() {
@@ -97,13 +98,8 @@ fn parameters(typed: &PlanRadar) -> Parameters {
     parameters
 }
 
-/// Writes `response.png`: the thesis's mode's answer to a scatterer in the middle of `grid`.
-fn plot(
-    collection: &Collection,
-    grid: &ImageGrid,
-    plan: &RadarPlan,
-    folder: &Path,
-) -> anyhow::Result<()> {
+/// `response.png`: the thesis's mode's answer to a scatterer in the middle of `grid`.
+fn plot(collection: &Collection, grid: &ImageGrid, plan: &RadarPlan) -> anyhow::Result<Vec<u8>> {
     let middle = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
     let response = PointResponse::new(collection, plan.sub_cpis.thesis_pulses, middle)
         .context("the frequency axis changes from pulse to pulse: there is no response to draw")?;
@@ -135,11 +131,7 @@ fn plot(
         top_db: 0.0,
         span_db: 60.0,
     };
-    let picture = quicklook(&panel)?;
-    write_atomically(&folder.join("response.png"), picture.len() as u64, |file| {
-        file.write_all(&picture)
-    })?;
-    Ok(())
+    Ok(quicklook(&panel)?)
 }
 
 /// The pulse typed, or a sweep over the band.
@@ -153,8 +145,8 @@ fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
     })
 }
 
-/// Writes `ambiguity.png`.
-fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
+/// `ambiguity.png`.
+fn plot_ambiguity(shape: &PulseShape) -> anyhow::Result<Vec<u8>> {
     let around = Around::peak(shape)
         .map_err(anyhow::Error::msg)
         .context("no ambiguity.png; choose another --pulse or --pulse-length")?;
@@ -167,7 +159,7 @@ fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
         PulseShape::Lfm { .. } => "linear sweep",
         PulseShape::PhaseCode { .. } => "phase code",
     };
-    let picture = heat(&HeatMap {
+    Ok(heat(&HeatMap {
         values: &around.levels_db,
         rows: around.dopplers_hz,
         columns: microseconds,
@@ -182,13 +174,7 @@ fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
         range: (-50.0, 0.0),
         colours: Colours::default(),
         proportional: false,
-    })?;
-    write_atomically(
-        &folder.join("ambiguity.png"),
-        picture.len() as u64,
-        |file| file.write_all(&picture),
-    )?;
-    Ok(())
+    })?)
 }
 
 fn to_text(plan: &RadarPlan) -> String {

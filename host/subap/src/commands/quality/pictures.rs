@@ -1,10 +1,9 @@
 //! The pictures of `subap quality`: cuts with theory beside them, chips, maps of differences.
 
-use std::io::Write;
 use std::path::Path;
 
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::OutputClaims;
+use subaperture::io::together::FileSet;
 use subaperture::plot::{
     Chart, Colours, Curve, HeatMap, Panel, Scale, Source as Shown, Stroke, heat, lines,
     quicklook_within,
@@ -19,7 +18,7 @@ use crate::interrupt;
 /// What cuts are shown down to, dB.
 const FLOOR_DB: f64 = -60.0;
 
-/// Writes every picture into `folder`, which is made if need be; none if one may not be replaced. Their names.
+/// Writes all pictures or none into `folder`, which is made if need be. Their names.
 pub(super) fn write(
     claims: &mut OutputClaims,
     folder: &Path,
@@ -94,13 +93,13 @@ pub(super) fn write(
     }
     claims.folder(folder, drawn.iter().map(|(name, _)| name))?;
     let mut names = Vec::with_capacity(drawn.len());
+    let mut files = FileSet::new();
     for (name, bytes) in drawn {
         interrupt::check()?;
-        write_atomically(&folder.join(&name), bytes.len() as u64, |file| {
-            file.write_all(&bytes)
-        })?;
+        files.write_bytes(&folder.join(&name), &bytes)?;
         names.push(name);
     }
+    files.commit()?;
     Ok(names)
 }
 

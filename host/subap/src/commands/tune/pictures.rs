@@ -1,6 +1,5 @@
 //! The folder of `subap tune`: the record, the measure over every key, and the image before and after.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde_json::Value;
@@ -9,7 +8,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::atomic::write_atomically;
+use subaperture::io::together::FileSet;
 use subaperture::phase_history::{InMemory, PhaseHistory, ReadError, Weights};
 use subaperture::plot::{self, Chart, Colours, Curve, HeatMap, Panel};
 
@@ -18,8 +17,9 @@ use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::interrupt;
 
-/// Writes all files; `histories` are the recording as described, if it can be, and as tuned.
-pub(super) fn write(
+/// Adds all files to a set; `histories` are the recording as described, if it can be, and as tuned.
+pub(super) fn add_to(
+    files: &mut FileSet,
     session: &Session,
     typed: &Tune,
     folder: &Path,
@@ -27,11 +27,7 @@ pub(super) fn write(
     found: &Tuned,
     histories: [&Result<InMemory, ReadError>; 2],
 ) -> anyhow::Result<()> {
-    let put = |name: &str, bytes: &[u8]| {
-        write_atomically(&folder.join(name), bytes.len() as u64, |file| {
-            file.write_all(bytes)
-        })
-    };
+    let mut put = |name: &str, bytes: &[u8]| files.write_bytes(&folder.join(name), bytes);
     put("tune.json", &serde_json::to_vec_pretty(record)?)?;
     for (vary, (scan, &best)) in typed.vary.iter().zip(found.scans.iter().zip(&found.best)) {
         let label = match vary.unit.as_str() {

@@ -1,11 +1,10 @@
 //! Writing of calibrated values into the description.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::recording::RecordingFile;
+use subaperture::io::together::FileSet;
 
 use crate::args::Tune;
 use crate::failure::Usage;
@@ -35,8 +34,9 @@ pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the description with `values` where the user wants it; `None` if nowhere.
-pub(super) fn write(
+/// Adds the description with `values` to a set of files; its path, or `None` if none is to be written.
+pub(super) fn add_to(
+    files: &mut FileSet,
     typed: &Tune,
     recording: &RecordingFile,
     values: &[(&str, String)],
@@ -70,9 +70,7 @@ pub(super) fn write(
             std::fs::canonicalize(&typed.recording).unwrap_or_else(|_| typed.recording.clone())
         }
     };
-    write_atomically(&file, text.len() as u64, |out| {
-        out.write_all(text.as_bytes())
-    })?;
+    files.write_bytes(&file, text.as_bytes())?;
     Ok(Some(
         typed
             .write_to

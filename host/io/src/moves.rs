@@ -1,0 +1,160 @@
+//! Renames that all happen or are all undone.
+//!
+//! A file that is to be replaced is kept by a second name (a hard link) until all renames are done, so that its name is never without a
+//! file. Where a file system has no hard links, and for folders, it is renamed aside. Not undone is what a killed process or a power cut leaves
+//! between two renames.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use super::atomic::sync_folder;
+use super::lock::Lock;
+use super::unfinished::{self, Thing};
+
+/// Renames on their way.
+#[derive(Debug, Default)]
+pub(super) struct Moves {
+    done: Vec<Move>,
+    /// Folders whose names changed since they were last forced to disk.
+    changed: BTreeSet<PathBuf>,
+}
+
+/// A change of what stands at `path`.
+#[derive(Debug)]
+struct Move {
+    path: PathBuf,
+    /// Where the new content came from; `None` if `path` was only cleared.
+    from: Option<PathBuf>,
+    /// Where the old content is kept; `None` if there was none.
+    old: Option<PathBuf>,
+}
+
+/// An output that could not be put back.
+#[derive(Debug)]
+pub(super) struct NotUndone {
+    pub(super) path: PathBuf,
+    /// Where the old content is.
+    pub(super) old: Option<PathBuf>,
+}
+
+impl Moves {
+    /// Rename `from` to `path`, in the same folder or a folder above; `lock` is that of the output.
+    pub(super) fn put(&mut self, from: &Path, path: &Path, lock: &Lock) -> io::Result<()> {
+        if path.exists() && path.is_dir() != from.is_dir() {
+            return Err(io::Error::other(match from.is_dir() {
+                true => "a file of that name is in the way",
+                false => "a folder of that name is in the way",
+            }));
+        }
+        let old = keep(path, &aside(path, lock))?;
+        self.changed.extend(path.parent().map(Path::to_owned));
+        match fs::rename(from, path) {
+            Ok(()) => {
+                self.done.push(Move {
+                    path: path.to_owned(),
+                    from: Some(from.to_owned()),
+                    old,
+                });
+                Ok(())
+            }
+            Err(error) => {
+                if let Some(old) = old {
+                    self.done.push(Move {
+                        path: path.to_owned(),
+                        from: None,
+                        old: Some(old),
+                    });
+                }
+                Err(error)
+            }
+        }
+    }
+
+    /// Clear `path`, if a file is there.
+    pub(super) fn clear(&mut self, path: &Path, lock: &Lock) -> io::Result<()> {
+        let old = aside(path, lock);
+        match fs::rename(path, &old) {
+            Ok(()) => {}
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+            Err(error) => return Err(error),
+        }
+        self.changed.extend(path.parent().map(Path::to_owned));
+        self.done.push(Move {
+            path: path.to_owned(),
+            from: None,
+            old: Some(old),
+        });
+        Ok(())
+    }
+
+    /// Force the names to disk so far.
+    pub(super) fn sync(&mut self) -> io::Result<()> {
+        for folder in std::mem::take(&mut self.changed) {
+            sync_folder(&folder)?;
+        }
+        Ok(())
+    }
+
+    /// Remove the replaced files; the renames stay.
+    pub(super) fn keep_new(self) {
+        for old in self.done.into_iter().filter_map(|done| done.old) {
+            if old.is_dir() {
+                unfinished::begin(Thing::Folder(old.clone()));
+                let _ = fs::remove_dir_all(&old);
+                unfinished::end(&old);
+            } else {
+                let _ = fs::remove_file(&old);
+            }
+        }
+    }
+
+    /// Put everything back, last first. Returns what could not be.
+    pub(super) fn undo(self) -> Vec<NotUndone> {
+        let mut left = Vec::new();
+        for Move { path, from, old } in self.done.into_iter().rev() {
+            // A folder does not replace one: the new goes first.
+            let cleared = match (&from, &old) {
+                (Some(from), Some(old)) if old.is_dir() => fs::rename(&path, from),
+                (Some(from), None) => fs::rename(&path, from).or_else(|_| remove(&path)),
+                _ => Ok(()),
+            };
+            let back = cleared.and_then(|()| match &old {
+                Some(old) => fs::rename(old, &path),
+                None => Ok(()),
+            });
+            match (back, old) {
+                (Ok(()), Some(old)) => {
+                    // Two names of one file: nothing was renamed.
+                    let _ = fs::remove_file(&old);
+                }
+                (Ok(()), None) => {}
+                (Err(_), old) => left.push(NotUndone { path, old }),
+            }
+        }
+        left
+    }
+}
+
+/// Name for the old content of `path`, which the next run that writes there removes if this one is killed.
+fn aside(path: &Path, lock: &Lock) -> PathBuf {
+    path.with_file_name(lock.hidden_name(".old"))
+}
+
+/// Keep what stands at `path` at `old` too, or else there alone; `None` if nothing stands there.
+fn keep(path: &Path, old: &Path) -> io::Result<Option<PathBuf>> {
+    let kept = fs::hard_link(path, old).or_else(|_| fs::rename(path, old));
+    match kept {
+        Ok(()) => Ok(Some(old.to_owned())),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn remove(path: &Path) -> io::Result<()> {
+    match path.is_dir() {
+        true => fs::remove_dir_all(path),
+        false => fs::remove_file(path),
+    }
+}

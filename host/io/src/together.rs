@@ -1,0 +1,264 @@
+//! Files that belong together: all are written and forced to disk under hidden names, then renamed together.
+//!
+//! A failed rename undoes the earlier ones: the files that were there before are there again, and the others are absent. Only a killed process or
+//! a power cut between two renames leaves some of the files new and others old, each complete.
+//!
+//! ```
+//! # use std::io::Write;
+//! # use subaperture_io::together::FileSet;
+//! # let folder = tempfile::tempdir()?;
+//! # let (map, item) = (folder.path().join("map.tif"), folder.path().join("map.json"));
+//! let mut files = FileSet::new();
+//! files.write(&map, 3, |file| file.write_all(b"map"))?;
+//! files.write(&item, 2, |file| file.write_all(b"{}"))?;
+//! assert!(!map.exists());
+//! files.commit()?;
+//! assert!(map.exists() && item.exists());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::atomic::{AtomicFile, WriteError};
+use super::moves::Moves;
+use super::staging::{StagedSet, settled};
+use super::unfinished;
+
+/// Files that belong together, none of them in place yet. Gone when dropped, unless committed.
+#[derive(Debug, Default)]
+pub struct FileSet {
+    parts: Vec<Part>,
+}
+
+#[derive(Debug)]
+enum Part {
+    File(AtomicFile),
+    Folder(StagedSet),
+}
+
+impl FileSet {
+    /// No file yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Whether there is no file.
+    pub fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// Write a file as [`write_atomically`](super::atomic::write_atomically) does, but for the rename.
+    ///
+    /// # Errors
+    /// [`WriteError`]. The files added before stay.
+    pub fn write<T>(
+        &mut self,
+        path: &Path,
+        needed_bytes: u64,
+        write: impl FnOnce(&mut File) -> io::Result<T>,
+    ) -> Result<T, WriteError> {
+        let mut file = AtomicFile::create(path, needed_bytes, ".part")?;
+        let value = write(file.file()).map_err(|source| file.failed(source))?;
+        self.add(file)?;
+        Ok(value)
+    }
+
+    /// Write a file of these bytes.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn write_bytes(&mut self, path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+        self.write(path, bytes.len() as u64, |file| {
+            io::Write::write_all(file, bytes)
+        })
+    }
+
+    /// Add a written file, forced to disk here.
+    ///
+    /// # Errors
+    /// [`WriteError`] if it cannot be forced to disk. The file is removed.
+    pub fn add(&mut self, mut file: AtomicFile) -> Result<(), WriteError> {
+        let synced = file.file().sync_all();
+        synced.map_err(|source| file.failed(source))?;
+        self.parts.push(Part::File(file));
+        Ok(())
+    }
+
+    /// Add the files of a staging folder.
+    pub(super) fn add_folder(&mut self, set: StagedSet) {
+        self.parts.push(Part::Folder(set));
+    }
+
+    /// Rename all files into place.
+    ///
+    /// # Errors
+    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists what is not.
+    pub fn commit(self) -> Result<(), WriteError> {
+        for part in &self.parts {
+            if let Part::Folder(set) = part {
+                settled(set)?;
+            }
+        }
+        let _moving = unfinished::commit();
+        let mut moves = Moves::default();
+        match self.move_all(&mut moves) {
+            Ok(()) => {
+                moves.keep_new();
+                Ok(())
+            }
+            Err(error) => Err(after_undo(moves, error)),
+        }
+    }
+
+    fn move_all(&self, moves: &mut Moves) -> Result<(), WriteError> {
+        for part in &self.parts {
+            match part {
+                Part::File(file) => file.put(moves),
+                Part::Folder(set) => set.put(moves),
+            }?;
+        }
+        let synced = moves.sync();
+        synced.map_err(|source| match self.parts.last() {
+            Some(Part::File(file)) => file.failed(source),
+            Some(Part::Folder(set)) => set.failed(source),
+            None => unreachable!("no part, nothing to force to disk"),
+        })
+    }
+}
+
+impl Drop for FileSet {
+    /// Last first: a folder made for an earlier file may hold a later one.
+    fn drop(&mut self) {
+        while self.parts.pop().is_some() {}
+    }
+}
+
+/// Undo the renames. Returns `error`, with what could not be undone.
+pub(super) fn after_undo(moves: Moves, error: WriteError) -> WriteError {
+    let left = moves.undo();
+    if left.is_empty() {
+        return error;
+    }
+    let mut replaced: Vec<PathBuf> = Vec::new();
+    let mut kept: Vec<PathBuf> = Vec::new();
+    for one in left {
+        replaced.push(one.path);
+        kept.extend(one.old);
+    }
+    WriteError::InPart {
+        error: Box::new(error),
+        replaced,
+        kept,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::product::{NAMES, Product};
+    use num_complex::Complex32;
+    use serde_json::json;
+    use std::collections::BTreeMap;
+    use std::fs;
+    use subaperture_model::image::Image;
+
+    /// Names and contents of all files under a folder, hidden ones too.
+    fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut found = BTreeMap::new();
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => found.extend(contents(&path)),
+                false => {
+                    found.insert(path.clone(), fs::read(&path).unwrap());
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn failed_rename_restores_replaced_files_and_removes_new_ones() {
+        let at = tempfile::tempdir().unwrap();
+        let name = |name: &str| at.path().join(name);
+        fs::write(name("old"), "old").unwrap();
+        let before = contents(at.path());
+        let mut files = FileSet::new();
+        files.write_bytes(&name("old"), b"newer").unwrap();
+        files.write_bytes(&name("new"), b"new").unwrap();
+        files.write_bytes(&name("blocked"), b"third").unwrap();
+        fs::create_dir(name("blocked")).unwrap();
+        let error = files.commit().unwrap_err().to_string();
+        assert!(
+            error.contains("blocked") && error.contains("a folder of that name is in the way"),
+            "{error}"
+        );
+        assert_eq!(contents(at.path()), before);
+
+        fs::remove_dir(name("blocked")).unwrap();
+        let mut files = FileSet::new();
+        for file in ["old", "new", "blocked"] {
+            files.write_bytes(&name(file), b"newest").unwrap();
+        }
+        files.commit().unwrap();
+        let after = contents(at.path());
+        assert_eq!(after.len(), 3);
+        assert!(after.values().all(|content| content == b"newest"));
+    }
+
+    #[test]
+    fn failed_rename_restores_an_older_product() {
+        let at = tempfile::tempdir().unwrap();
+        let folder = at.path().join("product");
+        let image = |value: f32| Image {
+            rows: 1,
+            columns: 1,
+            pixels: vec![Complex32::new(value, 0.0)],
+        };
+        let add = |files: &mut FileSet, value: f32, quicklook: &[u8]| {
+            let (image, metadata) = (image(value), json!({ "value": value }));
+            let product = Product {
+                image: &image,
+                metadata: &metadata,
+                quicklook,
+            };
+            product.add_to(files, &folder).unwrap();
+        };
+        let mut files = FileSet::new();
+        add(&mut files, 1.0, b"picture");
+        files.commit().unwrap();
+        let before = contents(at.path());
+        assert_eq!(before.len(), NAMES.len());
+
+        // Of a set that begins with the product, without a picture, a later file cannot be put in place.
+        let beside = at.path().join("beside");
+        let mut files = FileSet::new();
+        add(&mut files, 2.0, b"");
+        files.write_bytes(&beside, b"map").unwrap();
+        fs::create_dir(&beside).unwrap();
+        files.commit().unwrap_err();
+        assert_eq!(contents(at.path()), before);
+
+        fs::remove_dir(&beside).unwrap();
+        let mut files = FileSet::new();
+        add(&mut files, 3.0, b"");
+        files.write_bytes(&beside, b"map").unwrap();
+        files.commit().unwrap();
+        let after = contents(at.path());
+        assert!(!after.contains_key(&folder.join("image.png")));
+        assert_eq!(after.len(), 3);
+    }
+
+    #[test]
+    fn folders_made_for_a_set_go_with_it() {
+        let at = tempfile::tempdir().unwrap();
+        let folder = at.path().join("made/deeper");
+        let mut files = FileSet::new();
+        files.write_bytes(&folder.join("a"), b"a").unwrap();
+        files.write_bytes(&folder.join("b"), b"b").unwrap();
+        drop(files);
+        assert_eq!(fs::read_dir(at.path()).unwrap().count(), 0);
+    }
+}
