@@ -95,15 +95,21 @@ fn the_fastest_that_keeps_the_bound_is_taken() {
     assert!(taken.contains("ffbp"), "{taken:?}");
 }
 
-/// What is fastest is the model's to say.
+/// Default timing model with other times, ns.
+fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
+    let mut json: serde_json::Value = serde_json::from_str(&TimeModel::DEFAULT.to_text()).unwrap();
+    json["name"] = name.into();
+    for &(entry, ns) in times_ns {
+        assert!(json[entry].is_f64(), "{entry}");
+        json[entry] = ns.into();
+    }
+    TimeModel::from_value(json).unwrap()
+}
+
 #[test]
-fn another_model_takes_another() {
+fn timing_model_selects_the_former() {
     let collection = collection(300, 256, 20.0);
-    let slow = TimeModel {
-        name: "slow leaves".into(),
-        leaf_group_ns: 1e6,
-        ..TimeModel::DEFAULT
-    };
+    let slow = model("slow leaves", &[("leaf_group_ns", 1e6)]);
     let grid = "x=-20:20:0.2,y=-20:20:0.2";
     let plan = plan(
         &Auto::default(),

@@ -72,6 +72,7 @@ pub use execute::{Executed, Execution};
 pub use former::{Decision, Forming, ImageFormer, ImageSpec, SCRATCH_BYTES, Tile, Work};
 pub use formers::{auto, bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use numerics::{Numerics, Transforms};
+pub use opened::Opened;
 pub use plan::Plan;
 pub use sampled::TileRecord;
 pub use stray::RecordedEnergy;

@@ -1,14 +1,14 @@
 //! Image formation plan: a complete description that can be carried out in parts, on any machine.
 //!
 //! A [`Plan`] is made from a collection's geometry, a grid and limits, before any sample is read. It contains everything that a
-//! pixel depends on except the samples, as text (JSON). [`Opened::form`] forms any tiles of it within any memory limit;
+//! pixel depends on except the samples, as text (JSON). [`Opened::form`](super::Opened::form) forms any tiles of it within any memory limit;
 //! tiles formed separately are bit-identical to tiles formed together ([`super::former`]).
 //!
 //! **Tiles** are rectangles of one size in row-major order; those at the last row and column are smaller. Their size is a multiple of the
 //! former's grain that gives about [`TILE_PIXELS`] pixels.
 //!
 //! **Tile records** ([`TileRecord`](super::TileRecord)) are kept with the pixels of each tile. The records of all tiles determine the actual error of the image
-//! ([`Opened::judge`]) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
+//! ([`Opened::judge`](super::Opened::judge)) by the rules of [`super::accuracy`]. The plan stays unchanged by the result; for an image
 //! that exceeds its bound, [`Plan::for_less`] makes another plan of the same image with a smaller planned error.
 //! [`super::Execution`] does all of this.
 
@@ -18,7 +18,6 @@ use super::accuracy::{self, BoundPolicy, ErrorGoal};
 use super::compared::Planned;
 use super::cost::Cost;
 pub use super::fingerprint::Fingerprint;
-pub use super::opened::Opened;
 use super::patch::PatchSize;
 pub use super::sink::{ImageSink, InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
@@ -372,26 +371,6 @@ impl Plan {
         let [fast, slow] = self.windows()?;
         let former = formers::former(&self.former, &self.settings)?;
         Ok(former.weights(collection, &self.grid, fast, slow)?)
-    }
-
-    /// Open the plan for tiles of its recording, with the weights of [`Self::weights`].
-    ///
-    /// # Errors
-    /// [`PlanError`] if the plan does not match the recording or the former refuses it.
-    pub fn open<'a>(
-        &'a self,
-        collection: &'a Collection,
-        weights: &'a Weights,
-    ) -> Result<Opened<'a>, PlanError> {
-        let found = Fingerprint::of(collection);
-        if found != self.recording {
-            return Err(PlanError::Recording {
-                planned: self.recording.clone(),
-                found,
-            });
-        }
-        let former = formers::former(&self.former, &self.settings)?;
-        Ok(Opened::new(&*former, self, self.spec(collection, weights))?)
     }
 
     /// Specification of the image for the weights of [`Self::weights`].
