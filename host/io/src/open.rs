@@ -1,7 +1,6 @@
 //! Recordings opened by what they hold, not by how they are called; only a description of a raw recording, which is
 //! text, is known by its `.toml`.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -13,6 +12,7 @@ use super::cphd;
 use super::crsd;
 #[cfg(feature = "gotcha")]
 use super::gotcha;
+use super::input::open_file;
 #[cfg(feature = "recording")]
 use super::recording;
 use subaperture_model::phase_history::{
@@ -394,7 +394,7 @@ pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
 /// The first bytes: enough to know every format by.
 fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut start = Vec::new();
-    File::open(path)?.take(64).read_to_end(&mut start)?;
+    open_file(path)?.take(64).read_to_end(&mut start)?;
     Ok(start)
 }
 

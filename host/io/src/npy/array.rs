@@ -1,6 +1,5 @@
 //! Arrays of numbers of any kind and shape, alone in a `.npy` file or named in a `.npz` archive.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -10,6 +9,7 @@ use super::half::half;
 use super::header::{Header, HeaderError};
 use super::range::Range;
 use super::{NpyError, archive};
+use crate::input::open_file;
 
 /// An array, its last index fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,7 @@ impl Array {
             path: path.to_owned(),
             what,
         };
-        let file = File::open(path).map_err(io)?;
+        let file = open_file(path).map_err(io)?;
         let read = |stream: &mut dyn Read| {
             Self::read_from(&mut BufReader::new(stream), memory_bytes).map_err(
                 |error| match error {

@@ -18,13 +18,13 @@ mod on_disk;
 mod range;
 mod write;
 
-#[cfg(feature = "npz")]
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use self::header::Header;
 use super::atomic::{WriteError, write_atomically};
+#[cfg(feature = "npz")]
+use super::input::open_file;
 use subaperture_model::image::Image;
 
 pub use array::{Array, Values};
@@ -109,7 +109,7 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
 /// [`NpyError`]: no such archive.
 #[cfg(feature = "npz")]
 pub fn names(path: &Path) -> Result<Vec<String>, NpyError> {
-    let opened = File::open(path).map_err(|source| NpyError::Io {
+    let opened = open_file(path).map_err(|source| NpyError::Io {
         path: path.to_owned(),
         source,
     })?;

@@ -1,13 +1,12 @@
 //! The files that a description names, each read once however often the description is varied.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::files::expand;
-use crate::input::Stamp;
+use crate::input::{Stamp, open_file};
 use crate::npy::Array;
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
@@ -60,7 +59,7 @@ impl Arrays {
             return Ok(array.clone());
         }
         let left = memory_bytes.saturating_sub(sum(&held));
-        if let Ok(stamp) = File::open(&name.0).and_then(|file| Stamp::of(&file)) {
+        if let Ok(stamp) = open_file(&name.0).and_then(|file| Stamp::of(&file)) {
             let mut stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
             stamps.entry(name.0.clone()).or_insert(stamp);
         }
@@ -175,7 +174,7 @@ pub(super) fn input(path: &Path, stamp: Option<&Stamp>) -> Result<InputFile, Rea
         path: path.to_owned(),
         source,
     };
-    let file = File::open(path).map_err(failed)?;
+    let file = open_file(path).map_err(failed)?;
     let sum = || {
         let mut file = BufReader::with_capacity(1 << 16, &file);
         let (mut hasher, mut total, mut piece) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);

@@ -17,7 +17,6 @@
 //! and real two-dimensional NumPy arrays (row 0 has the smallest y, as in images of this project; values are
 //! brightness, not negative). Gamma is not corrected: values are used as they are.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -25,6 +24,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use subaperture_io::input::open_file;
 
 use super::SceneError;
 use super::clutter::{MAX_POINTS, check_points};
@@ -219,7 +219,7 @@ impl Picture {
 }
 
 fn read_png(path: &Path) -> Result<Picture, String> {
-    let file = File::open(path).map_err(|e| e.to_string())?;
+    let file = open_file(path).map_err(|e| e.to_string())?;
     let mut reader = png::Decoder::new(BufReader::new(file))
         .read_info()
         .map_err(|e| e.to_string())?;

@@ -12,7 +12,6 @@ mod sinks;
 pub(crate) mod summary;
 pub(crate) mod tiled;
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Instant;
@@ -25,7 +24,7 @@ use subaperture::focus::moving::Moving;
 use subaperture::focus::{FormError, Formed, ImageFormer, Numerics, Plan, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
-use subaperture::io::input::checksum;
+use subaperture::io::input::{checksum, open_file};
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
@@ -350,7 +349,7 @@ fn form(
 /// A file that is read beside the recordings, for the record.
 fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
     let named = || format!("cannot read {}", path.display());
-    let mut file = File::open(path).with_context(named)?;
+    let mut file = open_file(path).with_context(named)?;
     let (bytes, crc32) = checksum(&mut file).with_context(named)?;
     Ok(InputFile {
         path: path.to_owned(),
