@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use glam::DVec3;
-use subaperture::io::cphd::{Channel, Domain, Sgn, WriteOptions, write};
+use glam::{DQuat, DVec3};
+use subaperture::io::cphd::{Channel, Domain, Sgn, WriteOptions, describes_antennas, write};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
+use subaperture::radar::Pattern;
 use subaperture::simulate::{Preset, Variation};
-use subaperture_tests::experiment::{FLIGHT, IDEAL, Line, antenna, experiment, five_points};
+use subaperture_tests::experiment::{FLIGHT, IDEAL, Line, PAIR, antenna, experiment, five_points};
 
 use super::scene::{ORIGIN, Scene, TRACK, read_all};
 
@@ -180,6 +181,31 @@ fn sarkit_accepts_true_positions() {
             [("R0", &recordings[0]), ("R1", &recordings[1])];
         files.add_histories("truth", domain, Sgn::Minus, &channels, "");
     }
+    files.check();
+}
+
+/// Antennas as gain polynomials about axes that are polynomials of time.
+#[test]
+fn sarkit_accepts_antenna_patterns() {
+    let mut looking = experiment(IDEAL, five_points());
+    looking.radar.transmitters[0].pattern = Pattern::Gaussian {
+        azimuth_rad: 0.3,
+        elevation_rad: 0.6,
+    };
+    let recording = looking.record(PAIR).unwrap();
+    let mut carried = recording.echoes().carried();
+    let count = carried.attitudes.len() as f64;
+    for (n, attitudes) in carried.attitudes.iter_mut().enumerate() {
+        attitudes[0] *= DQuat::from_rotation_z(0.05 * n as f64 / count);
+    }
+    let mut files = Files::new();
+    let path = files.folder.path().join("antennas.cphd");
+    let dump = files.folder.path().join("antennas.bin");
+    let channel = Channel::new("1", &recording).with_antennas(carried);
+    assert!(describes_antennas(&channel));
+    write(&path, &[channel], &WriteOptions::default(), &Silent).unwrap();
+    files.dump(&dump, &recording);
+    writeln!(files.list, "{}\t1\t{}\t", path.display(), dump.display()).unwrap();
     files.check();
 }
 

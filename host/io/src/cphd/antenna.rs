@@ -49,7 +49,13 @@ pub(super) struct Antennas {
 }
 
 /// Polynomials of the axes X and Y in ECF, each of x, y, z over time.
-type Axes = [[Vec<f64>; 3]; 2];
+type Axes = [[Line; 3]; 2];
+
+/// Terms of a polynomial of one variable: exponent, coefficient.
+type Line = Vec<(u32, f64)>;
+
+/// Terms of a polynomial of two variables: exponents, coefficient.
+type Surface = Vec<(u32, u32, f64)>;
 
 /// Phase centre and pattern of the transmitting and of the receiving antenna of a channel, by identifier.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,11 +76,11 @@ impl AntennaIds {
 #[derive(Clone, Debug, PartialEq)]
 struct Pattern {
     /// Electrical boresight over time, direction cosines along X and Y.
-    boresight: [Vec<f64>; 2],
+    boresight: [Line; 2],
     /// Gain about the electrical boresight, dB: exponents of DCX and DCY, coefficient.
-    array: Vec<(u32, u32, f64)>,
+    array: Surface,
     /// Gain over direction cosines, dB.
-    element: Vec<(u32, u32, f64)>,
+    element: Surface,
     freq_zero_hz: f64,
     shift: [f64; 2],
     dilation: [f64; 2],
@@ -193,7 +199,7 @@ fn found<'a, T>(
 
 fn axes(frame: &Element) -> Result<Axes, MetadataError> {
     per_vector(frame, "UseACFPVP")?;
-    let axis = |name| -> Result<[Vec<f64>; 3], MetadataError> {
+    let axis = |name| -> Result<[Line; 3], MetadataError> {
         let axis = frame.child(name)?;
         Ok([line(&axis, "X")?, line(&axis, "Y")?, line(&axis, "Z")?])
     };
@@ -232,7 +238,7 @@ impl<'a> Antenna<'a> {
     /// The antenna at a time; `None` where its axes do not span a frame or its boresight is not a direction.
     fn at(self, frame: &SceneFrame, time_s: f64, centre_hz: f64) -> Option<Pointing<'a>> {
         let Self { axes, pattern } = self;
-        let axis = |axis: &[Vec<f64>; 3]| {
+        let axis = |axis: &[Line; 3]| {
             let [x, y, z] = axis.each_ref().map(|line| value(line, time_s));
             frame
                 .direction_from_ecf(DVec3::new(x, y, z))
@@ -383,21 +389,12 @@ fn scale_factors(
     }
 }
 
-/// Coefficients of a polynomial of one variable, ascending.
-fn line(parent: &Element, name: &'static str) -> Result<Vec<f64>, MetadataError> {
-    let mut coefficients = Vec::new();
-    for (exponents, value) in terms(&parent.child(name)?, &["exponent1"])? {
-        let exponent = exponents[0] as usize;
-        if coefficients.len() <= exponent {
-            coefficients.resize(exponent + 1, 0.0);
-        }
-        coefficients[exponent] += value;
-    }
-    Ok(coefficients)
+fn line(parent: &Element, name: &'static str) -> Result<Line, MetadataError> {
+    let terms = terms(&parent.child(name)?, &["exponent1"])?;
+    Ok(terms.into_iter().map(|(e, value)| (e[0], value)).collect())
 }
 
-/// Terms of a polynomial of two variables.
-fn surface(parent: &Element, name: &'static str) -> Result<Vec<(u32, u32, f64)>, MetadataError> {
+fn surface(parent: &Element, name: &'static str) -> Result<Surface, MetadataError> {
     let terms = terms(&parent.child(name)?, &["exponent1", "exponent2"])?;
     Ok(terms
         .into_iter()
@@ -431,10 +428,10 @@ fn terms(
     Ok(terms)
 }
 
-fn value(line: &[f64], at: f64) -> f64 {
+fn value(line: &[(u32, f64)], at: f64) -> f64 {
     line.iter()
-        .rev()
-        .fold(0.0, |sum, coefficient| sum * at + coefficient)
+        .map(|&(n, coefficient)| coefficient * libm::pow(at, f64::from(n)))
+        .sum()
 }
 
 fn value_of_two(terms: &[(u32, u32, f64)], [x, y]: [f64; 2]) -> f64 {
