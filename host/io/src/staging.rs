@@ -181,7 +181,10 @@ impl Staged {
     /// The error of writing a file of this name.
     pub(super) fn failed(&self, name: &str, source: io::Error) -> WriteError {
         WriteError::Io {
-            path: self.folder.join(name),
+            path: match name {
+                "" => self.folder.clone(),
+                _ => self.folder.join(name),
+            },
             needed_bytes: self.needed_bytes,
             source,
         }
