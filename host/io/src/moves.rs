@@ -33,9 +33,9 @@ struct Move {
 /// Where the old content of a path is kept.
 #[derive(Clone, Debug)]
 enum Old {
-    /// There was none.
+    /// No file stood there.
     Absent,
-    /// Under a second name.
+    /// Under a second name, by a hard link.
     Linked(PathBuf),
     /// Under another name alone.
     Renamed(PathBuf),
@@ -132,7 +132,7 @@ impl Moves {
         let mut left = Vec::new();
         for Move { path, from, old } in self.done.into_iter().rev() {
             let back = match (from, &old) {
-                // Nothing was renamed: the second name goes.
+                // The rename failed: the second name goes.
                 (None, Old::Linked(old)) => fs::remove_file(old),
                 (None, Old::Renamed(old)) => fs::rename(old, &path),
                 (None, Old::Absent) => Ok(()),

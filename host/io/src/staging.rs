@@ -245,7 +245,7 @@ impl StagedSet {
         self.staged.failed("", source)
     }
 
-    /// Renames the whole folder where there was none, else the files over those of the folder: marks first off and last on.
+    /// Renames the whole folder where it is new, else the files over those of the folder: marks first off and last on.
     pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
         self.put_all(moves).map_err(|source| self.failed(source))
     }

@@ -68,7 +68,7 @@ pub enum WriteError {
     /// Files that belong together are neither all new nor as they were: putting them back failed too.
     #[error("{error}; {}", left_in_part(replaced, kept))]
     InPart {
-        /// The first error.
+        /// The error that came first.
         error: Box<WriteError>,
         /// Files that are new, or absent.
         replaced: Vec<PathBuf>,
