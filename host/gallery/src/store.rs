@@ -124,8 +124,9 @@ pub(super) fn save(
     };
     let path = folder.join(format!("{}.json", item.id));
     files.write(&path, 0, |file| {
-        serde_json::to_writer_pretty(&mut *file, &kept)?;
-        file.write_all(b"\n")
+        let mut text = serde_json::to_vec_pretty(&kept)?;
+        text.push(b'\n');
+        file.write_all(&text)
     })?;
     files.commit()
 }

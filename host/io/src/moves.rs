@@ -27,8 +27,27 @@ struct Move {
     path: PathBuf,
     /// Where the new content came from; `None` if `path` was only cleared.
     from: Option<PathBuf>,
-    /// Where the old content is kept; `None` if there was none.
-    old: Option<PathBuf>,
+    old: Old,
+}
+
+/// Where the old content of a path is kept.
+#[derive(Clone, Debug)]
+enum Old {
+    /// No file stood there.
+    Absent,
+    /// Under a second name, by a hard link.
+    Linked(PathBuf),
+    /// Under another name alone.
+    Renamed(PathBuf),
+}
+
+impl Old {
+    fn path(self) -> Option<PathBuf> {
+        match self {
+            Self::Absent => None,
+            Self::Linked(path) | Self::Renamed(path) => Some(path),
+        }
+    }
 }
 
 /// An output that could not be put back.
@@ -60,13 +79,11 @@ impl Moves {
                 Ok(())
             }
             Err(error) => {
-                if let Some(old) = old {
-                    self.done.push(Move {
-                        path: path.to_owned(),
-                        from: None,
-                        old: Some(old),
-                    });
-                }
+                self.done.push(Move {
+                    path: path.to_owned(),
+                    from: None,
+                    old,
+                });
                 Err(error)
             }
         }
@@ -84,7 +101,7 @@ impl Moves {
         self.done.push(Move {
             path: path.to_owned(),
             from: None,
-            old: Some(old),
+            old: Old::Renamed(old),
         });
         Ok(())
     }
@@ -99,7 +116,7 @@ impl Moves {
 
     /// Remove the replaced files; the renames stay.
     pub(super) fn keep_new(self) {
-        for old in self.done.into_iter().filter_map(|done| done.old) {
+        for old in self.done.into_iter().filter_map(|done| done.old.path()) {
             if old.is_dir() {
                 unfinished::begin(Thing::Folder(old.clone()));
                 let _ = fs::remove_dir_all(&old);
@@ -114,23 +131,23 @@ impl Moves {
     pub(super) fn undo(self) -> Vec<NotUndone> {
         let mut left = Vec::new();
         for Move { path, from, old } in self.done.into_iter().rev() {
-            // A folder does not replace one: the new goes first.
-            let cleared = match (&from, &old) {
-                (Some(from), Some(old)) if old.is_dir() => fs::rename(&path, from),
-                (Some(from), None) => fs::rename(&path, from).or_else(|_| remove(&path)),
-                _ => Ok(()),
-            };
-            let back = cleared.and_then(|()| match &old {
-                Some(old) => fs::rename(old, &path),
-                None => Ok(()),
-            });
-            match (back, old) {
-                (Ok(()), Some(old)) => {
-                    // Two names of one file: nothing was renamed.
-                    let _ = fs::remove_file(&old);
+            let back = match (from, &old) {
+                // The rename failed: the second name goes.
+                (None, Old::Linked(old)) => fs::remove_file(old),
+                (None, Old::Renamed(old)) => fs::rename(old, &path),
+                (None, Old::Absent) => Ok(()),
+                (Some(from), Old::Absent) => fs::rename(&path, from).or_else(|_| remove(&path)),
+                // A folder does not replace one: the new goes first.
+                (Some(from), Old::Renamed(old)) if old.is_dir() => {
+                    fs::rename(&path, from).and_then(|()| fs::rename(old, &path))
                 }
-                (Ok(()), None) => {}
-                (Err(_), old) => left.push(NotUndone { path, old }),
+                (Some(_), Old::Linked(old) | Old::Renamed(old)) => fs::rename(old, &path),
+            };
+            if back.is_err() {
+                left.push(NotUndone {
+                    path,
+                    old: old.path(),
+                });
             }
         }
         left
@@ -142,12 +159,14 @@ fn aside(path: &Path, lock: &Lock) -> PathBuf {
     path.with_file_name(lock.hidden_name(".old"))
 }
 
-/// Keep what stands at `path` at `old` too, or else there alone; `None` if nothing stands there.
-fn keep(path: &Path, old: &Path) -> io::Result<Option<PathBuf>> {
-    let kept = fs::hard_link(path, old).or_else(|_| fs::rename(path, old));
-    match kept {
-        Ok(()) => Ok(Some(old.to_owned())),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+/// Keep what stands at `path` at `old` too, or else there alone.
+fn keep(path: &Path, old: &Path) -> io::Result<Old> {
+    if fs::hard_link(path, old).is_ok() {
+        return Ok(Old::Linked(old.to_owned()));
+    }
+    match fs::rename(path, old) {
+        Ok(()) => Ok(Old::Renamed(old.to_owned())),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(Old::Absent),
         Err(error) => Err(error),
     }
 }

@@ -198,7 +198,7 @@ pub fn write_drawing<E: From<WriteError>>(
     Ok(metadata)
 }
 
-/// Writes record and picture beside a staged image, whose file `image` describes. A picture of an older product goes if there is no
+/// Writes record and picture of a staged image, whose file `image` describes. A picture of an older product goes if there is no
 /// new one.
 fn finish(
     staged: Staged,

@@ -181,7 +181,10 @@ impl Staged {
     /// The error of writing a file of this name.
     pub(super) fn failed(&self, name: &str, source: io::Error) -> WriteError {
         WriteError::Io {
-            path: self.folder.join(name),
+            path: match name {
+                "" => self.folder.clone(),
+                _ => self.folder.join(name),
+            },
             needed_bytes: self.needed_bytes,
             source,
         }
@@ -242,7 +245,7 @@ impl StagedSet {
         self.staged.failed("", source)
     }
 
-    /// Renames the whole folder where there was none, else the files over those of the folder: marks first off and last on.
+    /// Renames the whole folder where it is new, else the files over those of the folder: marks first off and last on.
     pub(super) fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
         self.put_all(moves).map_err(|source| self.failed(source))
     }

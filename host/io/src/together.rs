@@ -26,7 +26,7 @@ use super::moves::Moves;
 use super::staging::{StagedSet, settled};
 use super::unfinished;
 
-/// Files that belong together, none of them in place yet. Gone when dropped, unless committed.
+/// Files that belong together, not yet in place. Gone when dropped, unless committed.
 #[derive(Debug, Default)]
 pub struct FileSet {
     parts: Vec<Part>,
@@ -39,7 +39,7 @@ enum Part {
 }
 
 impl FileSet {
-    /// No file yet.
+    /// A set without files.
     pub fn new() -> Self {
         Self::default()
     }
@@ -123,7 +123,7 @@ impl FileSet {
         synced.map_err(|source| match self.parts.last() {
             Some(Part::File(file)) => file.failed(source),
             Some(Part::Folder(set)) => set.failed(source),
-            None => unreachable!("no part, nothing to force to disk"),
+            None => unreachable!("a set without parts has no names to force to disk"),
         })
     }
 }
@@ -233,18 +233,18 @@ mod tests {
         assert_eq!(before.len(), NAMES.len());
 
         // Of a set that begins with the product, without a picture, a later file cannot be put in place.
-        let beside = at.path().join("beside");
+        let map = at.path().join("map");
         let mut files = FileSet::new();
         add(&mut files, 2.0, b"");
-        files.write_bytes(&beside, b"map").unwrap();
-        fs::create_dir(&beside).unwrap();
+        files.write_bytes(&map, b"map").unwrap();
+        fs::create_dir(&map).unwrap();
         files.commit().unwrap_err();
         assert_eq!(contents(at.path()), before);
 
-        fs::remove_dir(&beside).unwrap();
+        fs::remove_dir(&map).unwrap();
         let mut files = FileSet::new();
         add(&mut files, 3.0, b"");
-        files.write_bytes(&beside, b"map").unwrap();
+        files.write_bytes(&map, b"map").unwrap();
         files.commit().unwrap();
         let after = contents(at.path());
         assert!(!after.contains_key(&folder.join("image.png")));

@@ -68,9 +68,9 @@ pub enum WriteError {
     /// Files that belong together are neither all new nor as they were: putting them back failed too.
     #[error("{error}; {}", left_in_part(replaced, kept))]
     InPart {
-        /// The first error.
+        /// The error that came first.
         error: Box<WriteError>,
-        /// Files that are new, or gone.
+        /// Files that are new, or absent.
         replaced: Vec<PathBuf>,
         /// Where their old content is.
         kept: Vec<PathBuf>,
@@ -104,12 +104,13 @@ fn left_in_part(replaced: &[PathBuf], kept: &[PathBuf]) -> String {
         paths.collect::<Vec<_>>().join(", ")
     };
     let replaced = list(replaced);
-    let mut text =
-        format!("files of this run are left in part, and putting them back failed too: {replaced}");
+    let mut text = format!(
+        "putting back what was there before failed too, and outputs are left in part: {replaced} are of this run, or absent"
+    );
     if !kept.is_empty() {
         let kept = list(kept);
         text += &format!(
-            "; the files before them are {kept}: rename these, for the next run that writes there removes them"
+            "; what was there before is in {kept}: rename it, for the next run that writes there removes it"
         );
     }
     text

@@ -1,10 +1,10 @@
 //! Writer of STAC 1.0.0 items of maps.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
+use subaperture_io::atomic::WriteError;
 use subaperture_io::ours::ITEM_SCHEMA;
 use subaperture_io::together::FileSet;
 
@@ -38,11 +38,13 @@ pub fn add_to(
     about: &About,
 ) -> Result<(), MapError> {
     let item = item(map, ortho, layout, about)?;
-    let write = |file: &mut std::fs::File| {
-        serde_json::to_writer_pretty(&mut *file, &item)?;
-        file.write_all(b"\n")
-    };
-    Ok(files.write(path, 0, write)?)
+    let mut text = serde_json::to_vec_pretty(&item).map_err(|error| WriteError::Io {
+        path: path.to_owned(),
+        needed_bytes: 0,
+        source: error.into(),
+    })?;
+    text.push(b'\n');
+    Ok(files.write_bytes(path, &text)?)
 }
 
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {

@@ -14,7 +14,9 @@
 //!   so that the sweep interval holds. [`crate::profile`] defines how a range profile uses such steps.
 //! - The queue to the disk is bounded. When it is full, the radio waits before it requests the next burst: no sample is
 //!   lost, sweeps take longer, and the waits are counted ([`Summary::waits`]). The queue to the live view is bounded
-//!   and never blocks: steps that do not fit are dropped from the view and counted.
+//!   and never delays a radio whose clock runs: steps that do not fit are dropped from the view and counted
+//!   ([`Summary::not_shown`]). A simulated radio and a replay wait instead ([`Transceiver::waits`]), so that the live view does not depend on
+//!   the load of the machine.
 //! - The carrier of a step is the one reported by the radio. A radio that tunes more than a thousandth of a step off
 //!   the plan's carrier is refused.
 //! - The capture ends when the radio disconnects, the disk is full or a stop is requested. The recording up to that
@@ -404,7 +406,7 @@ impl Engine<'_> {
         Ok(self.hand_over(taken).and(began_s))
     }
 
-    /// Send a step to the live view, if there is one and its queue has room.
+    /// Send a step to the live view, if there is one and its queue has room, or the radio waits until it has.
     fn show(
         &mut self,
         step: &Step,
@@ -423,7 +425,11 @@ impl Engine<'_> {
             flagged: Flag::ALL.map(|flag| step.flags.contains(&flag)),
             counts: self.counts(),
         };
-        if live.try_send(shown).is_err() {
+        let taken = match self.radio.waits() {
+            true => live.send(shown).is_ok(),
+            false => live.try_send(shown).is_ok(),
+        };
+        if !taken {
             self.summary.not_shown += 1;
         }
     }

@@ -75,6 +75,10 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
         self.radio.about()
     }
 
+    fn waits(&self) -> bool {
+        self.radio.waits()
+    }
+
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
         self.here()?;
         self.radio.configure(asked)

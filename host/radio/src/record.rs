@@ -61,6 +61,10 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
         self.radio.about()
     }
 
+    fn waits(&self) -> bool {
+        self.radio.waits()
+    }
+
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
         let set = self.radio.configure(asked)?;
         self.gain_db = set.receive_gain_db;

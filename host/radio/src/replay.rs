@@ -99,6 +99,10 @@ impl Transceiver for Replay {
         &self.about
     }
 
+    fn waits(&self) -> bool {
+        true
+    }
+
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
         asked.check(&self.about.ranges)?;
         let setup = self.recording.setup();

@@ -302,6 +302,12 @@ pub trait Transceiver: Send {
         Ok(None)
     }
 
+    /// Whether the device waits for its consumer: bursts are computed or read from a file on request, and no time passes
+    /// between them. False for a device whose clock runs.
+    fn waits(&self) -> bool {
+        false
+    }
+
     /// Append the faults since the last call to `events`.
     fn events(&mut self, events: &mut Vec<Event>);
 }

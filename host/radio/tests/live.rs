@@ -2,6 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::sync_channel;
+use std::thread;
+use std::time::Duration;
 
 use subaperture_radio::Transceiver;
 use subaperture_radio::capture::{Queues, Summary, capture, setup};
@@ -155,13 +157,13 @@ fn live_levels_match_recording_and_report_clipping() {
     );
 }
 
-/// A queue of eight steps is not read during a sweep of fifty. The capture does not wait, dropped steps are counted,
+/// A queue of eight steps is not read during a sweep of fifty. A radio in real time does not wait, dropped steps are counted,
 /// and the incomplete sweep gives an empty row.
 #[test]
 fn slow_viewer_does_not_delay_capture() {
     let folder = TempDir::new().unwrap();
     let experiment = experiment(THESIS, 23);
-    let mut radio = radio(&experiment);
+    let mut radio = radio(&experiment).in_real_time();
     let plan = plan("");
     let set = radio.configure(&plan.radio).unwrap();
     let setup = setup(radio.about(), &plan, &set);
@@ -192,4 +194,27 @@ fn slow_viewer_does_not_delay_capture() {
     assert!(sweep.receivers[0].usable() == 8 && sweep.profile.is_none());
     assert_eq!(board.rows_after(None)[0].levels_db, [] as [f32; 0]);
     assert!(board.latest_row().is_none() && follower.end(&board).is_none());
+}
+
+/// A viewer takes 5 ms for each step, by a queue of two. A radio out of real time waits for it: all fifty steps are shown.
+#[test]
+fn simulated_radio_waits_for_a_slow_viewer() {
+    let folder = TempDir::new().unwrap();
+    let experiment = experiment(THESIS, 23);
+    let mut radio = radio(&experiment);
+    let plan = plan("");
+    let (sender, steps) = sync_channel(2);
+    let path = folder.path().join("live");
+    let stop = AtomicBool::new(false);
+    let viewer = thread::spawn(move || {
+        let each = steps
+            .iter()
+            .inspect(|_| thread::sleep(Duration::from_millis(5)));
+        each.count()
+    });
+    let queues = Queues::default();
+    let summary = capture(&mut radio, &plan, &path, queues, Some(&sender), &stop).unwrap();
+    drop(sender);
+    assert_eq!((summary.steps, summary.not_shown), (50, 0));
+    assert_eq!(viewer.join().unwrap(), 50);
 }

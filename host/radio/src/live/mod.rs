@@ -1,7 +1,7 @@
 //! Live view of a running capture: latest range profile, waterfall, levels, fault counters, free disk space.
 //!
 //! ```text
-//! capture ── LiveStep (try_send, never waits) ──> Follower (a thread) ── per sweep ──> Board <── Status, rows ── terminal, web page
+//! capture ── LiveStep (a real radio never waits) ──> Follower (a thread) ── per sweep ──> Board <── Status, rows ── terminal, web page
 //!                                               └── LiveSweep ──> image formation
 //! ```
 //!

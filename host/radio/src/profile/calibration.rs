@@ -264,8 +264,9 @@ impl Calibration {
     /// If writing fails.
     pub fn write(&self, path: &Path) -> Result<(), WriteError> {
         write_atomically(path, 0, |file| {
-            serde_json::to_writer_pretty(&mut *file, self)?;
-            file.write_all(b"\n")
+            let mut text = serde_json::to_vec_pretty(self)?;
+            text.push(b'\n');
+            file.write_all(&text)
         })
     }
 

@@ -191,6 +191,10 @@ impl Transceiver for SimulatedRadio<'_> {
         &self.about
     }
 
+    fn waits(&self) -> bool {
+        self.real_time.is_none()
+    }
+
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
         asked.check(&self.about.ranges)?;
         let mut set = asked.clone();

@@ -90,12 +90,13 @@ pub(crate) fn imaged(
     let (ended, skipped) = (AtomicBool::new(false), AtomicU64::new(0));
     let summary = thread::scope(|scope| {
         let (board, skipped, imaging) = (&*board, &skipped, imaging.as_mut());
+        let waits = radio.waits();
         // Whatever becomes of the capture, the terminal is let go.
         let over = Over(&ended);
         let thread = || thread::Builder::new();
         thread()
             .spawn_scoped(scope, move || {
-                follow(&mut follower, board, steps, sweeps, skipped)
+                follow(&mut follower, board, steps, waits, sweeps, skipped)
             })
             .context(NO_THREAD)?;
         let imaged = thread()
@@ -176,16 +177,21 @@ fn why(plan: &Plan, summary: &Summary) -> &'static str {
     }
 }
 
-/// Sweeps of steps; what is too fast for the image is counted.
+/// Sweeps of steps. Unless the radio waits, a sweep that comes faster than sweeps are imaged is skipped and counted.
 fn follow(
     follower: &mut SweepAssembler,
     board: &LiveState,
     steps: Receiver<LiveStep>,
+    waits: bool,
     sweeps: SyncSender<LiveSweep>,
     skipped: &AtomicU64,
 ) {
     let hand_over = |sweep: LiveSweep| {
-        if sweeps.try_send(sweep).is_err() {
+        let taken = match waits {
+            true => sweeps.send(sweep).is_ok(),
+            false => sweeps.try_send(sweep).is_ok(),
+        };
+        if !taken {
             skipped.fetch_add(1, Ordering::Relaxed);
         }
     };
