@@ -150,7 +150,10 @@ fn tune_writes_no_value_whose_error_is_unknown() {
         assert!(alone.succeeded().contains(verdict), "{alone:?}");
         for write in ["--write", "--write-to raw/tuned.toml", "--write --json"] {
             let ran = run(at, &format!("{tune} {write}"));
-            ran.failed(1, &["recording.range_bias", "nothing was written"]);
+            ran.failed(
+                1,
+                &["recording.range_bias: expected a value that the data determine"],
+            );
             assert_eq!(fs::read(&path).unwrap(), before, "{ran:?}");
             assert!(!at.join("raw/tuned.toml").exists(), "{ran:?}");
         }
