@@ -9,6 +9,7 @@ mod bench;
 mod capture;
 mod cases;
 mod channels;
+mod claimed_sizes;
 mod compare;
 #[path = "../../host/viewer/tests/driver.rs"]
 mod driver;
@@ -30,6 +31,8 @@ mod messages;
 mod navigation;
 mod output;
 mod overwrite;
+mod parsed_memory;
+mod parts;
 mod picture;
 mod plan_radar;
 mod quality;

@@ -343,6 +343,35 @@ fn memory_holds_under_fifty_clients() {
     }
 }
 
+/// Maps of 4096 pulses x 256 samples take 8 MB of samples, and twice as many bins along both axes.
+#[test]
+fn range_doppler_maps_larger_than_memory_are_refused() {
+    let folder = folder();
+    let at = folder.path();
+    let scenario = crate::memory::SCENARIO
+        .replace("pulses = 16", "pulses = 4096")
+        .replace("10 ms", "100 us")
+        .replace("samples = 64", "samples = 256");
+    fs::write(at.join("long.toml"), scenario).unwrap();
+    run(at, "simulate long.toml -o long.cphd").succeeded();
+    let line = "view image --maps long.cphd --sub-cpi 4096 --threads 2 --memory";
+    run(at, &format!("{line} 64M")).failed(1, &["range-Doppler map", "--sub-cpi", "--memory"]);
+    let served = Served::begin(at, &format!("{line} 256M"));
+    served.settled();
+    let map = served.ask("/doppler/0/0/0/1/1");
+    assert!(
+        map.contains("\"pulses\":4096"),
+        "{}",
+        &map[..map.len().min(300)]
+    );
+    #[cfg(target_os = "linux")]
+    {
+        let peak_mib = crate::memory::peak_of(served.child.id()).unwrap();
+        println!("{peak_mib:.1} MiB at the most");
+        assert!(peak_mib <= 256.0, "{peak_mib} MiB of 256");
+    }
+}
+
 /// Slow clients, more than may be connected, that begin a request and never end it.
 #[test]
 fn slow_clients_do_not_close_the_viewer() {

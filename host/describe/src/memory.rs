@@ -17,7 +17,7 @@ use super::error::{ALLOW_MORE_MEMORY, At, Found};
 pub const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
 
 /// A token in a list that grows by doubling, and its event.
-const TOKEN_BYTES: u64 = 64;
+const TOKEN_BYTES: u64 = 80;
 /// A table: a node of 11 entries in the tree of a description, what is left of one in the parser's, which is freed meanwhile, and its
 /// place in an array.
 const TABLE_BYTES: u64 = 1300;

@@ -66,8 +66,10 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(error) = error.downcast_ref::<FormError>() {
         return of_forming(error);
     }
-    if let Some(ReadError::Memory { .. }) = error.downcast_ref() {
-        return Some(": raise --memory".to_owned());
+    match error.downcast_ref() {
+        Some(ReadError::Memory { .. }) => return Some(": raise --memory".to_owned()),
+        Some(ReadError::Description(error)) => return of(&**error),
+        _ => {}
     }
     if error.is::<NoDefaultGrid>() {
         return Some(format!("; {SOME_GRID}"));

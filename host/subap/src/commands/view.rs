@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use serde_json::json;
 use subaperture::io::{geojson, track_csv};
 use subaperture::viewer::Server;
@@ -26,6 +26,8 @@ const GLANCE_BYTES: u64 = 2 << 20;
 const CONNECTIONS_BYTES: u64 = 2 << 20;
 /// Most for answers on their way.
 const MAX_ANSWERS_BYTES: u64 = 16 << 20;
+/// Memory of making a range-Doppler map for which there is always room, bytes.
+const SMALL_MAP_BYTES: u64 = 4 << 20;
 /// Minimum memory for overviews, bytes.
 const MIN_OVERVIEW_BYTES: u64 = 1 << 20;
 
@@ -46,10 +48,14 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
         )?);
     }
     let mut doppler = Vec::with_capacity(typed.maps.len());
+    let (mut held_bytes, mut map_bytes) = (0, 0);
     for path in &typed.maps {
-        doppler.push(maps::open(session, path, typed.sub_cpi)?);
+        let opened = maps::open(session, path, typed.sub_cpi)?;
+        held_bytes += opened.held_bytes;
+        map_bytes = opened.map_bytes.max(map_bytes);
+        doppler.push(opened.maps);
     }
-    let bounds = bounds(session, products.len() as u64);
+    let bounds = bounds(session, products.len() as u64, held_bytes, map_bytes)?;
     session.note(1, || {
         format!(
             "at most {} for overviews, {} requests computed at once",
@@ -81,21 +87,38 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What of the memory is for what.
-fn bounds(session: &Session, images: u64) -> Bounds {
+/// Division of the memory between requests, answers and overviews, beside the `held_bytes` of range-Doppler maps' sources. Making one map
+/// takes `map_bytes`.
+fn bounds(
+    session: &Session,
+    images: u64,
+    held_bytes: u64,
+    map_bytes: u64,
+) -> anyhow::Result<Bounds> {
     // Nothing is drawn here: the pictures' share is free.
     let all = session.memory_bytes + session.memory.picture_bytes;
-    let rest = all.saturating_sub(GLANCE_BYTES * images + CONNECTIONS_BYTES);
+    let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES;
+    let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
+    if map_bytes > (rest / 2).max(SMALL_MAP_BYTES) {
+        bail!(
+            "--maps: a range-Doppler map of {} and recordings of {} were expected to fit into {} of memory: use a shorter --sub-cpi, or raise \
+             --memory",
+            text::bytes(map_bytes.into()),
+            text::bytes(held_bytes.into()),
+            text::bytes(all.into())
+        );
+    }
     let answer_bytes = (rest / 8).min(MAX_ANSWERS_BYTES);
-    let computing = (rest / 2 / COMPUTING_BYTES).clamp(1, session.threads as u64);
-    let request_bytes = (rest / 2 / computing).min(COMPUTING_BYTES);
+    let most_bytes = COMPUTING_BYTES.max(map_bytes);
+    let computing = (rest / 2 / most_bytes).clamp(1, session.threads as u64);
+    let request_bytes = (rest / 2 / computing).min(most_bytes);
     let left = rest.saturating_sub(computing * request_bytes + answer_bytes);
-    Bounds {
+    Ok(Bounds {
         overview_bytes: left.max(MIN_OVERVIEW_BYTES),
         computing: computing as usize,
         request_bytes,
         answer_bytes,
-    }
+    })
 }
 
 /// A layer of a file, by its ending: a track, or GeoJSON.

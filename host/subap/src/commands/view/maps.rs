@@ -18,31 +18,55 @@ use crate::args::Input;
 use crate::commands::stored;
 use crate::config::Session;
 
+/// Opened maps, and the memory that they take.
+pub(super) struct Opened {
+    pub(super) maps: Box<dyn DopplerMaps>,
+    /// Memory while they are open, bytes.
+    pub(super) held_bytes: u64,
+    /// Further memory while one map is made, bytes.
+    pub(super) map_bytes: u64,
+}
+
+/// Memory of making a map of `pulses` x `samples`: the samples, and the map before and after its transforms.
+fn making_bytes(pulses: usize, samples: usize) -> u64 {
+    let bins = (2 * pulses as u64).max(3) * (2 * samples as u64).next_power_of_two();
+    8 * pulses as u64 * samples as u64 + 16 * bins
+}
+
 /// Opens what a path names.
-pub(super) fn open(
-    session: &Session,
-    path: &Path,
-    sub_cpi: usize,
-) -> anyhow::Result<Box<dyn DopplerMaps>> {
+pub(super) fn open(session: &Session, path: &Path, sub_cpi: usize) -> anyhow::Result<Opened> {
     let name = path.display().to_string();
     if stored::begins_with(path, b"SUBAPMAP") {
         let file = MapFile::open_within(path, session.memory_bytes / 4)?;
         if file.headers().is_empty() {
             bail!("{name}: there is no map in it");
         }
-        return Ok(Box::new(OfFile::new(name, file)));
+        // The index of a file is a part of it.
+        let file_bytes = std::fs::metadata(path).map_or(u64::MAX, |about| about.len());
+        let setup = file.run().setup;
+        let bins = u64::from(setup.doppler_length) * u64::from(setup.range_length);
+        return Ok(Opened {
+            held_bytes: file_bytes.min(session.memory_bytes / 4),
+            map_bytes: 24 * bins,
+            maps: Box::new(OfFile::new(name, file)),
+        });
     }
     let history = session.open(&Input::alone(path))?;
     if history.collection().band().is_none() {
         bail!("{name}: no range-Doppler maps: the frequency axis changes from pulse to pulse");
     }
     let pulses = history.collection().num_turns();
-    Ok(Box::new(OfRecording {
-        name,
-        sub_cpi: sub_cpi.min(pulses),
-        pulses,
-        history,
-    }))
+    let sub_cpi = sub_cpi.min(pulses);
+    Ok(Opened {
+        held_bytes: history.held_bytes(),
+        map_bytes: making_bytes(sub_cpi, history.collection().num_samples),
+        maps: Box::new(OfRecording {
+            name,
+            sub_cpi,
+            pulses,
+            history,
+        }),
+    })
 }
 
 /// Maps as a module made them: of its patches.
