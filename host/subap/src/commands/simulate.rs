@@ -273,7 +273,7 @@ fn write(
     for channel in channels {
         if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
             messages::warning(format!(
-                "channel {}: its antenna patterns are not in the file, because the antennas turn in other ways than a polynomial of time of the fifth order: \
+                "channel {}: its antenna patterns are not in the file, because its antennas do not turn as a polynomial of time of the fifth order: \
                  give the beam to subap focus by --beam",
                 channel.id
             ));
