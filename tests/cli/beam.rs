@@ -307,7 +307,7 @@ fn recording_without_a_beam_is_not_weighted() {
     assert!(!plain.stderr.contains("note: beam"), "{}", plain.stderr);
     let all = record(at, "image");
     assert!(all["settings"]["resolved"]["beam"].is_null());
-    // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. The run and the record say so, of a narrower grid nothing is said.
+    // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. The run and the record say so, and a narrower grid has no warning.
     let ghosts = "ghosts of targets are possible about 45 m from them";
     assert!(plain.stderr.contains(ghosts), "{}", plain.stderr);
     assert!(

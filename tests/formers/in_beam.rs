@@ -372,7 +372,7 @@ fn files_of_a_scenario_state_its_beam() {
         "{filed:?}"
     );
 
-    // A former gets that beam from either, without a word; and none where none is wanted.
+    // A former gets that beam from either by default.
     let grid: ImageGrid = "x=-8:8.1:0.4,y=299:301.1:1".parse().unwrap();
     let bp = Backprojection::default();
     let beam_of = |history: &dyn PhaseHistory, choice| {

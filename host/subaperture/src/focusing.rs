@@ -131,7 +131,7 @@ impl<'a> Focusing<'a> {
 
     /// Form the image, then read the recording's files again for the checksums in the record.
     ///
-    /// A former of another crate is used as it is, from all pulses, unless it is wrapped in [`InBeam`].
+    /// A former of another crate forms every pixel from all pulses, unless it is wrapped in [`InBeam`].
     ///
     /// # Errors
     /// [`FormError`]; [`FormError::Unsuited`] if a beam that was asked for does not suit the recording, the grid or a former of another crate.

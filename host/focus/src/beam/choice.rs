@@ -18,9 +18,9 @@ pub enum BeamChoice {
     Stated,
     /// A beam of this full width centred this far forward of broadside, radians.
     Given {
-        /// Full width, radians.
+        /// Full width between the edges, radians.
         width_rad: f64,
-        /// Squint, radians.
+        /// Squint, radians, positive forward of broadside.
         squint_rad: f64,
     },
     /// The beam of the azimuth Doppler spectrum.
@@ -81,12 +81,12 @@ pub enum Rejected {
     Unsuited {
         /// Origin of the beam.
         source: BeamSource,
-        /// What does not suit.
+        /// The reason, a clause.
         why: String,
     },
     /// The Doppler spectrum shows a beam, but does not resolve where it looks.
     Undecided {
-        /// Estimated beam.
+        /// Beam that the spectrum shows.
         estimate: Estimate,
         /// Angles over the grid.
         demanded: Demanded,
@@ -202,7 +202,7 @@ fn limited(
             Ok(ChosenBeam::all_pulses(None))
         }
         Ok(lit) => Ok(ChosenBeam {
-            num_unseen: lit.num_unseen() as u64,
+            num_unseen: lit.num_unseen(),
             ..chosen
         }),
         Err(error @ FormError::Unsuited(_)) if !asked => {

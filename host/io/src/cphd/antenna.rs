@@ -167,7 +167,7 @@ impl Antennas {
     }
 }
 
-/// What `parse` makes of each element of a name, by its `Identifier`, the first of each.
+/// Parse each element of a name; results by `Identifier`, the first of each.
 fn by_id<T>(
     antenna: &Element,
     name: &'static str,
@@ -268,7 +268,7 @@ impl<'a> Antenna<'a> {
 /// A main lobe in the cut along the track.
 #[derive(Clone, Copy, Debug)]
 struct Lobe {
-    /// Half-power width, radians.
+    /// Width between its half-power points, radians.
     width_rad: f64,
     /// Angle of its centre forward of the electrical boresight, radians.
     off_rad: f64,
@@ -304,7 +304,7 @@ impl Pointing<'_> {
             for (off_rad, db) in outwards(side).map(|off_rad| (off_rad, gain_db(off_rad))) {
                 if db > peak_db {
                     (peak_rad, peak_db) = (off_rad, db);
-                } else if !(db >= peak_db - HALF_POWER_DB) {
+                } else if db.is_nan() || db < peak_db - HALF_POWER_DB {
                     break;
                 }
             }
@@ -341,7 +341,7 @@ impl Pointing<'_> {
             None
         };
         let [back, forward] = [edge(-1.0)?, edge(1.0)?];
-        (edge_db.is_finite() && forward > back).then(|| Lobe {
+        (edge_db.is_finite() && forward > back).then_some(Lobe {
             width_rad: forward - back,
             off_rad: 0.5 * (back + forward),
         })
@@ -418,8 +418,8 @@ fn terms(
             let text = coefficient.attribute(name).unwrap_or_default();
             let number = text.parse::<u64>().ok().filter(|n| *n <= MAX_EXPONENT);
             let number = number.ok_or_else(|| {
-                let what = format!("expected {name} from 0 to {MAX_EXPONENT}, found '{text}'");
-                coefficient.fault(what)
+                let fault = format!("expected {name} from 0 to {MAX_EXPONENT}, found '{text}'");
+                coefficient.fault(fault)
             })?;
             *exponent = number as u32;
         }

@@ -37,7 +37,7 @@ const ANY_RAD: f64 = 0.1;
 const ZETA: [f64; 8] = [
     1.644_934_066_848_226_4,
     1.082_323_233_711_138_2,
-    1.017_343_061_984_449_1,
+    1.017_343_061_984_449,
     1.004_077_356_197_944_3,
     1.000_994_575_127_818_1,
     1.000_246_086_553_308,
@@ -327,7 +327,7 @@ mod tests {
         terms.iter().map(term).sum()
     }
 
-    /// The polynomials against the patterns themselves, which are evaluated by another formula.
+    /// The polynomials against `Antenna::amplitude`, which evaluates another formula.
     #[test]
     fn gain_polynomials_follow_the_patterns_within_the_main_lobe() {
         let (azimuth_rad, elevation_rad) = (40f64.to_radians(), 60f64.to_radians());

@@ -109,7 +109,7 @@ pub struct CphdInfo {
     pub ref_channel: String,
     /// All channels, in the order of the file.
     pub channels: Vec<ChannelInfo>,
-    /// Antenna patterns.
+    /// Antenna patterns of all channels.
     pub(super) antennas: Antennas,
 }
 

@@ -89,7 +89,7 @@ fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
 /// Largest change of an attitude that is described as constant, as a part of the narrowest half-power width.
 const SAME_ATTITUDE: f64 = 0.01;
 
-/// Roll, pitch and yaw that the body keeps, radians; `None` of a body that turns, which is read as heading where it goes.
+/// Constant roll, pitch and yaw of the body, radians; `None` if the body turns: its attitude is then read as its heading.
 fn attitude(carried: &Carried) -> Option<[f64; 3]> {
     let kept = carried.attitudes.get(carried.attitudes.len() / 2)?[0];
     let narrowest_rad = (carried.antennas.iter())

@@ -60,7 +60,7 @@ impl Beam {
         }
     }
 
-    /// Create the beam of two antennas with half-power widths `widths_rad` (one way, along the track) and squints `squints_rad(n)` at pulse `n` of `count`.
+    /// Create the beam of two antennas with half-power widths `widths_rad` (of one-way power, along the track) and squints `squints_rad(n)` at pulse `n` of `count`.
     /// `None` for an antenna without a main lobe along the track, such as an isotropic one: it has no share in the beam.
     ///
     /// With widths `w_t` and `w_r` the width is `sqrt(2 / (1 / w_t^2 + 1 / w_r^2))`. At its edges the two-way power of Gaussian patterns is a quarter of

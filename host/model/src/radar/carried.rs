@@ -8,7 +8,7 @@ use crate::phase_history::{Beam, headings};
 /// Transmitting and receiving antenna of a channel, with the attitude of their bodies at each pulse.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Carried {
-    /// Transmitter and receiver.
+    /// The transmitting and the receiving antenna.
     pub antennas: [Antenna; 2],
     /// Attitude of the body of either, per pulse, scene axes.
     pub attitudes: Vec<[DQuat; 2]>,

@@ -134,7 +134,7 @@ pub(crate) struct Imaging {
 
     /// Width of the antenna's beam along the track: each place is formed of the pulses that see it under this angle, so that a strip has no
     /// ghosts from pulses whose beam is elsewhere (azimuth ambiguities). auto estimates it from the azimuth Doppler spectrum, none takes all
-    /// pulses for all pixels [default: what the recording says; else auto where places are seen under more angles than the spacing of pulses
+    /// pulses for all pixels [default: the beam stated by the recording; else auto where places are seen under more angles than the spacing of pulses
     /// samples and the spectrum clearly shows a beam]
     #[arg(long, value_name = "DEG|auto|none", value_parser = beam)]
     pub(crate) beam: Option<BeamWidth>,

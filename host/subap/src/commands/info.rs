@@ -101,7 +101,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         if let count @ 1.. = sampled {
             let _ = writeln!(
                 report,
-                "{:<16} {count} sampled antenna patterns, of which no beam is made: subap focus takes it from --beam or the Doppler spectrum",
+                "{:<16} {count} sampled antenna patterns, not used as a beam: subap focus takes it from --beam or the Doppler spectrum",
                 "beam"
             );
         }

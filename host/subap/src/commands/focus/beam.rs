@@ -30,8 +30,8 @@ pub(crate) fn former(
         && let beam = Beam::new(width_rad, squint_rad, BeamSource::Given)
         && let Err(error) = InBeam::new(typed.former.former()?, beam)
     {
-        let what = format!("--beam and --squint reach along the track: {error}");
-        return Err(Usage(what).into());
+        let fault = format!("--beam and --squint reach along the track: {error}");
+        return Err(Usage(fault).into());
     }
     let target_m_s = velocity.map(|velocity| velocity.to_array());
     let progress = session.progress("choosing the beam");
