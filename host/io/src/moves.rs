@@ -1,8 +1,8 @@
 //! Renames that all happen or are all undone.
 //!
 //! A file that is to be replaced is kept by a second name (a hard link) until all renames are done, so that its name is never without a
-//! file. Where a file system has no hard links, and for folders, it is renamed aside. Not undone is what a killed process or a power cut leaves
-//! between two renames.
+//! file. Where a file system has no hard links, and for folders, it is renamed aside. A process killed, or a power cut,
+//! between two renames leaves some of them done.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -13,7 +13,7 @@ use super::atomic::sync_folder;
 use super::lock::Lock;
 use super::unfinished::{self, Thing};
 
-/// Renames on their way.
+/// Renames that are being made.
 #[derive(Debug, Default)]
 pub(super) struct Moves {
     done: Vec<Move>,
@@ -54,7 +54,7 @@ impl Old {
 #[derive(Debug)]
 pub(super) struct NotUndone {
     pub(super) path: PathBuf,
-    /// Where the old content is.
+    /// Path of the old content.
     pub(super) old: Option<PathBuf>,
 }
 
@@ -127,7 +127,7 @@ impl Moves {
         }
     }
 
-    /// Put everything back, last first. Returns what could not be.
+    /// Put everything back, last first. Returns the outputs that could not be put back.
     pub(super) fn undo(self) -> Vec<NotUndone> {
         let mut left = Vec::new();
         for Move { path, from, old } in self.done.into_iter().rev() {
@@ -159,7 +159,7 @@ fn aside(path: &Path, lock: &Lock) -> PathBuf {
     path.with_file_name(lock.hidden_name(".old"))
 }
 
-/// Keep what stands at `path` at `old` too, or else there alone.
+/// Keep the content of `path` at `old` too, or else there alone.
 fn keep(path: &Path, old: &Path) -> io::Result<Old> {
     if fs::hard_link(path, old).is_ok() {
         return Ok(Old::Linked(old.to_owned()));

@@ -238,7 +238,7 @@ impl StagedFolder {
         Ok(Self(path))
     }
 
-    /// Renames it to its place; what stood there is moved aside first, and removed.
+    /// Renames it to its place; an older folder is moved aside first, and removed.
     fn put_in_place(
         self,
         place: &OutputPlace,

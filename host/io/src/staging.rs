@@ -230,7 +230,7 @@ pub(super) struct StagedSet {
 /// Wait until all files of a set are forced to disk.
 pub(super) fn settled(set: &StagedSet) -> Result<(), WriteError> {
     let staged = &set.staged;
-    // The names while the files are on their way.
+    // The names, while the files are forced to disk.
     let named = sync_folder(&staged.staging.0);
     let forced = std::mem::take(&mut *staged.forced.lock().unwrap_or_else(PoisonError::into_inner));
     for file in forced {

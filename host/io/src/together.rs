@@ -94,7 +94,7 @@ impl FileSet {
     /// Rename all files into place.
     ///
     /// # Errors
-    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists what is not.
+    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists the others.
     pub fn commit(self) -> Result<(), WriteError> {
         for part in &self.parts {
             if let Part::Folder(set) = part {
@@ -135,7 +135,7 @@ impl Drop for FileSet {
     }
 }
 
-/// Undo the renames. Returns `error`, with what could not be undone.
+/// Undo the renames. Returns `error`, with the renames that could not be undone.
 pub(super) fn after_undo(moves: Moves, error: WriteError) -> WriteError {
     let left = moves.undo();
     if left.is_empty() {
@@ -192,7 +192,7 @@ mod tests {
         fs::create_dir(name("blocked")).unwrap();
         let error = files.commit().unwrap_err().to_string();
         assert!(
-            error.contains("blocked") && error.contains("a folder of that name is in the way"),
+            error.contains("blocked") && error.contains("a folder of that name"),
             "{error}"
         );
         assert_eq!(contents(at.path()), before);
