@@ -5,13 +5,13 @@
 //! between two renames leaves some of them done.
 
 use std::collections::BTreeSet;
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use super::atomic::sync_folder;
 use super::lock::Lock;
 use super::unfinished::{self, Thing};
+use super::write_error::WriteError;
 
 /// Renames that are being made.
 #[derive(Debug, Default)]
@@ -154,6 +154,41 @@ impl Moves {
     }
 }
 
+/// Make the renames of `put` and force them to disk, or undo them; `failed` is the error of forcing names to disk.
+pub(super) fn all(
+    put: impl FnOnce(&mut Moves) -> Result<(), WriteError>,
+    failed: impl FnOnce(io::Error) -> WriteError,
+) -> Result<(), WriteError> {
+    let _moving = unfinished::commit();
+    let mut moves = Moves::default();
+    match put(&mut moves).and_then(|()| moves.sync().map_err(failed)) {
+        Ok(()) => {
+            moves.keep_new();
+            Ok(())
+        }
+        Err(error) => Err(after_undo(moves, error)),
+    }
+}
+
+/// Undo the renames. Returns `error`, with the renames that could not be undone.
+fn after_undo(moves: Moves, error: WriteError) -> WriteError {
+    let left = moves.undo();
+    if left.is_empty() {
+        return error;
+    }
+    let mut replaced: Vec<PathBuf> = Vec::new();
+    let mut kept: Vec<PathBuf> = Vec::new();
+    for one in left {
+        replaced.push(one.path);
+        kept.extend(one.old);
+    }
+    WriteError::InPart {
+        error: Box::new(error),
+        replaced,
+        kept,
+    }
+}
+
 /// Name for the old content of `path`, which the next run that writes there removes if this one is killed.
 fn aside(path: &Path, lock: &Lock) -> PathBuf {
     path.with_file_name(lock.hidden_name(".old"))
@@ -176,4 +211,13 @@ fn remove(path: &Path) -> io::Result<()> {
         true => fs::remove_dir_all(path),
         false => fs::remove_file(path),
     }
+}
+
+/// Forces a folder's names to disk, where the system can.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
 }

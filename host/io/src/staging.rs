@@ -23,7 +23,6 @@ use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::checksum;
 use super::moves::Moves;
 use super::place::OutputPlace;
-use super::together::FileSet;
 use super::unfinished::{self, Thing};
 
 /// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
@@ -188,16 +187,6 @@ impl Staged {
             needed_bytes: self.needed_bytes,
             source,
         }
-    }
-
-    /// Moves the files into place.
-    ///
-    /// # Errors
-    /// As [`FileSet::commit`].
-    pub(super) fn commit(self, names: Names) -> Result<(), WriteError> {
-        let mut alone = FileSet::new();
-        alone.add_folder(self.complete(names));
-        alone.commit()
     }
 
     /// The files, all of which are written.
