@@ -168,7 +168,7 @@ fn inputs() -> TempDir {
     folder
 }
 
-/// The library that fails calls; `None`, said, where there is no C compiler.
+/// The library that fails calls; `None`, with a line of text, where there is no C compiler.
 fn library(folder: &Path) -> Option<PathBuf> {
     let (source, library) = (folder.join("faults.c"), folder.join("faults.so"));
     fs::write(&source, FAULTS).unwrap();
@@ -219,7 +219,7 @@ fn faulty(at: &Path, library: &Path, line: &str, fault: Fault) -> (Ran, String) 
     (ran, fs::read_to_string(&mark).unwrap_or_default())
 }
 
-/// What tells a file from one that replaces it.
+/// Inode and time of modification: a file that replaces another differs.
 type Identity = (u64, i64, i64);
 
 /// Every file under `folder`, hidden ones too.
@@ -255,7 +255,7 @@ fn all_new(
             .all(|(path, file)| before.get(path) != Some(file))
 }
 
-/// Asserts what must hold after a run with a fault.
+/// Asserts the state after a run with a fault.
 fn judge(
     at: &Path,
     case: &Case,
@@ -264,10 +264,10 @@ fn judge(
     before: &BTreeMap<PathBuf, Identity>,
 ) {
     let line = case.line;
-    let what = format!("{line}: {fault:?}, failed calls: {failed:?}: {ran:?}");
+    let report = format!("{line}: {fault:?}, failed calls: {failed:?}: {ran:?}");
     let after = files(&at.join("new"));
     if ran.code == Some(0) {
-        assert!(all_new(at, case, before, &after), "{what}\n{after:?}");
+        assert!(all_new(at, case, before, &after), "{report}\n{after:?}");
     } else {
         let advice = match fault.code {
             ENOSPC => "free some",
@@ -277,7 +277,7 @@ fn judge(
         assert_eq!(
             ran.stderr.contains("free some"),
             fault.code == ENOSPC,
-            "{what}"
+            "{report}"
         );
         let named = |name: &&&str| {
             let folder = Path::new(name).parent().unwrap_or(Path::new(""));
@@ -285,23 +285,26 @@ fn judge(
             ran.stderr.contains(*name)
                 || is_in_folder && ran.stderr.contains(folder.to_str().unwrap())
         };
-        assert!(case.outputs.iter().find(named).is_some(), "{what}");
+        assert!(case.outputs.iter().find(named).is_some(), "{report}");
         let is_whole = after == *before || all_new(at, case, before, &after);
-        // What cannot be put back, on a disk that stays broken, is named.
-        let is_told = fault.lasts && ran.stderr.contains("left in part");
-        if is_told {
+        // On a disk that stays broken, files that cannot be put back are named.
+        let is_reported = fault.lasts && ran.stderr.contains("left in part");
+        if is_reported {
             return;
         }
-        assert!(is_whole, "{what}\n{before:#?}\n{after:#?}");
+        assert!(is_whole, "{report}\n{before:#?}\n{after:#?}");
     }
     let hidden = |path: &&PathBuf| path.to_string_lossy().contains("/.subap");
-    assert_eq!(after.keys().find(hidden), None, "{what}");
+    assert_eq!(after.keys().find(hidden), None, "{report}");
     if before.is_empty() && ran.code != Some(0) && after.is_empty() {
-        assert!(!at.join("new").exists(), "an empty folder is left: {what}");
+        assert!(
+            !at.join("new").exists(),
+            "an empty folder is left: {report}"
+        );
     }
 }
 
-/// The errors by which calls of a disk fail.
+/// Errors given to the failing calls.
 #[derive(Clone, Copy)]
 enum Codes {
     /// One for each call, in turn.

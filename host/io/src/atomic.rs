@@ -5,11 +5,11 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lock::KEPT_SUFFIX;
-use super::moves::Moves;
+use super::moves::{self, Moves};
 use super::place::OutputPlace;
-use super::together::FileSet;
 use super::unfinished::{self, Thing};
 
+pub use super::moves::sync_folder;
 pub use super::write_error::WriteError;
 
 /// Write one file atomically: `write` fills a hidden file in the same folder, which is forced to disk
@@ -89,9 +89,9 @@ impl AtomicFile {
     /// # Errors
     /// Then the target is as it was.
     pub fn commit(self) -> Result<(), WriteError> {
-        let mut alone = FileSet::new();
-        alone.add(self)?;
-        alone.commit()
+        let synced = self.file.sync_all();
+        synced.map_err(|source| self.failed(source))?;
+        moves::all(|moves| self.put(moves), |source| self.failed(source))
     }
 
     /// Rename the file, which was forced to disk, into place.
@@ -138,13 +138,4 @@ pub(super) fn put_in_place(file: &File, hidden: &Path, path: &Path) -> io::Resul
     let _moving = unfinished::commit();
     fs::rename(hidden, path)?;
     sync_folder(path.parent().unwrap_or(Path::new("")))
-}
-
-/// Forces a folder's names to disk, where the system can.
-pub fn sync_folder(folder: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    File::open(folder)?.sync_all()?;
-    #[cfg(not(unix))]
-    let _ = folder;
-    Ok(())
 }

@@ -1,19 +1,19 @@
 //! Renames that all happen or are all undone.
 //!
 //! A file that is to be replaced is kept by a second name (a hard link) until all renames are done, so that its name is never without a
-//! file. Where a file system has no hard links, and for folders, it is renamed aside. Not undone is what a killed process or a power cut leaves
-//! between two renames.
+//! file. Where a file system has no hard links, and for folders, it is renamed aside. A process killed, or a power cut,
+//! between two renames leaves some of them done.
 
 use std::collections::BTreeSet;
-use std::fs;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use super::atomic::sync_folder;
 use super::lock::Lock;
 use super::unfinished::{self, Thing};
+use super::write_error::WriteError;
 
-/// Renames on their way.
+/// Renames that are being made.
 #[derive(Debug, Default)]
 pub(super) struct Moves {
     done: Vec<Move>,
@@ -54,7 +54,7 @@ impl Old {
 #[derive(Debug)]
 pub(super) struct NotUndone {
     pub(super) path: PathBuf,
-    /// Where the old content is.
+    /// Path of the old content.
     pub(super) old: Option<PathBuf>,
 }
 
@@ -127,7 +127,7 @@ impl Moves {
         }
     }
 
-    /// Put everything back, last first. Returns what could not be.
+    /// Put everything back, last first. Returns the outputs that could not be put back.
     pub(super) fn undo(self) -> Vec<NotUndone> {
         let mut left = Vec::new();
         for Move { path, from, old } in self.done.into_iter().rev() {
@@ -154,12 +154,47 @@ impl Moves {
     }
 }
 
+/// Make the renames of `put` and force them to disk, or undo them; `failed` is the error of forcing names to disk.
+pub(super) fn all(
+    put: impl FnOnce(&mut Moves) -> Result<(), WriteError>,
+    failed: impl FnOnce(io::Error) -> WriteError,
+) -> Result<(), WriteError> {
+    let _moving = unfinished::commit();
+    let mut moves = Moves::default();
+    match put(&mut moves).and_then(|()| moves.sync().map_err(failed)) {
+        Ok(()) => {
+            moves.keep_new();
+            Ok(())
+        }
+        Err(error) => Err(after_undo(moves, error)),
+    }
+}
+
+/// Undo the renames. Returns `error`, with the renames that could not be undone.
+fn after_undo(moves: Moves, error: WriteError) -> WriteError {
+    let left = moves.undo();
+    if left.is_empty() {
+        return error;
+    }
+    let mut replaced: Vec<PathBuf> = Vec::new();
+    let mut kept: Vec<PathBuf> = Vec::new();
+    for one in left {
+        replaced.push(one.path);
+        kept.extend(one.old);
+    }
+    WriteError::InPart {
+        error: Box::new(error),
+        replaced,
+        kept,
+    }
+}
+
 /// Name for the old content of `path`, which the next run that writes there removes if this one is killed.
 fn aside(path: &Path, lock: &Lock) -> PathBuf {
     path.with_file_name(lock.hidden_name(".old"))
 }
 
-/// Keep what stands at `path` at `old` too, or else there alone.
+/// Keep the content of `path` at `old` too, or else there alone.
 fn keep(path: &Path, old: &Path) -> io::Result<Old> {
     if fs::hard_link(path, old).is_ok() {
         return Ok(Old::Linked(old.to_owned()));
@@ -176,4 +211,13 @@ fn remove(path: &Path) -> io::Result<()> {
         true => fs::remove_dir_all(path),
         false => fs::remove_file(path),
     }
+}
+
+/// Forces a folder's names to disk, where the system can.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
 }

@@ -95,7 +95,7 @@ fn write_beside(
     let staged = Staged::begin(folder, quicklook.len() as u64)?;
     files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
     write_metadata(&staged, metadata, files)?;
-    staged.commit(names(&[QUICKLOOK], &[]))
+    commit(staged.complete(names(&[QUICKLOOK], &[])))
 }
 
 fn write_metadata(staged: &Staged, metadata: &Value, files: Value) -> Result<(), WriteError> {

@@ -22,9 +22,8 @@ use serde_json::{Map, Value, json};
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::open_file;
 use super::json::{self, Limits};
-use super::moves::Moves;
+use super::moves;
 use super::place::OutputPlace;
-use super::together::after_undo;
 use super::unfinished::{self, Thing};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{ImageSource, ImageSourceError, Tiling};
@@ -238,22 +237,19 @@ impl StagedFolder {
         Ok(Self(path))
     }
 
-    /// Renames it to its place; what stood there is moved aside first, and removed.
+    /// Renames it to its place; an older folder is moved aside first, and removed.
     fn put_in_place(
         self,
         place: &OutputPlace,
         failed: impl Fn(io::Error) -> WriteError,
     ) -> Result<(), WriteError> {
-        let _moving = unfinished::commit();
-        let mut moves = Moves::default();
-        let moved = moves.put(&self.0, &place.path, &place.lock);
-        match moved.and_then(|()| moves.sync()) {
-            Ok(()) => {
-                moves.keep_new();
-                Ok(())
-            }
-            Err(error) => Err(after_undo(moves, failed(error))),
-        }
+        moves::all(
+            |moves| {
+                let moved = moves.put(&self.0, &place.path, &place.lock);
+                moved.map_err(&failed)
+            },
+            &failed,
+        )
     }
 }
 

@@ -23,7 +23,6 @@ use super::atomic::{WriteError, check_room, sync_folder};
 use super::input::checksum;
 use super::moves::Moves;
 use super::place::OutputPlace;
-use super::together::FileSet;
 use super::unfinished::{self, Thing};
 
 /// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
@@ -190,16 +189,6 @@ impl Staged {
         }
     }
 
-    /// Moves the files into place.
-    ///
-    /// # Errors
-    /// As [`FileSet::commit`].
-    pub(super) fn commit(self, names: Names) -> Result<(), WriteError> {
-        let mut alone = FileSet::new();
-        alone.add_folder(self.complete(names));
-        alone.commit()
-    }
-
     /// The files, all of which are written.
     pub(super) fn complete(self, names: Names) -> StagedSet {
         StagedSet {
@@ -230,7 +219,7 @@ pub(super) struct StagedSet {
 /// Wait until all files of a set are forced to disk.
 pub(super) fn settled(set: &StagedSet) -> Result<(), WriteError> {
     let staged = &set.staged;
-    // The names while the files are on their way.
+    // The names, while the files are forced to disk.
     let named = sync_folder(&staged.staging.0);
     let forced = std::mem::take(&mut *staged.forced.lock().unwrap_or_else(PoisonError::into_inner));
     for file in forced {

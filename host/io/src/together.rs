@@ -19,12 +19,11 @@
 
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::atomic::{AtomicFile, WriteError};
-use super::moves::Moves;
+use super::moves::{self, Moves};
 use super::staging::{StagedSet, settled};
-use super::unfinished;
 
 /// Files that belong together, not yet in place. Gone when dropped, unless committed.
 #[derive(Debug, Default)]
@@ -94,37 +93,33 @@ impl FileSet {
     /// Rename all files into place.
     ///
     /// # Errors
-    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists what is not.
+    /// [`WriteError`]; then all outputs are as they were. Where even that fails, [`WriteError::InPart`] lists the others.
     pub fn commit(self) -> Result<(), WriteError> {
         for part in &self.parts {
             if let Part::Folder(set) = part {
                 settled(set)?;
             }
         }
-        let _moving = unfinished::commit();
-        let mut moves = Moves::default();
-        match self.move_all(&mut moves) {
-            Ok(()) => {
-                moves.keep_new();
-                Ok(())
-            }
-            Err(error) => Err(after_undo(moves, error)),
-        }
+        moves::all(|moves| self.put(moves), |source| self.failed(source))
     }
 
-    fn move_all(&self, moves: &mut Moves) -> Result<(), WriteError> {
+    fn put(&self, moves: &mut Moves) -> Result<(), WriteError> {
         for part in &self.parts {
             match part {
                 Part::File(file) => file.put(moves),
                 Part::Folder(set) => set.put(moves),
             }?;
         }
-        let synced = moves.sync();
-        synced.map_err(|source| match self.parts.last() {
+        Ok(())
+    }
+
+    /// The error of forcing the last names to disk.
+    fn failed(&self, source: io::Error) -> WriteError {
+        match self.parts.last() {
             Some(Part::File(file)) => file.failed(source),
             Some(Part::Folder(set)) => set.failed(source),
             None => unreachable!("a set without parts has no names to force to disk"),
-        })
+        }
     }
 }
 
@@ -132,25 +127,6 @@ impl Drop for FileSet {
     /// Last first: a folder made for an earlier file may hold a later one.
     fn drop(&mut self) {
         while self.parts.pop().is_some() {}
-    }
-}
-
-/// Undo the renames. Returns `error`, with what could not be undone.
-pub(super) fn after_undo(moves: Moves, error: WriteError) -> WriteError {
-    let left = moves.undo();
-    if left.is_empty() {
-        return error;
-    }
-    let mut replaced: Vec<PathBuf> = Vec::new();
-    let mut kept: Vec<PathBuf> = Vec::new();
-    for one in left {
-        replaced.push(one.path);
-        kept.extend(one.old);
-    }
-    WriteError::InPart {
-        error: Box::new(error),
-        replaced,
-        kept,
     }
 }
 
@@ -162,6 +138,7 @@ mod tests {
     use serde_json::json;
     use std::collections::BTreeMap;
     use std::fs;
+    use std::path::PathBuf;
     use subaperture_model::image::Image;
 
     /// Names and contents of all files under a folder, hidden ones too.
@@ -192,7 +169,7 @@ mod tests {
         fs::create_dir(name("blocked")).unwrap();
         let error = files.commit().unwrap_err().to_string();
         assert!(
-            error.contains("blocked") && error.contains("a folder of that name is in the way"),
+            error.contains("blocked") && error.contains("a folder of that name"),
             "{error}"
         );
         assert_eq!(contents(at.path()), before);

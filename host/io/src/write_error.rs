@@ -105,12 +105,12 @@ fn left_in_part(replaced: &[PathBuf], kept: &[PathBuf]) -> String {
     };
     let replaced = list(replaced);
     let mut text = format!(
-        "putting back what was there before failed too, and outputs are left in part: {replaced} are of this run, or absent"
+        "putting back the older files failed too, and outputs are left in part: {replaced} are of this run, or absent"
     );
     if !kept.is_empty() {
         let kept = list(kept);
         text += &format!(
-            "; what was there before is in {kept}: rename it, for the next run that writes there removes it"
+            "; the older content is in {kept}: rename it, for the next run that writes there removes it"
         );
     }
     text
@@ -138,7 +138,7 @@ fn advice(source: &io::Error, needed_bytes: u64) -> String {
     }
 }
 
-/// Whether the system reports a fault of the device (`EIO`), also if it was wrapped on the way.
+/// Whether the system reports a fault of the device (`EIO`), also inside another error.
 fn is_fault(source: &io::Error) -> bool {
     const EIO: i32 = 5;
     let mut cause: Option<&(dyn Error + 'static)> = Some(source);

@@ -141,10 +141,10 @@ pub fn write(
     Ok(alone.commit()?)
 }
 
-/// As [`write`], put in place with the other files of a set.
+/// As [`write()`], put in place with the other files of a set.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn add_to(
     files: &mut FileSet,
     path: &Path,

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::rc::Rc;
 
-/// Writer that keeps the first error of the writer below. After it, nothing more is written and all calls succeed.
+/// Writer that keeps the first error of the writer below. After it, no more is written and all calls succeed.
 pub(crate) struct FirstError<W> {
     out: W,
     error: KeptError,
@@ -24,7 +24,7 @@ struct Kept {
 }
 
 impl KeptError {
-    /// The error, once.
+    /// The error, given once.
     pub(crate) fn check(&self) -> io::Result<()> {
         self.0.error.borrow_mut().take().map_or(Ok(()), Err)
     }

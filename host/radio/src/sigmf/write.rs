@@ -26,7 +26,7 @@ impl Writer {
     /// Create the recording `path` (a name; suffixes are added).
     ///
     /// # Errors
-    /// If one of its files exists or cannot be created; then none is left.
+    /// If one of its files exists or cannot be created; then no file is left.
     pub fn create(path: &Path, setup: Setup) -> Result<Self, SigmfError> {
         let paths = [DATA, META, JOURNAL].map(|ending| beside(path, ending));
         if let Some(there) = paths.iter().find(|path| path.symlink_metadata().is_ok()) {

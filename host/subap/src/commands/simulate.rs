@@ -212,7 +212,7 @@ fn options(typed: &Simulate) -> WriteOptions {
     }
 }
 
-/// Files written, not yet in place, and what is said of them once they are.
+/// Files written, not yet in place, and their records and lines of text.
 #[derive(Default)]
 struct Written {
     files: FileSet,

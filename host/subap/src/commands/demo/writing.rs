@@ -31,7 +31,7 @@ const DIFFERENCE_SCALE: Scale = Scale::Fixed {
     span_db: 80.0,
 };
 
-/// Writes all products, differences and tables, or nothing.
+/// Writes all products, differences and tables, or no file.
 pub(super) fn write(
     session: &Session,
     typed: &Demo,

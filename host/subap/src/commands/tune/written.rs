@@ -34,7 +34,7 @@ pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Adds the description with `values` to a set of files; its path, or `None` if none is to be written.
+/// Adds the description with `values` to a set of files; its path, or `None` if it is not to be written.
 pub(super) fn add_to(
     files: &mut FileSet,
     typed: &Tune,
