@@ -2,27 +2,17 @@
 
 use glam::DVec3;
 
-use super::antenna_write::{self, Described};
+use super::antenna_write;
+use super::entry::Entry;
 use super::image_area::ImageAreaCoordinates;
-use super::prepare::Prepared;
 use super::pvp::{self, record_bytes};
 use super::reference_geometry;
-use super::write_options::{Channel, WriteError, WriteOptions};
+use super::write_options::{WriteError, WriteOptions};
 use crate::xml::Writer;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::{PROGRAM, SPEED_OF_LIGHT_M_S};
 
 const NAMESPACE: &str = "xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"";
-
-/// A channel, ready, and where its arrays begin in their blocks.
-pub(super) struct Entry<'a> {
-    pub(super) channel: &'a Channel<'a>,
-    pub(super) prepared: Prepared,
-    pub(super) pvp_offset: u64,
-    pub(super) signal_offset: u64,
-    /// Antennas to be described.
-    pub(super) antennas: Option<Described<'a>>,
-}
 
 /// The whole document. `entries` is not empty; the first is the reference channel.
 ///

@@ -98,9 +98,11 @@
 //! ```
 
 mod antenna;
+mod antenna_fit;
 mod antenna_write;
 mod conventions;
 mod describe;
+mod entry;
 pub(crate) mod header;
 mod image_area;
 pub(crate) mod metadata;

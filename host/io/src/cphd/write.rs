@@ -9,9 +9,10 @@ use std::sync::Arc;
 use num_complex::Complex32;
 use subaperture_fft::{Fft, Transforms};
 
-use super::antenna_write::Described;
+use super::antenna_fit::Described;
 use super::conventions::{Domain, Sgn};
-use super::describe::{self, Entry};
+use super::describe;
+use super::entry::Entry;
 use super::header::{self, SECTION_END, Sizes};
 use super::prepare::Prepared;
 use super::pvp::record_bytes;
