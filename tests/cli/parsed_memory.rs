@@ -61,9 +61,9 @@ fn toml_of_many_values_is_refused_before_it_is_parsed() {
         ] {
             let ran = measured(at, line, MIB);
             assert_eq!(ran.code, Some(1), "{name}: {line}: {ran:?}");
-            let told = ["expected TOML", "would need", "allow more memory"];
-            let told = told.iter().all(|part| ran.stderr.contains(part));
-            assert!(told, "{name}: {line}: {ran:?}");
+            let parts = ["expected TOML", "would need", "allow more memory"];
+            let has_all = parts.iter().all(|part| ran.stderr.contains(part));
+            assert!(has_all, "{name}: {line}: {ran:?}");
             assert!(ran.peak_mib <= REFUSED_MIB, "{name}: {line}: {ran:?}");
         }
     }

@@ -117,9 +117,9 @@ pub enum XmlFault {
         bytes((*allowed_bytes).into()), bytes((*needed_bytes).into())
     )]
     Memory {
-        /// Memory that it may take once parsed, bytes.
+        /// Memory that the parsed text may need, bytes.
         needed_bytes: u64,
-        /// Limit, bytes.
+        /// Memory limit of the caller, bytes.
         allowed_bytes: u64,
     },
 }
