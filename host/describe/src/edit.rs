@@ -1,6 +1,6 @@
 //! Setting a key's value in a TOML text, with comments, order and spaces unchanged.
 
-use super::error::At;
+use super::error::Location;
 use super::tree::{self, Node, Raw, Step, Table};
 
 /// Return `text` with the key at `path` set to `value`: replacing its value, on a new line after the other keys of its
@@ -56,7 +56,7 @@ fn literal(value: &str) -> String {
 /// Section, and the position of its header.
 struct Inside<'a> {
     table: &'a Table,
-    header: Option<&'a At>,
+    header: Option<&'a Location>,
 }
 
 /// Find the section at `sections`; the error is the number of path steps that exist.
@@ -111,12 +111,12 @@ fn edit(text: &str, root: &Table, path: &[Step], value: &str) -> Result<String, 
     };
     if let Some((_, node)) = section.table.get(key) {
         return match &node.at {
-            At::Text(range) => Ok(format!(
+            Location::Text(range) => Ok(format!(
                 "{}{value}{}",
                 &text[..range.start],
                 &text[range.end..]
             )),
-            At::Setting(_) => Err(no_place(path)),
+            Location::Setting(_) => Err(no_place(path)),
         };
     }
     let own = section.table.values().filter(|(_, node)| match &node.raw {
@@ -125,11 +125,11 @@ fn edit(text: &str, root: &Table, path: &[Step], value: &str) -> Result<String, 
         _ => true,
     });
     let ends = own.filter_map(|(_, node)| match &node.at {
-        At::Text(range) => Some(range.end),
-        At::Setting(_) => None,
+        Location::Text(range) => Some(range.end),
+        Location::Setting(_) => None,
     });
     let last = ends.max().or(match section.header {
-        Some(At::Text(range)) => Some(range.start),
+        Some(Location::Text(range)) => Some(range.start),
         _ => None,
     });
     // The new line follows the line that contains `last`.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// Position of a key or value in a description.
 #[derive(Clone, Debug, PartialEq)]
-pub enum At {
+pub enum Location {
     /// Byte range of the text.
     Text(Range<usize>),
     /// Index of the setting that overrides the text.
@@ -14,16 +14,16 @@ pub enum At {
 
 /// Fault of a description, not yet rendered with its line.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct Fault {
     /// Position in the text, or of the setting.
-    pub at: At,
+    pub at: Location,
     /// Fault, and what to do.
     pub message: String,
 }
 
-impl Found {
+impl Fault {
     /// Make a fault at a position.
-    pub fn new(at: &At, message: impl Into<String>) -> Self {
+    pub fn new(at: &Location, message: impl Into<String>) -> Self {
         Self {
             at: at.clone(),
             message: message.into(),
@@ -33,7 +33,7 @@ impl Found {
 
 /// Fault of a description, rendered with its position and line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct RenderedFault {
     /// Position: `FILE:LINE:COLUMN`, or the option, such as `--set KEY=VALUE`.
     pub place: String,
     /// Line in the text, from 1; `None` for a setting.
@@ -49,7 +49,7 @@ pub struct Fault {
 /// Advice at the end of a message if more memory would help.
 pub const ALLOW_MORE_MEMORY: &str = "allow more memory";
 
-impl Fault {
+impl RenderedFault {
     /// Whether more memory would help.
     pub fn wants_memory(&self) -> bool {
         self.message.ends_with(ALLOW_MORE_MEMORY)
@@ -60,7 +60,7 @@ impl Fault {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct DescriptionError {
     /// Faults in the order of the text; at least one.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<RenderedFault>,
 }
 
 impl fmt::Display for DescriptionError {
@@ -90,30 +90,30 @@ pub fn explain(
     file: &str,
     text: &str,
     settings: &[String],
-    mut found: Vec<Found>,
+    mut found: Vec<Fault>,
 ) -> DescriptionError {
     found.sort_by_key(|found| match &found.at {
-        At::Text(range) => (0, range.start),
-        At::Setting(index) => (1, *index),
+        Location::Text(range) => (0, range.start),
+        Location::Setting(index) => (1, *index),
     });
     let faults = found.into_iter().take(MAX_FAULTS);
     DescriptionError {
         faults: faults
             .map(|found| match found.at {
-                At::Setting(index) => Fault {
+                Location::Setting(index) => RenderedFault {
                     place: settings[index].clone(),
                     line: None,
                     column: None,
                     excerpt: String::new(),
                     message: found.message,
                 },
-                At::Text(range) => in_text(file, text, &range, found.message),
+                Location::Text(range) => in_text(file, text, &range, found.message),
             })
             .collect(),
     }
 }
 
-fn in_text(file: &str, text: &str, range: &Range<usize>, message: String) -> Fault {
+fn in_text(file: &str, text: &str, range: &Range<usize>, message: String) -> RenderedFault {
     let mut start = range.start.min(text.len());
     while !text.is_char_boundary(start) {
         start -= 1;
@@ -148,7 +148,7 @@ fn in_text(file: &str, text: &str, range: &Range<usize>, message: String) -> Fau
         " ".repeat(column - 1 - from),
         "^".repeat(carets)
     );
-    Fault {
+    RenderedFault {
         place: format!("{file}:{line}:{column}"),
         line: Some(line),
         column: Some(column),
@@ -176,9 +176,9 @@ mod tests {
             text,
             &["--set radar.pri=3".to_owned()],
             vec![
-                Found::new(&At::Setting(0), "too long"),
-                Found::new(&At::Text(at..at + 4), "odd"),
-                Found::new(&At::Text(text.len()..text.len() + 9), "end"),
+                Fault::new(&Location::Setting(0), "too long"),
+                Fault::new(&Location::Text(at..at + 4), "odd"),
+                Fault::new(&Location::Text(text.len()..text.len() + 9), "end"),
             ],
         );
         let lines: Vec<String> = error.to_string().lines().map(str::to_owned).collect();
@@ -199,7 +199,7 @@ mod tests {
             "f",
             text,
             &[],
-            vec![Found::new(&At::Text(array..text.len()), "x")],
+            vec![Fault::new(&Location::Text(array..text.len()), "x")],
         );
         assert_eq!(spread.faults[0].column, Some(6));
         assert!(

@@ -37,13 +37,13 @@ use std::path::{Path, PathBuf};
 use toml_parser::Source;
 use toml_parser::decoder::ScalarKind;
 
-use error::{ALLOW_MORE_MEMORY, At, Found, explain};
+use error::{ALLOW_MORE_MEMORY, Fault, Location, explain};
 use schema::{Schema, Section};
 use subaperture_model::nearest::nearest;
 use tree::{Step, apply_setting, parse_path, parse_setting};
 use values::Values;
 
-pub use error::{DescriptionError, Fault};
+pub use error::{DescriptionError, RenderedFault};
 pub use memory::DEFAULT_MEMORY_BYTES;
 
 /// Maximum size of a text, bytes; less where memory is limited.
@@ -166,7 +166,7 @@ impl Description {
                 Ok(())
             }
             Err(message) => {
-                let found = Found::new(&At::Setting(0), message);
+                let found = Fault::new(&Location::Setting(0), message);
                 Err(explain(&self.file, &self.text, &[words], vec![found]))
             }
         }
@@ -176,7 +176,7 @@ impl Description {
     ///
     /// # Errors
     /// All faults, to be rendered by [`Self::explain`].
-    pub fn resolve(&self, schema: &Schema) -> Result<Values, Vec<Found>> {
+    pub fn resolve(&self, schema: &Schema) -> Result<Values, Vec<Fault>> {
         let mut tree = tree::parse(&self.text, self.memory_bytes).map_err(|found| vec![found])?;
         for (index, setting) in self.settings.iter().enumerate() {
             let value = parse_setting(&setting.value, index);
@@ -187,7 +187,7 @@ impl Description {
             schema,
             schema.sections[0],
             &tree,
-            &At::Text(0..0),
+            &Location::Text(0..0),
             &mut faults,
         );
         if faults.is_empty() {
@@ -219,14 +219,14 @@ impl Description {
     }
 
     /// Position of the top-level section `name`; `None` if there is none or the text is not TOML.
-    pub fn has_section(&self, name: &str) -> Option<At> {
+    pub fn has_section(&self, name: &str) -> Option<Location> {
         let tree = tree::parse(&self.text, self.memory_bytes).ok()?;
         let (at, node) = tree.get(name)?;
         matches!(node.raw, tree::Raw::Table(_)).then(|| at.clone())
     }
 
     /// Render faults with their lines.
-    pub fn explain(&self, faults: Vec<Found>) -> DescriptionError {
+    pub fn explain(&self, faults: Vec<Fault>) -> DescriptionError {
         let words: Vec<String> = self.settings.iter().map(|s| s.words.clone()).collect();
         explain(&self.file, &self.text, &words, faults)
     }

@@ -11,7 +11,7 @@
 use toml_parser::Source;
 use toml_parser::parser::{Event, EventKind, RecursionGuard, parse_document};
 
-use super::error::{ALLOW_MORE_MEMORY, At, Found};
+use super::error::{ALLOW_MORE_MEMORY, Fault, Location};
 
 /// Memory of a parsed text where no other limit is given, bytes.
 pub const DEFAULT_MEMORY_BYTES: u64 = 1 << 30;
@@ -38,7 +38,7 @@ const MAX_DEPTH: u32 = 80;
 ///
 /// # Errors
 /// The fault of a key with too many parts.
-pub fn parsed_bytes(text: &str, memory_bytes: u64) -> Result<u64, Found> {
+pub fn parsed_bytes(text: &str, memory_bytes: u64) -> Result<u64, Fault> {
     let source = Source::new(text);
     let num_tokens = source.lex().count();
     let needed_bytes = TOKEN_BYTES * num_tokens as u64 + COPIES * text.len() as u64;
@@ -53,7 +53,7 @@ pub fn parsed_bytes(text: &str, memory_bytes: u64) -> Result<u64, Found> {
     parse_document(&tokens, &mut receiver, &mut ());
     match count.too_long {
         None => Ok(needed_bytes + count.bytes),
-        Some(at) => Err(Found::new(
+        Some(at) => Err(Fault::new(
             &at,
             format!("expected a key of at most {MAX_PARTS} parts between dots, found more"),
         )),
@@ -61,13 +61,13 @@ pub fn parsed_bytes(text: &str, memory_bytes: u64) -> Result<u64, Found> {
 }
 
 /// Refuse a text that would take more than `memory_bytes`.
-pub(crate) fn check(text: &str, memory_bytes: u64) -> Result<(), Found> {
+pub(crate) fn check(text: &str, memory_bytes: u64) -> Result<(), Fault> {
     let needed_bytes = parsed_bytes(text, memory_bytes)?;
     if needed_bytes <= memory_bytes {
         return Ok(());
     }
-    Err(Found::new(
-        &At::Text(0..0),
+    Err(Fault::new(
+        &Location::Text(0..0),
         format!(
             "expected TOML that takes at most {} of memory, found one that would need {} or more: divide it into smaller \
              files, or {ALLOW_MORE_MEMORY}",
@@ -91,7 +91,7 @@ struct Count<'t> {
     header: Option<(usize, usize)>,
     /// All but the last part of the last header's key: its tables are made once.
     path: &'t str,
-    too_long: Option<At>,
+    too_long: Option<Location>,
 }
 
 impl<'t> Count<'t> {
@@ -124,7 +124,7 @@ impl<'t> Count<'t> {
                 self.bytes += KEY_BYTES;
                 self.parts += 1;
                 if self.parts > MAX_PARTS {
-                    let at = At::Text(span.start()..span.end());
+                    let at = Location::Text(span.start()..span.end());
                     self.too_long.get_or_insert(at);
                 }
             }

@@ -2,34 +2,34 @@
 
 use std::ops::RangeInclusive;
 
-use super::error::Found;
-use super::schema::{Key, Kind};
+use super::error::Fault;
+use super::schema::{Key, ValueType};
 use super::tree::{Node, Raw};
 use super::values::Value;
 use subaperture_model::nearest::nearest;
 use subaperture_model::units::{Dimension, example_row, parse_row};
 
 /// Convert and check the value of a key.
-pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
+pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Fault> {
     match key.kind {
-        Kind::Text | Kind::Path => some_text(key, node),
-        Kind::Paths => texts(key, node),
-        Kind::Choice(words) => choice(key, node, words).map(Value::Text),
-        Kind::Choices(words) => choices(key, node, words).map(Value::Texts),
-        Kind::Flag => match node.raw {
+        ValueType::Text | ValueType::Path => some_text(key, node),
+        ValueType::Paths => texts(key, node),
+        ValueType::Choice(words) => choice(key, node, words).map(Value::Text),
+        ValueType::Choices(words) => choices(key, node, words).map(Value::Texts),
+        ValueType::Flag => match node.raw {
             Raw::Flag(flag) => Ok(Value::Flag(flag)),
             _ => Err(wrong(key, node, "true or false")),
         },
-        Kind::Count(from, to) => count(key, node, from..=to),
-        Kind::Quantity(dimension, bounds) => {
+        ValueType::Count(from, to) => count(key, node, from..=to),
+        ValueType::Quantity(dimension, bounds) => {
             let number = quantity(key, node, dimension)?;
             match bounds.refuse(number) {
                 None => Ok(Value::Number(number)),
                 Some(wanted) => Err(fail(node, format!("'{}' must be {wanted}", key.name))),
             }
         }
-        Kind::Vector(dimension) => numbers(key, node, &[dimension; 3]).map(Value::Numbers),
-        Kind::Interval(dimension) => {
+        ValueType::Vector(dimension) => numbers(key, node, &[dimension; 3]).map(Value::Numbers),
+        ValueType::Interval(dimension) => {
             let ends = numbers(key, node, &[dimension; 2])?;
             if ends[0] < ends[1] {
                 Ok(Value::Numbers(ends))
@@ -43,16 +43,16 @@ pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
                 ))
             }
         }
-        Kind::Rows(dimensions, least) => rows(key, node, dimensions, least),
+        ValueType::Rows(dimensions, least) => rows(key, node, dimensions, least),
     }
 }
 
-fn fail(node: &Node, message: String) -> Found {
-    Found::new(&node.at, message)
+fn fail(node: &Node, message: String) -> Fault {
+    Fault::new(&node.at, message)
 }
 
 /// Error for a value of the wrong type.
-fn wrong(key: &Key, node: &Node, wanted: &str) -> Found {
+fn wrong(key: &Key, node: &Node, wanted: &str) -> Fault {
     fail(
         node,
         format!(
@@ -66,7 +66,7 @@ fn wrong(key: &Key, node: &Node, wanted: &str) -> Found {
 }
 
 /// Non-empty string.
-fn some_text(key: &Key, node: &Node) -> Result<Value, Found> {
+fn some_text(key: &Key, node: &Node) -> Result<Value, Fault> {
     match &node.raw {
         Raw::Text(text) if text.trim().is_empty() => Err(fail(
             node,
@@ -82,7 +82,7 @@ fn some_text(key: &Key, node: &Node) -> Result<Value, Found> {
 }
 
 /// One or more non-empty strings.
-fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
+fn texts(key: &Key, node: &Node) -> Result<Value, Fault> {
     let one = |node: &Node| match &node.raw {
         Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
         _ => Err(fail(
@@ -106,7 +106,7 @@ fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
 }
 
 /// One of the permitted words.
-fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
+fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Fault> {
     match &node.raw {
         Raw::Text(text) if words.contains(&text.as_str()) => Ok(text.clone()),
         Raw::Text(text) => {
@@ -127,7 +127,7 @@ fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
 }
 
 /// One or more of the permitted words.
-fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Found> {
+fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Fault> {
     match &node.raw {
         Raw::Array(items) => items.iter().map(|item| choice(key, item, words)).collect(),
         Raw::Text(_) => Ok(vec![choice(key, node, words)?]),
@@ -136,7 +136,7 @@ fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Found>
 }
 
 /// Integer within bounds.
-fn count(key: &Key, node: &Node, bounds: RangeInclusive<u64>) -> Result<Value, Found> {
+fn count(key: &Key, node: &Node, bounds: RangeInclusive<u64>) -> Result<Value, Fault> {
     match node.raw {
         Raw::Integer(Some(count)) => match u64::try_from(count) {
             Ok(count) if bounds.contains(&count) => Ok(Value::Count(count)),
@@ -158,7 +158,7 @@ fn count(key: &Key, node: &Node, bounds: RangeInclusive<u64>) -> Result<Value, F
 }
 
 /// Number in the base unit of its dimension.
-fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Found> {
+fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Fault> {
     match (&node.raw, dimension) {
         (Raw::Integer(Some(n)), Dimension::Ratio) => Ok(*n as f64),
         (Raw::Float(number), Dimension::Ratio) if number.is_finite() => Ok(*number),
@@ -169,7 +169,7 @@ fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Found> 
 }
 
 /// At least `least` rows of quantities.
-fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Result<Value, Found> {
+fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Result<Value, Fault> {
     match &node.raw {
         Raw::Array(items) if items.len() >= least => {
             let rows = items.iter().map(|item| numbers(key, item, dimensions));
@@ -188,18 +188,18 @@ fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Resul
 }
 
 /// String with a row of quantities.
-fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Found> {
+fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Fault> {
     match &node.raw {
         Raw::Text(text) => {
-            parse_row(text, dimensions).map_err(|message| Found::new(&node.at, message))
+            parse_row(text, dimensions).map_err(|message| Fault::new(&node.at, message))
         }
         _ => Err(unitless(key, node, dimensions)),
     }
 }
 
 /// Error for a number or an array without units.
-fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Found {
-    Found::new(
+fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Fault {
+    Fault::new(
         &node.at,
         format!(
             "'{}' is {} without a unit: write a text such as {}",

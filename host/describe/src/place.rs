@@ -3,7 +3,7 @@
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::radar::Reference;
 
-use crate::error::Found;
+use crate::error::Fault;
 use crate::values::Values;
 
 /// Scene frame with the origin given by `[scene.origin]`.
@@ -22,7 +22,7 @@ pub fn frame(origin: &Values) -> SceneFrame {
 }
 
 /// Extent in x and y; `None` if not given. The error is that of x without y, or y without x.
-pub fn extent(values: &Values) -> Result<Option<Extent>, Found> {
+pub fn extent(values: &Values) -> Result<Option<Extent>, Fault> {
     match (values.optional_interval("x"), values.optional_interval("y")) {
         (Some(x_m), Some(y_m)) => Ok(Some(Extent { x_m, y_m })),
         (None, None) => Ok(None),
@@ -32,7 +32,7 @@ pub fn extent(values: &Values) -> Result<Option<Extent>, Found> {
 }
 
 /// Motion compensation reference; `None` if not given. The error is that of both a point and a range.
-pub fn reference(values: &Values) -> Result<Option<Reference>, Found> {
+pub fn reference(values: &Values) -> Result<Option<Reference>, Fault> {
     let point = values.optional_vector("reference");
     match (point, values.optional_number("reference_range")) {
         (Some(_), Some(_)) => Err(values.fault(

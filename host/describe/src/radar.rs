@@ -6,15 +6,15 @@ use subaperture_model::phase_history::Band;
 use subaperture_model::quantity::{hertz, seconds};
 use subaperture_model::radar::{Antenna, Motion, Pattern, PulseShape, Radar, Waveform};
 
-use crate::error::Found;
+use crate::error::Fault;
 use crate::receiver;
 use crate::values::Values;
 
 /// Build a radar. A pulsed radar without `window_start` gets an infinite window start, which the caller sets once the
 /// antennas' track is known. The error contains all faults.
-pub fn build(values: &Values) -> Result<Radar, Vec<Found>> {
+pub fn build(values: &Values) -> Result<Radar, Vec<Fault>> {
     let mut faults = Vec::new();
-    let mut keep = |found: Found| faults.push(found);
+    let mut keep = |found: Fault| faults.push(found);
     let pri_s = pri_s(values).map_err(&mut keep).ok();
     let waveform = waveform(values).map_err(&mut keep).ok();
     let transmitters = antennas(values, "transmitter", "T").map_err(&mut keep).ok();
@@ -47,7 +47,7 @@ pub fn build(values: &Values) -> Result<Radar, Vec<Found>> {
 }
 
 /// Pulse repetition interval from `pri` or `prf`, seconds.
-pub fn pri_s(values: &Values) -> Result<f64, Found> {
+pub fn pri_s(values: &Values) -> Result<f64, Fault> {
     match (values.optional_number("pri"), values.optional_number("prf")) {
         (Some(pri_s), None) => Ok(pri_s),
         (None, Some(prf_hz)) => Ok(1.0 / prf_hz),
@@ -62,7 +62,7 @@ pub fn pri_s(values: &Values) -> Result<f64, Found> {
 /// Longest record of one pulse, seconds: far beyond real radars, and short enough for phases in float64.
 const LONGEST_RECORD_S: f64 = 1e3;
 
-fn waveform(values: &Values) -> Result<Waveform, Found> {
+fn waveform(values: &Values) -> Result<Waveform, Fault> {
     let centre_hz = values.number("centre");
     let count = values.count("samples") as usize;
     match values.text("kind") {
@@ -75,7 +75,7 @@ fn waveform(values: &Values) -> Result<Waveform, Found> {
     }
 }
 
-fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
     let step_s = values.number("step_time");
     let dwell_s = values.optional_number("dwell").unwrap_or(step_s);
     if dwell_s > step_s * (1.0 + 1e-9) {
@@ -88,7 +88,7 @@ fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fo
     })
 }
 
-fn fmcw(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+fn fmcw(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
     let bandwidth_hz = bandwidth_hz(values, centre_hz)?;
     let sample_rate_hz = values.number("sample_rate");
     let duration_s = sampled_s(values, sample_rate_hz, count)?;
@@ -106,7 +106,7 @@ fn fmcw(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found
     })
 }
 
-fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fault> {
     let sample_rate_hz = values.number("sample_rate");
     sampled_s(values, sample_rate_hz, count)?;
     if sample_rate_hz >= 2.0 * centre_hz {
@@ -127,7 +127,7 @@ fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Fou
 }
 
 /// Bandwidth, checked to have no frequencies below 0; hertz.
-fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Found> {
+fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Fault> {
     let bandwidth_hz = values.number("bandwidth");
     if bandwidth_hz >= 2.0 * centre_hz {
         return Err(values.fault(
@@ -139,7 +139,7 @@ fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Found> {
 }
 
 /// Band of `count` frequencies about the centre.
-fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Found> {
+fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Fault> {
     let step_hz = bandwidth_hz(values, centre_hz)? / count as f64;
     Ok(Band {
         start_hz: centre_hz - (count / 2) as f64 * step_hz,
@@ -149,7 +149,7 @@ fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Found> {
 }
 
 /// Duration of `count` samples, checked against the maximum; seconds.
-fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Found> {
+fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Fault> {
     let duration_s = count as f64 / rate_hz;
     if duration_s > LONGEST_RECORD_S {
         return Err(values.fault(
@@ -178,7 +178,7 @@ const BARKER: [(&str, &str); 7] = [
 ///
 /// # Errors
 /// The first invalid or inconsistent value, at its key.
-pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> {
+pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Fault> {
     if values.text("kind") == "lfm" {
         let bandwidth_hz = values.number("bandwidth");
         let duration_s = values.number("duration");
@@ -242,7 +242,7 @@ pub fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> 
 
 /// Antennas of a section (`transmitter` or `receiver`); a single isotropic antenna at the body's origin if there is no
 /// section. Names default to `letter` and a number.
-pub fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Antenna>, Found> {
+pub fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Antenna>, Fault> {
     let given = values.sections(section);
     if given.is_empty() {
         return Ok(vec![Antenna {
@@ -259,7 +259,7 @@ pub fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Ante
         .collect()
 }
 
-fn antenna(values: &Values, name: String) -> Result<Antenna, Found> {
+fn antenna(values: &Values, name: String) -> Result<Antenna, Fault> {
     let boresight = values.direction("boresight")?;
     let up = values.direction("up")?;
     let across = up - boresight * up.dot(boresight);

@@ -4,11 +4,11 @@ use subaperture_model::radar::{
     Clock, Converter, Interferer, LinkBudget, PhaseNoise, Receiver, ThermalNoise,
 };
 
-use crate::error::Found;
+use crate::error::Fault;
 use crate::values::Values;
 
 /// Build the receiver of `[radar]`.
-pub fn build(radar: &Values) -> Result<Receiver, Found> {
+pub fn build(radar: &Values) -> Result<Receiver, Fault> {
     Ok(Receiver {
         noise: radar.optional_section("noise").map(noise),
         phase_noise: radar
@@ -52,7 +52,7 @@ fn noise(values: &Values) -> ThermalNoise {
     })
 }
 
-fn phase_noise(values: &Values) -> Result<PhaseNoise, Found> {
+fn phase_noise(values: &Values) -> Result<PhaseNoise, Fault> {
     let levels: Vec<(f64, f64)> = values
         .rows("levels")
         .iter()

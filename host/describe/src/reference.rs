@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::schema::{Need, Presence, Schema};
+use super::schema::{Presence, Requirement, Schema};
 
 /// Conventions common to all descriptions.
 const CONVENTIONS: &str = "Quantities are texts with a unit, such as \"10 GHz\". Several quantities are separated by commas, and a \
@@ -42,9 +42,9 @@ impl Schema {
             }
             for key in section.keys {
                 let need = match key.need {
-                    Need::Required(example) => format!("required, for example {example}"),
-                    Need::Default(default) => format!("default {default}"),
-                    Need::Optional(example) => format!("optional, for example {example}"),
+                    Requirement::Required(example) => format!("required, for example {example}"),
+                    Requirement::Default(default) => format!("default {default}"),
+                    Requirement::Optional(example) => format!("optional, for example {example}"),
                 };
                 let _ = writeln!(text, "  {} ({need})", key.name);
                 let condition = self::condition(key.when, Some(section.selector));

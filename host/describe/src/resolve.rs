@@ -3,11 +3,11 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
-use super::error::{At, Found};
+use super::error::{Fault, Location};
 use super::of_kind::value;
-use super::schema::{Key, Kind, Need, Presence, Schema, Section};
+use super::schema::{Key, Presence, Requirement, Schema, Section, ValueType};
 use super::tree::{Node, Raw, Table, parse_setting};
-use super::values::{Given, Value, Values};
+use super::values::{LocatedValue, Value, Values};
 use subaperture_model::nearest::nearest;
 
 /// Maximum number of unknown keys examined; far more than are reported.
@@ -19,8 +19,8 @@ pub(crate) fn resolve(
     schema: &Schema,
     section: &'static Section,
     table: &Table,
-    at: &At,
-    faults: &mut Vec<Found>,
+    at: &Location,
+    faults: &mut Vec<Fault>,
 ) -> Values {
     let selected = selected(section, table);
     let applies = |when: &[&str]| applies(when, selected.as_deref());
@@ -40,14 +40,16 @@ pub(crate) fn resolve(
         let checked = match table.get(key.name) {
             Some((_, node)) => value(key, node).map(|value| (value, node.at.clone())),
             None => match key.need {
-                Need::Optional(_) => continue,
+                Requirement::Optional(_) => continue,
                 need => default_value(section, key, need, at),
             },
         };
         match checked {
             Ok((value, at)) => {
                 let taken = Cell::new(false);
-                values.keys.insert(key.name, Given { value, at, taken });
+                values
+                    .keys
+                    .insert(key.name, LocatedValue { value, at, taken });
             }
             Err(found) => faults.push(found),
         }
@@ -80,7 +82,7 @@ fn check_names(
     section: &'static Section,
     table: &Table,
     selected: Option<&str>,
-    faults: &mut Vec<Found>,
+    faults: &mut Vec<Fault>,
 ) {
     let children: Vec<&'static Section> = schema.within(section.path).collect();
     for (name, (key_at, node)) in table {
@@ -93,19 +95,19 @@ fn check_names(
             (None, _) => {
                 // Suggestions for a million unknown keys would take too long.
                 if faults.len() < MAX_FOUND {
-                    faults.push(Found::new(key_at, unknown(schema, section, name, node)));
+                    faults.push(Fault::new(key_at, unknown(schema, section, name, node)));
                 }
                 continue;
             }
         };
         if applies(when, selected) == Some(false) {
-            faults.push(Found::new(
+            faults.push(Fault::new(
                 key_at,
                 format!(
                     "'{name}' does not apply to {} = \"{}\": remove it, or choose {}",
                     section.selector,
                     selected.unwrap_or_default(),
-                    Kind::Choice(when).words()
+                    ValueType::Choice(when).words()
                 ),
             ));
         }
@@ -113,14 +115,19 @@ fn check_names(
 }
 
 /// Value of a key that is not given.
-fn default_value(section: &Section, key: &Key, need: Need, at: &At) -> Result<(Value, At), Found> {
+fn default_value(
+    section: &Section,
+    key: &Key,
+    need: Requirement,
+    at: &Location,
+) -> Result<(Value, Location), Fault> {
     match need {
-        Need::Default(text) => {
+        Requirement::Default(text) => {
             let node = parse_setting(text, 0);
             let value = value(key, &node).map_err(|found| found.message);
             Ok((value.expect("defaults are valid"), at.clone()))
         }
-        Need::Required(example) | Need::Optional(example) => Err(Found::new(
+        Requirement::Required(example) | Requirement::Optional(example) => Err(Fault::new(
             at,
             format!(
                 "{} needs '{}', {}: write for example {} = {example}",
@@ -138,7 +145,7 @@ fn selected(section: &Section, table: &Table) -> Option<String> {
     let key = section.key(section.selector)?;
     let checked = match (table.get(key.name), key.need) {
         (Some((_, node)), _) => value(key, node),
-        (None, Need::Default(text)) => value(key, &parse_setting(text, 0)),
+        (None, Requirement::Default(text)) => value(key, &parse_setting(text, 0)),
         (None, _) => return None,
     };
     match checked {
@@ -151,14 +158,14 @@ fn selected(section: &Section, table: &Table) -> Option<String> {
 fn sections(
     schema: &Schema,
     section: &'static Section,
-    given: Option<(&At, &Node)>,
-    parent_at: &At,
-    faults: &mut Vec<Found>,
+    given: Option<(&Location, &Node)>,
+    parent_at: &Location,
+    faults: &mut Vec<Fault>,
 ) -> Vec<Values> {
-    let one = |node: &Node, faults: &mut Vec<Found>| match &node.raw {
+    let one = |node: &Node, faults: &mut Vec<Fault>| match &node.raw {
         Raw::Table(table) => Some(resolve(schema, section, table, &node.at, faults)),
         other => {
-            faults.push(Found::new(
+            faults.push(Fault::new(
                 &node.at,
                 format!(
                     "'{}' is {}: write a section {}",
@@ -186,7 +193,7 @@ fn sections(
             )),
         ) => items.iter().filter_map(|item| one(item, faults)).collect(),
         (Presence::Many, Some((key_at, node))) => {
-            faults.push(Found::new(
+            faults.push(Fault::new(
                 if matches!(node.raw, Raw::Table(_)) {
                     key_at
                 } else {

@@ -45,9 +45,9 @@ pub struct Key {
     /// Name in the text.
     pub name: &'static str,
     /// Type of the value.
-    pub kind: Kind,
+    pub kind: ValueType,
     /// Whether the key is required, with its default or an example.
-    pub need: Need,
+    pub need: Requirement,
     /// Values of the section's selector for which the key applies; empty for all.
     pub when: &'static [&'static str],
     /// Description, shown in the key reference.
@@ -56,7 +56,7 @@ pub struct Key {
 
 /// Type of a value.
 #[derive(Clone, Copy, Debug)]
-pub enum Kind {
+pub enum ValueType {
     /// Any text.
     Text,
     /// Path, relative to the description's folder.
@@ -96,7 +96,7 @@ pub enum Bounds {
 
 /// Whether a key is required. The text is TOML.
 #[derive(Clone, Copy, Debug)]
-pub enum Need {
+pub enum Requirement {
     /// Required; with an example.
     Required(&'static str),
     /// Optional, with this default.
@@ -131,7 +131,7 @@ impl Bounds {
     }
 }
 
-impl Kind {
+impl ValueType {
     /// Description of the type, for the key reference and errors.
     pub fn words(self) -> String {
         match self {
@@ -224,7 +224,12 @@ impl Section {
 
 impl Key {
     /// Make a key that applies to all values of the selector.
-    pub const fn new(name: &'static str, kind: Kind, need: Need, doc: &'static str) -> Self {
+    pub const fn new(
+        name: &'static str,
+        kind: ValueType,
+        need: Requirement,
+        doc: &'static str,
+    ) -> Self {
         Self {
             name,
             kind,
@@ -243,7 +248,9 @@ impl Key {
     /// TOML text of the example or the default.
     pub fn example(&self) -> &'static str {
         match self.need {
-            Need::Required(text) | Need::Default(text) | Need::Optional(text) => text,
+            Requirement::Required(text)
+            | Requirement::Default(text)
+            | Requirement::Optional(text) => text,
         }
     }
 }

@@ -8,14 +8,14 @@ use subaperture_model::track::{
     self, Circular, Linear, Profile, Rail, Spline, TrackError, Trajectory, Waypoints,
 };
 
-use crate::error::Found;
+use crate::error::Fault;
 use crate::values::Values;
 
 /// Build the track of a section. `middle_s` is the middle of the collection, seconds.
 ///
 /// # Errors
 /// The first invalid value, at its key.
-pub fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Found> {
+pub fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Fault> {
     let failed = |key: &str, error: TrackError| values.fault(key, error.to_string());
     Ok(match values.text("kind") {
         "fixed" => Arc::new(Linear {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use toml::de::{DeTable, DeValue};
 
-use super::error::{At, Found};
+use super::error::{Fault, Location};
 use super::memory;
 
 /// TOML value.
@@ -24,11 +24,11 @@ pub(crate) enum Raw {
 #[derive(Clone, Debug)]
 pub(crate) struct Node {
     pub raw: Raw,
-    pub at: At,
+    pub at: Location,
 }
 
 /// Entries of a table with the positions of their keys.
-pub(crate) type Table = BTreeMap<String, (At, Node)>;
+pub(crate) type Table = BTreeMap<String, (Location, Node)>;
 
 impl Raw {
     /// Name of the type with its article, for errors.
@@ -46,11 +46,11 @@ impl Raw {
 }
 
 /// Parse TOML within `memory_bytes`; the error is the first syntax error.
-pub(crate) fn parse(text: &str, memory_bytes: u64) -> Result<Table, Found> {
+pub(crate) fn parse(text: &str, memory_bytes: u64) -> Result<Table, Fault> {
     memory::check(text, memory_bytes)?;
-    let place = |span: Option<std::ops::Range<usize>>| At::Text(span.unwrap_or(0..0));
+    let place = |span: Option<std::ops::Range<usize>>| Location::Text(span.unwrap_or(0..0));
     let parsed = DeTable::parse(text).map_err(|error| {
-        Found::new(
+        Fault::new(
             &place(error.span()),
             format!("not TOML: {}", error.message()),
         )
@@ -60,7 +60,7 @@ pub(crate) fn parse(text: &str, memory_bytes: u64) -> Result<Table, Found> {
 
 /// Parse the value of a setting: TOML if valid, otherwise a string without quotes.
 pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
-    let at = At::Setting(index);
+    let at = Location::Setting(index);
     match DeValue::parse(text) {
         Ok(value) => Node {
             raw: raw(value.into_inner(), Some(&at)),
@@ -75,8 +75,8 @@ pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
 
 /// Convert a table, which is freed meanwhile. Spans count from the start of the text; those of a setting are meaningless, and `setting`
 /// replaces them.
-fn table(source: DeTable, setting: Option<&At>) -> Table {
-    let place = |span| setting.cloned().unwrap_or(At::Text(span));
+fn table(source: DeTable, setting: Option<&Location>) -> Table {
+    let place = |span| setting.cloned().unwrap_or(Location::Text(span));
     let entries = source.into_iter().map(|(key, value)| {
         let (key_at, at) = (place(key.span()), place(value.span()));
         let raw = raw(value.into_inner(), setting);
@@ -85,7 +85,7 @@ fn table(source: DeTable, setting: Option<&At>) -> Table {
     entries.collect()
 }
 
-fn raw(source: DeValue, setting: Option<&At>) -> Raw {
+fn raw(source: DeValue, setting: Option<&Location>) -> Raw {
     match source {
         DeValue::String(text) => Raw::Text(text.into_owned()),
         DeValue::Integer(digits) => {
@@ -98,7 +98,7 @@ fn raw(source: DeValue, setting: Option<&At>) -> Raw {
             // A list of its own: one made in place of the parser's would keep its room.
             let mut nodes = Vec::with_capacity(items.len());
             nodes.extend(items.into_iter().map(|item| Node {
-                at: setting.cloned().unwrap_or(At::Text(item.span())),
+                at: setting.cloned().unwrap_or(Location::Text(item.span())),
                 raw: raw(item.into_inner(), setting),
             }));
             Raw::Array(nodes)
@@ -139,9 +139,9 @@ pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
 }
 
 /// Apply a setting to the tree, creating missing sections.
-pub(crate) fn apply_setting(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
+pub(crate) fn apply_setting(root: &mut Table, path: &[Step], value: Node) -> Result<(), Fault> {
     let at = value.at.clone();
-    let fail = |message: String| Err(Found::new(&at, message));
+    let fail = |message: String| Err(Fault::new(&at, message));
     let Some(((name, None), sections)) = path.split_last() else {
         return fail("a key has no index: only repeated sections have one".to_owned());
     };
@@ -205,7 +205,8 @@ mod tests {
     fn settings_are_applied_at_their_path() {
         let mut root = parse("a = 1\n[[s.p]]\nx = 2\n", 1 << 20).unwrap();
         let mut set = |path: &str, value: &str| {
-            let steps = parse_path(path).map_err(|message| Found::new(&At::Setting(0), message))?;
+            let steps =
+                parse_path(path).map_err(|message| Fault::new(&Location::Setting(0), message))?;
             apply_setting(&mut root, &steps, parse_setting(value, 0))
         };
         set("a", "5 km").unwrap();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::error::{At, Found};
+use super::error::{Fault, Location};
 use super::schema::Section;
 
 /// Value in SI units.
@@ -29,11 +29,11 @@ pub enum Value {
 
 /// Value of a key with its position.
 #[derive(Clone, Debug)]
-pub struct Given {
+pub struct LocatedValue {
     /// Parsed value, SI units.
     pub value: Value,
     /// Position in the text, or of the setting.
-    pub at: At,
+    pub at: Location,
     /// Whether a builder has read it.
     pub taken: Cell<bool>,
 }
@@ -44,9 +44,9 @@ pub struct Values {
     /// Schema of the section.
     pub section: &'static Section,
     /// Position of the section's header.
-    pub at: At,
+    pub at: Location,
     /// Values by key.
-    pub keys: BTreeMap<&'static str, Given>,
+    pub keys: BTreeMap<&'static str, LocatedValue>,
     /// Subsections by name; several under one name for an array of tables.
     pub within: BTreeMap<&'static str, Vec<Values>>,
 }
@@ -55,7 +55,7 @@ pub struct Values {
 /// All methods that take a key: if the schema has no key of this name and type. Methods whose name does not begin with
 /// `optional`: if the key is neither required nor has a default. Both are programming errors, which occur on every use.
 impl Values {
-    fn given(&self, key: &str) -> Option<&Given> {
+    fn given(&self, key: &str) -> Option<&LocatedValue> {
         assert!(
             self.section.key(key).is_some(),
             "no key '{key}' of {} in the schema",
@@ -74,13 +74,13 @@ impl Values {
     }
 
     /// Position of a key's value; that of the section if the key is absent.
-    pub fn at(&self, key: &str) -> &At {
+    pub fn at(&self, key: &str) -> &Location {
         self.keys.get(key).map_or(&self.at, |given| &given.at)
     }
 
     /// Make a fault at a key's value.
-    pub fn fault(&self, key: &str, message: impl Into<String>) -> Found {
-        Found::new(self.at(key), message)
+    pub fn fault(&self, key: &str, message: impl Into<String>) -> Fault {
+        Fault::new(self.at(key), message)
     }
 
     /// Whether the key is given in the text or by a setting, instead of left to its default.
@@ -173,7 +173,7 @@ impl Values {
     }
 
     /// Unit vector along a key's vector. The error is that of a zero vector.
-    pub fn direction(&self, key: &str) -> Result<DVec3, Found> {
+    pub fn direction(&self, key: &str) -> Result<DVec3, Fault> {
         self.vector(key).try_normalize().ok_or_else(|| {
             self.fault(
                 key,

@@ -8,7 +8,7 @@ use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{Fix, SampledTrack, Trajectory};
 use subaperture_navigation::{Kind, Log, Options, Place};
 
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 
 /// Farthest that a log's track may be from the scene's origin, metres: beyond, one of the two is a slip.
@@ -19,7 +19,7 @@ pub fn build(
     values: &Values,
     frame: Option<&SceneFrame>,
     folder: &Path,
-) -> Result<Arc<dyn Trajectory>, Found> {
+) -> Result<Arc<dyn Trajectory>, Fault> {
     let path = folder.join(values.text("file"));
     let fixes = if values.text("kind") == "csv" {
         track_csv::read(&path).map_err(|error| values.fault("file", error.to_string()))?

@@ -4,7 +4,7 @@
 use std::error::Error;
 use std::io;
 
-use subaperture::describe::{DescriptionError, Fault};
+use subaperture::describe::{DescriptionError, RenderedFault};
 use subaperture::focus::plan::PlanError as ImagePlanError;
 use subaperture::focus::{FormError, Remedy};
 use subaperture::io::atomic::WriteError;
@@ -84,7 +84,7 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
         ));
     }
     if let Some(error) = error.downcast_ref::<DescriptionError>() {
-        let wanted = error.faults.iter().any(Fault::wants_memory);
+        let wanted = error.faults.iter().any(RenderedFault::wants_memory);
         return wanted.then(|| "\nraise --memory to allow it more".to_owned());
     }
     if error.is::<UnnamedFirmware>() {

@@ -1,32 +1,32 @@
 //! Keys of everything that moves: `[platform]`, its perturbations and navigation, `[[scene.mover]]`.
 
-use crate::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::schema::{Bounds, Key, Presence, Requirement, Section, ValueType};
 use subaperture_model::units::Dimension;
 
 const POSITION_DOC: &str = "Position at the time given by 'at'.";
 const AT_DOC: &str = "Time of the position: time 0, or the middle of the collection.";
 pub const POSITION: Key = Key::new(
     "position",
-    Kind::Vector(Dimension::Length),
-    Need::Required("\"0, -5, 3 km\""),
+    ValueType::Vector(Dimension::Length),
+    Requirement::Required("\"0, -5, 3 km\""),
     POSITION_DOC,
 );
 pub const VELOCITY: Key = Key::new(
     "velocity",
-    Kind::Vector(Dimension::Speed),
-    Need::Required("\"100, 0, 0 m/s\""),
+    ValueType::Vector(Dimension::Speed),
+    Requirement::Required("\"100, 0, 0 m/s\""),
     "Velocity at the position; for a profile, before its first segment.",
 );
 pub const AT: Key = Key::new(
     "at",
-    Kind::Choice(&["start", "middle"]),
-    Need::Default("\"middle\""),
+    ValueType::Choice(&["start", "middle"]),
+    Requirement::Default("\"middle\""),
     AT_DOC,
 );
 pub const CENTRE: Key = Key::new(
     "centre",
-    Kind::Vector(Dimension::Length),
-    Need::Required("\"0, 0, 3 km\""),
+    ValueType::Vector(Dimension::Length),
+    Requirement::Required("\"0, 0, 3 km\""),
     "Centre of the circle, at the height of the track.",
 )
 .when(&["circular"]);
@@ -34,21 +34,21 @@ const RADIUS_DOC: &str = "Radius of the circle, or length of the arm.";
 const SPEED_DOC: &str = "Speed along the track.";
 pub const BEARING: Key = Key::new(
     "bearing",
-    Kind::Quantity(Dimension::Angle, Bounds::Any),
-    Need::Default("\"-90 deg\""),
+    ValueType::Quantity(Dimension::Angle, Bounds::Any),
+    Requirement::Default("\"-90 deg\""),
     "Angle on the circle at the time given by 'at', from x towards y.",
 )
 .when(&["circular"]);
 pub const TURN: Key = Key::new(
     "turn",
-    Kind::Choice(&["left", "right"]),
-    Need::Default("\"left\""),
+    ValueType::Choice(&["left", "right"]),
+    Requirement::Default("\"left\""),
     "Direction of rotation: left is counterclockwise seen from above.",
 )
 .when(&["circular"]);
 pub const POINTS: Key = Key::new(
     "points",
-    Kind::Rows(
+    ValueType::Rows(
         &[
             Dimension::Time,
             Dimension::Length,
@@ -57,35 +57,35 @@ pub const POINTS: Key = Key::new(
         ],
         2,
     ),
-    Need::Required("[\"0 s, -3, -5000, 3000 m\", \"60 ms, 3, -5000, 3000 m\"]"),
+    Requirement::Required("[\"0 s, -3, -5000, 3000 m\", \"60 ms, 3, -5000, 3000 m\"]"),
     "Times and positions, connected by straight segments, or by a smooth curve for a spline.",
 );
 pub const START: Key = Key::new(
     "start",
-    Kind::Quantity(Dimension::Time, Bounds::Any),
-    Need::Default("\"0 s\""),
+    ValueType::Quantity(Dimension::Time, Bounds::Any),
+    Requirement::Default("\"0 s\""),
     "Start time.",
 );
 
 pub const TRACK_FILE: Key = Key::new(
     "file",
-    Kind::Path,
-    Need::Required("\"track.csv\""),
+    ValueType::Path,
+    Requirement::Required("\"track.csv\""),
     "Recorded track: a CSV file with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, optionally, \
         roll_deg, pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.",
 );
 
 pub const TRACK_RECORD: Key = Key::new(
     "record",
-    Kind::Choice(&["inspvax", "inspva", "bestpos"]),
-    Need::Default("\"inspvax\""),
+    ValueType::Choice(&["inspvax", "inspva", "bestpos"]),
+    Requirement::Default("\"inspvax\""),
     "Records of the log used for the track; bestpos has no attitude.",
 );
 
 pub const TRACK_SKIP_DAMAGED: Key = Key::new(
     "skip_damaged",
-    Kind::Flag,
-    Need::Default("false"),
+    ValueType::Flag,
+    Requirement::Default("false"),
     "Skip damaged lines of the log.",
 );
 
@@ -99,7 +99,7 @@ pub static PLATFORM: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&[
+            ValueType::Choice(&[
                 "linear",
                 "circular",
                 "rail",
@@ -110,7 +110,7 @@ pub static PLATFORM: Section = Section {
                 "novatel",
                 "fixed",
             ]),
-            Need::Required("\"linear\""),
+            Requirement::Required("\"linear\""),
             "Straight line, horizontal circle, carriage on a rail, swinging arm, timed waypoints (straight \
                         segments or smooth curve), recorded track, or fixed position.",
         ),
@@ -120,22 +120,22 @@ pub static PLATFORM: Section = Section {
         CENTRE,
         Key::new(
             "pivot",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"0, -20, 2 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"0, -20, 2 m\""),
             "Pivot of the arm, at the height of the antenna.",
         )
         .when(&["arc"]),
         Key::new(
             "radius",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Required("\"5 km\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Required("\"5 km\""),
             RADIUS_DOC,
         )
         .when(&["circular", "arc"]),
         Key::new(
             "speed",
-            Kind::Quantity(Dimension::Speed, Bounds::Positive),
-            Need::Required("\"100 m/s\""),
+            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
+            Requirement::Required("\"100 m/s\""),
             SPEED_DOC,
         )
         .when(&["circular", "rail"]),
@@ -143,36 +143,36 @@ pub static PLATFORM: Section = Section {
         TURN,
         Key::new(
             "from",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"-3, -5000, 3000 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"-3, -5000, 3000 m\""),
             "Start of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "to",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"3, -5000, 3000 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"3, -5000, 3000 m\""),
             "End of the rail.",
         )
         .when(&["rail"]),
         Key::new(
             "from_angle",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Required("\"60 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Required("\"60 deg\""),
             "First end of the swing, as angle from x towards y.",
         )
         .when(&["arc"]),
         Key::new(
             "to_angle",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Required("\"120 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Required("\"120 deg\""),
             "Second end of the swing.",
         )
         .when(&["arc"]),
         Key::new(
             "rate",
-            Kind::Quantity(Dimension::AngularRate, Bounds::Positive),
-            Need::Required("\"10 deg/s\""),
+            ValueType::Quantity(Dimension::AngularRate, Bounds::Positive),
+            Requirement::Required("\"10 deg/s\""),
             "Angular rate of the swing.",
         )
         .when(&["arc"]),
@@ -193,79 +193,79 @@ pub static PERTURBATION: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["sway", "vibration", "acceleration", "wobble"]),
-            Need::Required("\"sway\""),
+            ValueType::Choice(&["sway", "vibration", "acceleration", "wobble"]),
+            Requirement::Required("\"sway\""),
             "Smooth random displacement, sinusoidal displacement, constant acceleration from a given time, or \
                         sinusoidal rotation of the body.",
         ),
         Key::new(
             "rms",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"2, 2, 1 cm\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"2, 2, 1 cm\""),
             "RMS displacement in scene axes.",
         )
         .when(&["sway"]),
         Key::new(
             "correlation",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Required("\"500 ms\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Required("\"500 ms\""),
             "Correlation time of the displacement.",
         )
         .when(&["sway"]),
         Key::new(
             "amplitude",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"0, 0, 1 mm\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"0, 0, 1 mm\""),
             "Amplitude in scene axes.",
         )
         .when(&["vibration"]),
         Key::new(
             "frequency",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"20 Hz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"20 Hz\""),
             "Frequency of the vibration.",
         )
         .when(&["vibration"]),
         Key::new(
             "acceleration",
-            Kind::Vector(Dimension::Acceleration),
-            Need::Required("\"0, 0.1, 0 m/s^2\""),
+            ValueType::Vector(Dimension::Acceleration),
+            Requirement::Required("\"0, 0.1, 0 m/s^2\""),
             "Acceleration in scene axes.",
         )
         .when(&["acceleration"]),
         Key::new(
             "from",
-            Kind::Quantity(Dimension::Time, Bounds::Any),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Any),
+            Requirement::Default("\"0 s\""),
             "Start time of the acceleration.",
         )
         .when(&["acceleration"]),
         Key::new(
             "angles",
-            Kind::Vector(Dimension::Angle),
-            Need::Required("\"2, 1, 1 deg\""),
+            ValueType::Vector(Dimension::Angle),
+            Requirement::Required("\"2, 1, 1 deg\""),
             "Amplitudes of roll, pitch and yaw.",
         )
         .when(&["wobble"]),
         Key::new(
             "period",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Required("\"5 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Required("\"5 s\""),
             "Period of the rotation.",
         )
         .when(&["wobble"]),
         Key::new(
             "phase",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Default("\"0 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Default("\"0 deg\""),
             "Phase at time 0.",
         )
         .when(&["vibration", "wobble"]),
     ],
 };
 
-const NO_LENGTH: Need = Need::Default("\"0, 0, 0 m\"");
-const NO_ANGLE: Need = Need::Default("\"0, 0, 0 deg\"");
+const NO_LENGTH: Requirement = Requirement::Default("\"0, 0, 0 m\"");
+const NO_ANGLE: Requirement = Requirement::Default("\"0, 0, 0 deg\"");
 
 pub static NAVIGATION: Section = Section {
     path: "navigation",
@@ -276,44 +276,44 @@ pub static NAVIGATION: Section = Section {
     keys: &[
         Key::new(
             "bias",
-            Kind::Vector(Dimension::Length),
+            ValueType::Vector(Dimension::Length),
             NO_LENGTH,
             "Constant position error in scene axes.",
         ),
         Key::new(
             "drift",
-            Kind::Vector(Dimension::Length),
+            ValueType::Vector(Dimension::Length),
             NO_LENGTH,
             "RMS of the slow position drift in scene axes.",
         ),
         Key::new(
             "noise",
-            Kind::Vector(Dimension::Length),
+            ValueType::Vector(Dimension::Length),
             NO_LENGTH,
             "RMS of a fix's position noise in scene axes.",
         ),
         Key::new(
             "fix_rate",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Default("\"10 Hz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Default("\"10 Hz\""),
             "Fixes per second.",
         ),
         Key::new(
             "attitude_bias",
-            Kind::Vector(Dimension::Angle),
+            ValueType::Vector(Dimension::Angle),
             NO_ANGLE,
             "Constant errors of roll, pitch and yaw.",
         ),
         Key::new(
             "attitude_drift",
-            Kind::Vector(Dimension::Angle),
+            ValueType::Vector(Dimension::Angle),
             NO_ANGLE,
             "RMS of the slow drifts of roll, pitch and yaw.",
         ),
         Key::new(
             "drift_time",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Default("\"60 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Default("\"60 s\""),
             "Correlation time of both drifts.",
         ),
     ],
@@ -328,22 +328,22 @@ pub static MOVER: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["linear", "circular", "waypoints", "profile"]),
-            Need::Required("\"linear\""),
+            ValueType::Choice(&["linear", "circular", "waypoints", "profile"]),
+            Requirement::Required("\"linear\""),
             "Straight line, horizontal circle, straight segments between timed waypoints, or \
                         segments of constant acceleration.",
         ),
         Key::new(
             "position",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"10, 5, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"10, 5, 0 m\""),
             POSITION_DOC,
         )
         .when(&["linear", "profile"]),
         Key::new(
             "velocity",
-            Kind::Vector(Dimension::Speed),
-            Need::Required("\"0, 8, 0 m/s\""),
+            ValueType::Vector(Dimension::Speed),
+            Requirement::Required("\"0, 8, 0 m/s\""),
             "Velocity at the position; for a profile, before its first segment.",
         )
         .when(&["linear", "profile"]),
@@ -351,15 +351,15 @@ pub static MOVER: Section = Section {
         CENTRE,
         Key::new(
             "radius",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Required("\"20 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Required("\"20 m\""),
             RADIUS_DOC,
         )
         .when(&["circular"]),
         Key::new(
             "speed",
-            Kind::Quantity(Dimension::Speed, Bounds::Positive),
-            Need::Required("\"5 m/s\""),
+            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
+            Requirement::Required("\"5 m/s\""),
             SPEED_DOC,
         )
         .when(&["circular"]),
@@ -369,7 +369,7 @@ pub static MOVER: Section = Section {
         START.when(&["profile"]),
         Key::new(
             "pieces",
-            Kind::Rows(
+            ValueType::Rows(
                 &[
                     Dimension::Time,
                     Dimension::Acceleration,
@@ -378,21 +378,21 @@ pub static MOVER: Section = Section {
                 ],
                 1,
             ),
-            Need::Required("[\"20 ms, 0, 2, 0 m/s^2\", \"20 ms, 0, -2, 0 m/s^2\"]"),
+            Requirement::Required("[\"20 ms, 0, 2, 0 m/s^2\", \"20 ms, 0, -2, 0 m/s^2\"]"),
             "Durations and accelerations of consecutive segments from 'start' on, beginning at 'position' with \
                         'velocity'.",
         )
         .when(&["profile"]),
         Key::new(
             "cross_section",
-            Kind::Quantity(Dimension::CrossSection, Bounds::NotNegative),
-            Need::Default("\"1 m^2\""),
+            ValueType::Quantity(Dimension::CrossSection, Bounds::NotNegative),
+            Requirement::Default("\"1 m^2\""),
             "Radar cross section.",
         ),
         Key::new(
             "phase",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Default("\"0 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Default("\"0 deg\""),
             "Phase of the reflection.",
         ),
     ],

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::schema::{Bounds, Key, Presence, Requirement, Section, ValueType};
 use subaperture_model::units::Dimension;
 
 pub static ORIGIN: Section = Section {
@@ -14,26 +14,26 @@ pub static ORIGIN: Section = Section {
     keys: &[
         Key::new(
             "latitude",
-            Kind::Quantity(
+            ValueType::Quantity(
                 Dimension::Angle,
                 Bounds::Within(-FRAC_PI_2, FRAC_PI_2, "-90 to 90 deg"),
             ),
-            Need::Default("\"0 deg\""),
+            Requirement::Default("\"0 deg\""),
             "Latitude, north positive.",
         ),
         Key::new(
             "longitude",
-            Kind::Quantity(Dimension::Angle, Bounds::Within(-PI, PI, "-180 to 180 deg")),
-            Need::Default("\"0 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Within(-PI, PI, "-180 to 180 deg")),
+            Requirement::Default("\"0 deg\""),
             "Longitude, east positive.",
         ),
         Key::new(
             "height",
-            Kind::Quantity(
+            ValueType::Quantity(
                 Dimension::Length,
                 Bounds::Within(-1e4, 1e6, "-10 to 1000 km"),
             ),
-            Need::Default("\"0 m\""),
+            Requirement::Default("\"0 m\""),
             "Height above the ellipsoid.",
         ),
     ],

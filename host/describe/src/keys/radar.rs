@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::schema::{Bounds, Key, Presence, Requirement, Section, ValueType};
 use subaperture_model::units::Dimension;
 
 pub static RADAR: Section = Section {
@@ -14,109 +14,109 @@ pub static RADAR: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["ideal", "pulsed", "fmcw", "stepped"]),
-            Need::Required("\"ideal\""),
+            ValueType::Choice(&["ideal", "pulsed", "fmcw", "stepped"]),
+            Requirement::Required("\"ideal\""),
             "Waveform: ideal phase history by definition; pulses with a matched filter; \
                         dechirped linear sweeps (FMCW); or a stepped-frequency waveform.",
         ),
         Key::new(
             "pulses",
-            Kind::Count(1, 10_000_000),
-            Need::Required("64"),
+            ValueType::Count(1, 10_000_000),
+            Requirement::Required("64"),
             "Number of pulses, FMCW sweeps or sweeps over all carriers.",
         ),
         Key::new(
             "pri",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Optional("\"1 ms\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Optional("\"1 ms\""),
             "Pulse repetition interval. Give either this or prf.",
         ),
         Key::new(
             "prf",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Optional("\"1 kHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Optional("\"1 kHz\""),
             "Pulse repetition frequency. Give either this or pri.",
         ),
         Key::new(
             "first_pulse",
-            Kind::Quantity(Dimension::Time, Bounds::Any),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Any),
+            Requirement::Default("\"0 s\""),
             "Time of the first pulse on the platform's clock.",
         ),
         Key::new(
             "centre",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"10 GHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"10 GHz\""),
             "Centre frequency.",
         ),
         Key::new(
             "bandwidth",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"200 MHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"200 MHz\""),
             "Bandwidth over all samples. Range resolution is c / (2 bandwidth). For FMCW, the bandwidth \
                         swept during sampling.",
         )
         .when(&["ideal", "fmcw", "stepped"]),
         Key::new(
             "samples",
-            Kind::Count(2, 1 << 24),
-            Need::Required("256"),
+            ValueType::Count(2, 1 << 24),
+            Requirement::Required("256"),
             "Samples per pulse: frequencies, carriers, or samples of the echo.",
         ),
         Key::new(
             "sample_rate",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"250 MHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"250 MHz\""),
             "Complex sample rate.",
         )
         .when(&["pulsed", "fmcw"]),
         Key::new(
             "window_start",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Optional("\"38.7 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Optional("\"38.7 us\""),
             "Delay of sample 0 after the start of the pulse. Default: the echo of the reference at the middle of \
                         the collection lies in the middle of the receive window.",
         )
         .when(&["pulsed"]),
         Key::new(
             "sweep",
-            Kind::Choice(&["up", "down"]),
-            Need::Default("\"up\""),
+            ValueType::Choice(&["up", "down"]),
+            Requirement::Default("\"up\""),
             "Direction of the frequency sweep.",
         )
         .when(&["fmcw"]),
         Key::new(
             "mixer_delay",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Default("\"0 s\""),
             "Delay of the transmitted copy with which the echo is mixed; 0 for a homodyne radar.",
         )
         .when(&["fmcw"]),
         Key::new(
             "step_time",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Required("\"2 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Required("\"2 us\""),
             "Time from carrier to carrier.",
         )
         .when(&["stepped"]),
         Key::new(
             "dwell",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Optional("\"1 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Optional("\"1 us\""),
             "Dwell time over which the samples of a carrier are averaged; the noise bandwidth is its inverse. \
                         Default: step_time.",
         )
         .when(&["stepped"]),
         Key::new(
             "motion",
-            Kind::Choice(&["stop-and-go", "true"]),
-            Need::Default("\"stop-and-go\""),
+            ValueType::Choice(&["stop-and-go", "true"]),
+            Requirement::Default("\"stop-and-go\""),
             "Stop-and-go approximation within a pulse, or true intra-pulse motion of radar and scatterers.",
         ),
         Key::new(
             "spreading",
-            Kind::Flag,
-            Need::Default("false"),
+            ValueType::Flag,
+            Requirement::Default("false"),
             "Apply spreading loss, (R0 / R)^2 in amplitude, with R0 the range of the reference at the \
                         middle pulse, number P/2 of P from 0.",
         ),
@@ -132,34 +132,34 @@ pub static PULSE: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["lfm", "code"]),
-            Need::Required("\"lfm\""),
+            ValueType::Choice(&["lfm", "code"]),
+            Requirement::Required("\"lfm\""),
             "Linear frequency modulation (chirp), or a phase code with chips of equal duration.",
         ),
         Key::new(
             "bandwidth",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"200 MHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"200 MHz\""),
             "Swept bandwidth. Range resolution is c / (2 bandwidth).",
         )
         .when(&["lfm"]),
         Key::new(
             "duration",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Required("\"500 ns\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Required("\"500 ns\""),
             "Duration of the pulse.",
         )
         .when(&["lfm"]),
         Key::new(
             "sweep",
-            Kind::Choice(&["up", "down"]),
-            Need::Default("\"up\""),
+            ValueType::Choice(&["up", "down"]),
+            Requirement::Default("\"up\""),
             "Direction of the frequency sweep.",
         )
         .when(&["lfm"]),
         Key::new(
             "code",
-            Kind::Choice(&[
+            ValueType::Choice(&[
                 "barker-2",
                 "barker-3",
                 "barker-4",
@@ -168,21 +168,21 @@ pub static PULSE: Section = Section {
                 "barker-11",
                 "barker-13",
             ]),
-            Need::Optional("\"barker-13\""),
+            Requirement::Optional("\"barker-13\""),
             "Name of the phase code. Give either this or phases.",
         )
         .when(&["code"]),
         Key::new(
             "phases",
-            Kind::Rows(&[Dimension::Angle], 1),
-            Need::Optional("[\"0 deg\", \"0 deg\", \"180 deg\"]"),
+            ValueType::Rows(&[Dimension::Angle], 1),
+            Requirement::Optional("[\"0 deg\", \"0 deg\", \"180 deg\"]"),
             "Phase of each chip. Give either this or code.",
         )
         .when(&["code"]),
         Key::new(
             "chip",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Required("\"10 ns\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Required("\"10 ns\""),
             "Duration of a chip.",
         )
         .when(&["code"]),
@@ -191,48 +191,48 @@ pub static PULSE: Section = Section {
 
 pub const NAME: Key = Key::new(
     "name",
-    Kind::Text,
-    Need::Optional("\"left\""),
+    ValueType::Text,
+    Requirement::Optional("\"left\""),
     "Name, for channels and errors. Default: T or R, and a number from 1.",
 );
 pub const OFFSET: Key = Key::new(
     "offset",
-    Kind::Vector(Dimension::Length),
-    Need::Default("\"0, 0, 0 m\""),
+    ValueType::Vector(Dimension::Length),
+    Requirement::Default("\"0, 0, 0 m\""),
     "Phase centre in body axes.",
 );
 pub const BORESIGHT: Key = Key::new(
     "boresight",
-    Kind::Vector(Dimension::Ratio),
-    Need::Default("\"0, 1, 0\""),
+    ValueType::Vector(Dimension::Ratio),
+    Requirement::Default("\"0, 1, 0\""),
     "Boresight direction in body axes; the default is to the left.",
 );
 pub const UP: Key = Key::new(
     "up",
-    Kind::Vector(Dimension::Ratio),
-    Need::Default("\"0, 0, 1\""),
+    ValueType::Vector(Dimension::Ratio),
+    Requirement::Default("\"0, 0, 1\""),
     "Elevation axis of the beam in body axes, about which azimuth is measured. Only its component orthogonal \
         to the boresight is used.",
 );
 pub const PATTERN: Key = Key::new(
     "pattern",
-    Kind::Choice(&["isotropic", "gaussian", "aperture"]),
-    Need::Default("\"isotropic\""),
+    ValueType::Choice(&["isotropic", "gaussian", "aperture"]),
+    Requirement::Default("\"isotropic\""),
     "Antenna pattern: isotropic, Gaussian beam, or uniformly illuminated rectangular aperture with sidelobes.",
 );
 /// Half-power beamwidths.
 const WIDTH: Bounds = Bounds::Within(1e-5, PI, "0.001 to 180 deg");
 pub const AZIMUTH: Key = Key::new(
     "azimuth",
-    Kind::Quantity(Dimension::Angle, WIDTH),
-    Need::Required("\"20 deg\""),
+    ValueType::Quantity(Dimension::Angle, WIDTH),
+    Requirement::Required("\"20 deg\""),
     "Full half-power beamwidth in azimuth.",
 )
 .when(&["gaussian", "aperture"]);
 pub const ELEVATION: Key = Key::new(
     "elevation",
-    Kind::Quantity(Dimension::Angle, WIDTH),
-    Need::Required("\"40 deg\""),
+    ValueType::Quantity(Dimension::Angle, WIDTH),
+    Requirement::Required("\"40 deg\""),
     "Full half-power beamwidth in elevation.",
 )
 .when(&["gaussian", "aperture"]);
@@ -268,56 +268,56 @@ pub static NOISE: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["relative", "equation"]),
-            Need::Default("\"relative\""),
+            ValueType::Choice(&["relative", "equation"]),
+            Requirement::Default("\"relative\""),
             "Noise power relative to an echo, or by the radar equation.",
         ),
         Key::new(
             "power",
-            Kind::Quantity(Dimension::Level, DECIBELS),
-            Need::Required("\"-20 dB\""),
+            ValueType::Quantity(Dimension::Level, DECIBELS),
+            Requirement::Required("\"-20 dB\""),
             "Noise power of a raw sample relative to the echo of 1 m^2 at the reference.",
         )
         .when(&["relative"]),
         Key::new(
             "transmitted",
-            Kind::Quantity(Dimension::Power, Bounds::Positive),
-            Need::Required("\"30 dBm\""),
+            ValueType::Quantity(Dimension::Power, Bounds::Positive),
+            Requirement::Required("\"30 dBm\""),
             "Peak transmit power.",
         )
         .when(&["equation"]),
         Key::new(
             "transmit_gain",
-            Kind::Quantity(Dimension::Gain, DECIBELS),
-            Need::Default("\"0 dBi\""),
+            ValueType::Quantity(Dimension::Gain, DECIBELS),
+            Requirement::Default("\"0 dBi\""),
             "Gain of the transmit antenna on boresight.",
         )
         .when(&["equation"]),
         Key::new(
             "receive_gain",
-            Kind::Quantity(Dimension::Gain, DECIBELS),
-            Need::Default("\"0 dBi\""),
+            ValueType::Quantity(Dimension::Gain, DECIBELS),
+            Requirement::Default("\"0 dBi\""),
             "Gain of the receive antenna on boresight.",
         )
         .when(&["equation"]),
         Key::new(
             "losses",
-            Kind::Quantity(Dimension::Level, Bounds::Within(0.0, 300.0, "0 to 300 dB")),
-            Need::Default("\"0 dB\""),
+            ValueType::Quantity(Dimension::Level, Bounds::Within(0.0, 300.0, "0 to 300 dB")),
+            Requirement::Default("\"0 dB\""),
             "System losses.",
         )
         .when(&["equation"]),
         Key::new(
             "noise_figure",
-            Kind::Quantity(Dimension::Level, Bounds::Within(0.0, 300.0, "0 to 300 dB")),
-            Need::Default("\"3 dB\""),
+            ValueType::Quantity(Dimension::Level, Bounds::Within(0.0, 300.0, "0 to 300 dB")),
+            Requirement::Default("\"3 dB\""),
             "Noise figure of the receiver.",
         )
         .when(&["equation"]),
         Key::new(
             "temperature",
-            Kind::Quantity(Dimension::Temperature, Bounds::NotNegative),
-            Need::Default("\"290 K\""),
+            ValueType::Quantity(Dimension::Temperature, Bounds::NotNegative),
+            Requirement::Default("\"290 K\""),
             "Noise temperature of the antenna.",
         )
         .when(&["equation"]),
@@ -332,8 +332,10 @@ pub static PHASE_NOISE: Section = Section {
     doc: "Phase noise of the oscillator shared by transmitter and receiver.",
     keys: &[Key::new(
         "levels",
-        Kind::Rows(&[Dimension::Frequency, Dimension::PhaseNoise], 2),
-        Need::Required("[\"10 Hz, -60 dBc/Hz\", \"1 kHz, -90 dBc/Hz\", \"1 MHz, -120 dBc/Hz\"]"),
+        ValueType::Rows(&[Dimension::Frequency, Dimension::PhaseNoise], 2),
+        Requirement::Required(
+            "[\"10 Hz, -60 dBc/Hz\", \"1 kHz, -90 dBc/Hz\", \"1 MHz, -120 dBc/Hz\"]",
+        ),
         "Ascending offset frequencies from the carrier, and single-sideband levels; interpolated linearly on \
                 logarithmic axes, zero outside.",
     )],
@@ -348,14 +350,14 @@ pub static CLOCK: Section = Section {
     keys: &[
         Key::new(
             "offset",
-            Kind::Quantity(Dimension::Ratio, Bounds::Within(-0.1, 0.1, "-10 to 10 %")),
-            Need::Default("\"0 ppm\""),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Within(-0.1, 0.1, "-10 to 10 %")),
+            Requirement::Default("\"0 ppm\""),
             "Fractional error of all frequencies.",
         ),
         Key::new(
             "jitter",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Default("\"0 s\""),
             "RMS jitter of the start of sampling of each pulse.",
         ),
     ],
@@ -370,26 +372,26 @@ pub static INTERFERENCE: Section = Section {
     keys: &[
         Key::new(
             "frequency",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"10.02 GHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"10.02 GHz\""),
             "Carrier frequency.",
         ),
         Key::new(
             "bandwidth",
-            Kind::Quantity(Dimension::Frequency, Bounds::NotNegative),
-            Need::Default("\"0 Hz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::NotNegative),
+            Requirement::Default("\"0 Hz\""),
             "Bandwidth of a noise-like signal; 0 for a tone.",
         ),
         Key::new(
             "power",
-            Kind::Quantity(Dimension::Level, DECIBELS),
-            Need::Required("\"10 dB\""),
+            ValueType::Quantity(Dimension::Level, DECIBELS),
+            Requirement::Required("\"10 dB\""),
             "Power of the interference in a raw sample relative to the echo of 1 m^2 at the reference.",
         ),
         Key::new(
             "duty",
-            Kind::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1")),
-            Need::Default("1"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1")),
+            Requirement::Default("1"),
             "Duty cycle: fraction of the pulses with interference.",
         ),
     ],
@@ -404,14 +406,14 @@ pub static CONVERTER: Section = Section {
     keys: &[
         Key::new(
             "bits",
-            Kind::Count(1, 24),
-            Need::Required("12"),
+            ValueType::Count(1, 24),
+            Requirement::Required("12"),
             "Number of bits, sign included.",
         ),
         Key::new(
             "full_scale",
-            Kind::Quantity(Dimension::Level, DECIBELS),
-            Need::Required("\"40 dB\""),
+            ValueType::Quantity(Dimension::Level, DECIBELS),
+            Requirement::Required("\"40 dB\""),
             "Largest magnitude of I or Q relative to the echo of 1 m^2 at the reference; larger values \
                         saturate.",
         ),

@@ -7,7 +7,7 @@ use super::arrays::Source;
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
 use super::samples::{Rows, Samples, sweeps_a_pulse};
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -27,7 +27,7 @@ pub(super) fn adapt(
     source: &Source,
     samples: Samples,
     pulses: &Pulses,
-) -> Result<InMemory, Found> {
+) -> Result<InMemory, Fault> {
     let (recording, values) = (source.recording, top.section("radar"));
     check_memory(source, pulses.chosen.len(), samples.num_samples)?;
     let scene_values = top.section("scene");
@@ -51,7 +51,7 @@ pub(super) fn adapt(
 }
 
 /// Checks that there is memory for the samples once as they are, once in the adapter, once as phase history.
-fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Result<(), Found> {
+fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Result<(), Fault> {
     let needed = 24 * (num_pulses as u64).saturating_mul(num_samples as u64);
     let left = source.left_bytes();
     if needed <= left {
@@ -92,7 +92,7 @@ fn from_profiles(
     samples: &Samples,
     header: &Header<'_>,
     raw: Vec<Complex32>,
-) -> Result<Result<InMemory, String>, Found> {
+) -> Result<Result<InMemory, String>, Fault> {
     let (axis, band_hz) = profiles(values, source, samples)?;
     let middle_m = axis.first_range_m + axis.range_step_m * samples.num_samples as f64 / 2.0;
     let collection = header.collection(middle_m);
@@ -108,8 +108,8 @@ fn from_echoes(
     samples: &Samples,
     header: &Header<'_>,
     raw: Vec<Complex32>,
-) -> Result<Result<InMemory, String>, Found> {
-    let received = |error: ReceiveError| Found::new(&values.at, error.what);
+) -> Result<Result<InMemory, String>, Fault> {
+    let received = |error: ReceiveError| Fault::new(&values.at, error.what);
     let waveform = waveform(values, kind, samples.num_samples)?;
     // Real samples hold beats up to half the sampling rate, complex ones up to all of it.
     let held = if samples.real { 0.5 } else { 1.0 };
@@ -274,7 +274,7 @@ fn remove(
     pulses: &Pulses,
     width: usize,
     samples: &mut [Complex32],
-) -> Result<(), Found> {
+) -> Result<(), Fault> {
     let (from, to) = (
         recording.count("background_first"),
         recording.optional_count("background_count"),
@@ -315,7 +315,7 @@ fn remove(
     Ok(())
 }
 
-fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found> {
+fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Fault> {
     Ok(match kind {
         "fmcw" => Waveform::Fmcw {
             start_hz: values.number("start"),
@@ -401,7 +401,7 @@ fn profiles(
     values: &Values,
     source: &Source,
     samples: &Samples,
-) -> Result<(ProfileAxis, (f64, f64)), Found> {
+) -> Result<(ProfileAxis, (f64, f64)), Fault> {
     let centre_hz = values.optional_number("centre");
     match (samples.real, centre_hz) {
         (true, Some(_)) => {
@@ -437,7 +437,7 @@ fn profiles(
 }
 
 /// First range and step of an array of ranges, which has to be even to a thousandth of its step.
-fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Found> {
+fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Fault> {
     let ranges = source.vector(values, "ranges")?;
     if ranges.len() != count || count < 2 {
         let what = format!(

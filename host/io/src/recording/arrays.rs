@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::files::expand;
 use crate::input::{Stamp, open_file};
 use crate::npy::Array;
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 use subaperture_model::phase_history::{InputFile, ReadError};
 
@@ -95,7 +95,7 @@ impl Source<'_> {
     }
 
     /// The files of the samples; at least one.
-    pub(super) fn files(&self) -> Result<Vec<PathBuf>, Found> {
+    pub(super) fn files(&self) -> Result<Vec<PathBuf>, Fault> {
         let mut files = Vec::new();
         for text in self.recording.texts("file") {
             let names = expand(text).map_err(|what| self.recording.fault("file", what))?;
@@ -118,7 +118,7 @@ impl Source<'_> {
 
     /// The array that a key of `values` names: a path that ends in `.npy`, or an array of the archive that
     /// holds the samples.
-    pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Found> {
+    pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Fault> {
         let text = values.text(key);
         let name = if Path::new(text).extension().is_some_and(|e| e == "npy") {
             (self.folder.join(text), None)
@@ -143,7 +143,7 @@ impl Source<'_> {
     }
 
     /// A vector of finite real numbers that a key names.
-    pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Found> {
+    pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Fault> {
         let array = self.array(values, key)?;
         let real = array
             .real()

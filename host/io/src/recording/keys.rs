@@ -8,7 +8,9 @@ use subaperture_describe::keys::place;
 use subaperture_describe::keys::radar::{
     AZIMUTH, BORESIGHT, ELEVATION, NAME, OFFSET, PATTERN, PULSE, UP,
 };
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
 use subaperture_model::units::Dimension;
 
 /// Keys of a recording's description.
@@ -36,25 +38,25 @@ static TOP: Section = Section {
     doc: "",
     keys: &[Key::new(
         "name",
-        Kind::Text,
-        Need::Optional("\"yard\""),
+        ValueType::Text,
+        Requirement::Optional("\"yard\""),
         "A name for titles and reports. If left out, that of the file.",
     )],
 };
 
 const PHASE: Key = Key::new(
     "phase",
-    Kind::Quantity(Dimension::Angle, Bounds::Any),
-    Need::Default("\"0 deg\""),
+    ValueType::Quantity(Dimension::Angle, Bounds::Any),
+    Requirement::Default("\"0 deg\""),
     "Phase that it adds to what is recorded, in the sense that [recording] phase brings about: exp(+j phase). It is taken off.",
 );
 const LEVEL: Key = Key::new(
     "level",
-    Kind::Quantity(
+    ValueType::Quantity(
         Dimension::Level,
         Bounds::Within(-300.0, 300.0, "-300 to 300 dB"),
     ),
-    Need::Default("\"0 dB\""),
+    Requirement::Default("\"0 dB\""),
     "What it makes too strong. It is taken off.",
 );
 
@@ -93,35 +95,35 @@ static RECORDING: Section = Section {
     keys: &[
         Key::new(
             "format",
-            Kind::Choice(&["dca1000", "npy", "npz"]),
-            Need::Required("\"npz\""),
+            ValueType::Choice(&["dca1000", "npy", "npz"]),
+            Requirement::Required("\"npz\""),
             "The format of the file: int16, little-endian, as a TI DCA1000 and most other capture programs write them; a NumPy array; or \
              an array of a NumPy archive.",
         ),
         Key::new(
             "file",
-            Kind::Paths,
-            Need::Required("\"scan.npz\""),
+            ValueType::Paths,
+            Requirement::Required("\"scan.npz\""),
             "The file of the samples; of several files, pulses of one follow those of the one before.",
         ),
         Key::new(
             "array",
-            Kind::Text,
-            Need::Required("\"scan_data\""),
+            ValueType::Text,
+            Requirement::Required("\"scan_data\""),
             "The array of the archive that holds the samples.",
         )
         .when(&["npz"]),
         Key::new(
             "layout",
-            Kind::Choice(&["pulses-samples", "samples-pulses"]),
-            Need::Default("\"pulses-samples\""),
+            ValueType::Choice(&["pulses-samples", "samples-pulses"]),
+            Requirement::Default("\"pulses-samples\""),
             "The array's axes: what its rows are, and what its columns.",
         )
         .when(&["npy", "npz"]),
         Key::new(
             "order",
-            Kind::Choice(&["iiqq", "iqiq", "real"]),
-            Need::Optional("\"iiqq\""),
+            ValueType::Choice(&["iiqq", "iqiq", "real"]),
+            Requirement::Optional("\"iiqq\""),
             "Order of the numbers: two I then two Q (two LVDS lanes, xWR16xx and xWR18xx); I and Q in turn; or real samples of \
              kind = \"fmcw\". If left out, the one of the first two whose image is clearly the sharper; where neither is, \
              iiqq, with a warning.",
@@ -129,116 +131,116 @@ static RECORDING: Section = Section {
         .when(&["dca1000"]),
         Key::new(
             "samples",
-            Kind::Count(2, 1 << 24),
-            Need::Required("256"),
+            ValueType::Count(2, 1 << 24),
+            Requirement::Required("256"),
             "Samples a sweep.",
         )
         .when(&["dca1000"]),
         Key::new(
             "receivers",
-            Kind::Count(1, 64),
-            Need::Default("1"),
+            ValueType::Count(1, 64),
+            Requirement::Default("1"),
             "Receivers recorded, one after another in each sweep: in an array, rows of their own or a middle axis.",
         ),
         Key::new(
             "receiver",
-            Kind::Count(1, 64),
-            Need::Optional("1"),
+            ValueType::Count(1, 64),
+            Requirement::Optional("1"),
             "The one receiver that is used, from 1. If left out, all that have a section [[radar.receiver]], in its \
              order, or the first.",
         ),
         Key::new(
             "transmitters",
-            Kind::Count(1, 64),
-            Need::Default("1"),
+            ValueType::Count(1, 64),
+            Requirement::Default("1"),
             "Transmitters that take turns, sweep by sweep. A pulse, here and in all counts, is one turn of all of them.",
         ),
         Key::new(
             "transmitter",
-            Kind::Count(1, 64),
-            Need::Optional("1"),
+            ValueType::Count(1, 64),
+            Requirement::Optional("1"),
             "The one transmitter that is used, from 1. If left out, all that have a section [[radar.transmitter]], in \
              its order, or the first.",
         ),
         Key::new(
             "average",
-            Kind::Count(1, 1 << 20),
-            Need::Default("1"),
+            ValueType::Count(1, 1 << 20),
+            Requirement::Default("1"),
             "Turns taken at one place, whose mean is one pulse.",
         ),
         Key::new(
             "phase",
-            Kind::Choice(&["minus", "plus"]),
-            Need::Optional("\"minus\""),
+            ValueType::Choice(&["minus", "plus"]),
+            Requirement::Optional("\"minus\""),
             "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). Of \
              rising sweeps with a positive beat it is plus. Real samples have both. If left out, the sign whose image is clearly \
              the sharper; where neither is, the recording is refused.",
         ),
         Key::new(
             "range_bias",
-            Kind::Quantity(Dimension::Length, Bounds::Any),
-            Need::Default("\"0 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Any),
+            Requirement::Default("\"0 m\""),
             "What ranges are recorded too long by: delays in cables and filters.",
         ),
         Key::new(
             "times",
-            Kind::Text,
-            Need::Optional("\"scan_timestamps_ms\""),
+            ValueType::Text,
+            Requirement::Optional("\"scan_timestamps_ms\""),
             "ARRAY of the pulses' times. Either this or [radar] pri or prf.",
         ),
         Key::new(
             "times_unit",
-            Kind::Choice(UNITS_OF_TIME),
-            Need::Default("\"s\""),
+            ValueType::Choice(UNITS_OF_TIME),
+            Requirement::Default("\"s\""),
             "The unit of times.",
         ),
         Key::new(
             "first",
-            Kind::Count(0, u64::MAX),
-            Need::Default("0"),
+            ValueType::Count(0, u64::MAX),
+            Requirement::Default("0"),
             "The first pulse that is used, from 0.",
         ),
         Key::new(
             "count",
-            Kind::Count(1, u64::MAX),
-            Need::Optional("400"),
+            ValueType::Count(1, u64::MAX),
+            Requirement::Optional("400"),
             "How many pulses are used from the first on. If left out, all.",
         ),
         Key::new(
             "every",
-            Kind::Count(1, u64::MAX),
-            Need::Default("1"),
+            ValueType::Count(1, u64::MAX),
+            Requirement::Default("1"),
             "Use every pulse of these, every second one, and so on.",
         ),
         Key::new(
             "pulses",
-            Kind::Choice(&["all", "moving"]),
-            Need::Default("\"all\""),
+            ValueType::Choice(&["all", "moving"]),
+            Requirement::Default("\"all\""),
             "Whether pulses are left out while the platform stands.",
         ),
         Key::new(
             "moving_above",
-            Kind::Quantity(Dimension::Speed, Bounds::Positive),
-            Need::Default("\"2 cm/s\""),
+            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
+            Requirement::Default("\"2 cm/s\""),
             "Speed above which the platform moves, taken over 0.1 s.",
         ),
         Key::new(
             "background",
-            Kind::Choice(&["keep", "mean", "mean-moving"]),
-            Need::Default("\"keep\""),
+            ValueType::Choice(&["keep", "mean", "mean-moving"]),
+            Requirement::Default("\"keep\""),
             "Whether what does not change from pulse to pulse is removed: the mean of the pulses used, or of \
              those while the platform moves.",
         ),
         Key::new(
             "background_first",
-            Kind::Count(0, u64::MAX),
-            Need::Default("0"),
+            ValueType::Count(0, u64::MAX),
+            Requirement::Default("0"),
             "The first pulse that counts for the mean, from 0 in the recording.",
         ),
         Key::new(
             "background_count",
-            Kind::Count(2, u64::MAX),
-            Need::Optional("100"),
+            ValueType::Count(2, u64::MAX),
+            Requirement::Optional("100"),
             "How many pulses count for the mean. If left out, all.",
         ),
     ],
@@ -253,27 +255,27 @@ static SCENE: Section = Section {
     keys: &[
         Key::new(
             "reference",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"0, 5, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"0, 5, 0 m\""),
             "The point that phases are referred to. If neither it nor reference_range is given, phases are \
              referred to the middle of the ranges that the samples tell apart, whatever the point.",
         ),
         Key::new(
             "reference_range",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Optional("\"5 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Optional("\"5 m\""),
             "In place of a point: the same range from the radar for all pulses.",
         ),
         Key::new(
             "x",
-            Kind::Interval(Dimension::Length),
-            Need::Optional("\"-4, 4 m\""),
+            ValueType::Interval(Dimension::Length),
+            Requirement::Optional("\"-4, 4 m\""),
             "Extent of the scene in x, for default image grids. Give x and y, or neither.",
         ),
         Key::new(
             "y",
-            Kind::Interval(Dimension::Length),
-            Need::Optional("\"1, 9 m\""),
+            ValueType::Interval(Dimension::Length),
+            Requirement::Optional("\"1, 9 m\""),
             "Extent of the scene in y.",
         ),
     ],
@@ -298,125 +300,125 @@ static RADAR: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["fmcw", "pulsed", "stepped", "profiles"]),
-            Need::Required("\"fmcw\""),
+            ValueType::Choice(&["fmcw", "pulsed", "stepped", "profiles"]),
+            Requirement::Required("\"fmcw\""),
             "Beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for \
              each of rising frequencies; or range profiles, real waveforms or complex.",
         ),
         Key::new(
             "pri",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Optional("\"1 ms\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Optional("\"1 ms\""),
             "Time from pulse to pulse. If neither it nor prf nor an array of times is given, a second.",
         ),
         Key::new(
             "prf",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Optional("\"1 kHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Optional("\"1 kHz\""),
             "Pulses a second.",
         ),
         Key::new(
             "first_pulse",
-            Kind::Quantity(Dimension::Time, Bounds::Any),
-            Need::Optional("\"9.22 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Any),
+            Requirement::Optional("\"9.22 s\""),
             "Time of the recording's first pulse on the platform's clock. If left out, what times says, or 0.",
         ),
         Key::new(
             "transmitter_interval",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Optional("\"50 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Optional("\"50 us\""),
             "Time from a transmitter's sweep to the next one's within a pulse. If left out, an even part of the time from \
              pulse to pulse, or 0 where turns are averaged and the radar stands meanwhile.",
         ),
         Key::new(
             "start",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"77 GHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"77 GHz\""),
             "Frequency of the first sample.",
         )
         .when(&["fmcw", "stepped"]),
         Key::new(
             "slope",
-            Kind::Quantity(Dimension::SweepRate, Bounds::Any),
-            Need::Required("\"40 MHz/us\""),
+            ValueType::Quantity(Dimension::SweepRate, Bounds::Any),
+            Requirement::Required("\"40 MHz/us\""),
             "Sweep rate; negative sweeps fall.",
         )
         .when(&["fmcw"]),
         Key::new(
             "step",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"4 MHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"4 MHz\""),
             "From frequency to frequency.",
         )
         .when(&["stepped"]),
         Key::new(
             "step_time",
-            Kind::Quantity(Dimension::Time, Bounds::Positive),
-            Need::Optional("\"2 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Positive),
+            Requirement::Optional("\"2 us\""),
             "Time from frequency to frequency. Needed if the radar moves meanwhile.",
         )
         .when(&["stepped"]),
         Key::new(
             "motion",
-            Kind::Choice(&["stop-and-go", "true"]),
-            Need::Default("\"stop-and-go\""),
+            ValueType::Choice(&["stop-and-go", "true"]),
+            Requirement::Default("\"stop-and-go\""),
             "Whether the radar moves while a sweep lasts. Then a pulse's time is that of its middle sample, \
              number samples / 2 from 0, and the track has to be known that closely.",
         )
         .when(&["fmcw", "stepped"]),
         Key::new(
             "sample_rate",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Required("\"2.5 MHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Required("\"2.5 MHz\""),
             "Complex samples a second.",
         )
         .when(&["fmcw", "pulsed"]),
         Key::new(
             "mixer_delay",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Default("\"0 s\""),
             "Delay of the copy that the echo is mixed with; 0 for a plain homodyne radar.",
         )
         .when(&["fmcw"]),
         Key::new(
             "window_start",
-            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Required("\"38.7 us\""),
+            ValueType::Quantity(Dimension::Time, Bounds::NotNegative),
+            Requirement::Required("\"38.7 us\""),
             "Delay of sample 0 after the pulse's start.",
         )
         .when(&["pulsed"]),
         Key::new(
             "centre",
-            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
-            Need::Optional("\"10 GHz\""),
+            ValueType::Quantity(Dimension::Frequency, Bounds::Positive),
+            Requirement::Optional("\"10 GHz\""),
             "Frequency that 0 Hz of the samples stands for. Real waveforms have none, others need it.",
         )
         .when(&["pulsed", "profiles"]),
         Key::new(
             "band",
-            Kind::Interval(Dimension::Frequency),
-            Need::Required("\"3.1, 4.8 GHz\""),
+            ValueType::Interval(Dimension::Frequency),
+            Requirement::Required("\"3.1, 4.8 GHz\""),
             "The frequencies that are kept of the profiles' spectrum.",
         )
         .when(&["profiles"]),
         Key::new(
             "ranges",
-            Kind::Text,
-            Need::Optional("\"range_bins_m\""),
+            ValueType::Text,
+            Requirement::Optional("\"range_bins_m\""),
             "ARRAY of the bins' ranges in metres, evenly spaced. Either this or first_range and range_step.",
         )
         .when(&["profiles"]),
         Key::new(
             "first_range",
-            Kind::Quantity(Dimension::Length, Bounds::Any),
-            Need::Optional("\"2 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Any),
+            Requirement::Optional("\"2 m\""),
             "Range of the first bin.",
         )
         .when(&["profiles"]),
         Key::new(
             "range_step",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Optional("\"9.15 mm\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Optional("\"9.15 mm\""),
             "Range from bin to bin.",
         )
         .when(&["profiles"]),
@@ -433,90 +435,90 @@ static PLATFORM: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&[
+            ValueType::Choice(&[
                 "arc", "rail", "linear", "circular", "waypoints", "spline", "csv", "motive", "novatel", "arrays",
                 "fixed",
             ]),
-            Need::Required("\"arc\""),
+            Requirement::Required("\"arc\""),
             "A swinging arm, a carriage on a rail, a straight line, a level circle, points passed at given \
              times (straight or smooth), a recorded track, or a place.",
         ),
         Key::new(
             "pivot",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"0, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"0, 0, 0 m\""),
             "The arm's pivot, at the antenna's height.",
         )
         .when(&["arc"]),
         CENTRE,
         Key::new(
             "radius",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Required("\"20 cm\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Required("\"20 cm\""),
             "Length of the arm, radius of the circle.",
         )
         .when(&["arc", "circular"]),
         Key::new(
             "from_angle",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Required("\"0 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Required("\"0 deg\""),
             "The arm's angle in the first pulse, from x towards y.",
         )
         .when(&["arc"]),
         Key::new(
             "to_angle",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Required("\"180 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Required("\"180 deg\""),
             "The other end of its swing.",
         )
         .when(&["arc"]),
         Key::new(
             "rate",
-            Kind::Quantity(Dimension::AngularRate, Bounds::Positive),
-            Need::Optional("\"10 deg/s\""),
+            ValueType::Quantity(Dimension::AngularRate, Bounds::Positive),
+            Requirement::Optional("\"10 deg/s\""),
             "Rate of the swing. If left out, one swing takes as long as the recording.",
         )
         .when(&["arc"]),
         Key::new(
             "from",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"-1, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"-1, 0, 0 m\""),
             "Where the rail starts.",
         )
         .when(&["rail"]),
         Key::new(
             "to",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"1, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"1, 0, 0 m\""),
             "Where the rail ends.",
         )
         .when(&["rail"]),
         Key::new(
             "speed",
-            Kind::Quantity(Dimension::Speed, Bounds::Positive),
-            Need::Optional("\"0.1 m/s\""),
+            ValueType::Quantity(Dimension::Speed, Bounds::Positive),
+            Requirement::Optional("\"0.1 m/s\""),
             "Speed along the rail or the circle. If left out, the rail takes as long as the recording.",
         )
         .when(&["rail", "circular"]),
         Key::new(
             "spacing",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Optional("\"1 mm\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Optional("\"1 mm\""),
             "In place of a speed: the way from one pulse to the next.",
         )
         .when(&["rail"]),
         Key::new(
             "attitude",
-            Kind::Vector(Dimension::Angle),
-            Need::Optional("\"0, 0, 0 deg\""),
+            ValueType::Vector(Dimension::Angle),
+            Requirement::Optional("\"0, 0, 0 deg\""),
             "Roll, pitch and yaw that it keeps all the way; 0, 0, 0 lays the body's axes along the scene's. If left out, \
              it is as recorded, or heads where it goes.",
         )
         .when(&["rail", "linear", "waypoints", "spline", "csv", "motive", "arrays", "fixed"]),
         Key::new(
             "start",
-            Kind::Quantity(Dimension::Time, Bounds::Any),
-            Need::Optional("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Any),
+            Requirement::Optional("\"0 s\""),
             "When it starts. If left out, with the first pulse.",
         )
         .when(&["arc", "rail"]),
@@ -529,15 +531,15 @@ static PLATFORM: Section = Section {
         TRACK_FILE.when(&["csv", "motive", "novatel"]),
         Key::new(
             "body",
-            Kind::Text,
-            Need::Optional("\"radar\""),
+            ValueType::Text,
+            Requirement::Optional("\"radar\""),
             "The rigid body of the motion capture. Needed if there are several.",
         )
         .when(&["motive"]),
         Key::new(
             "axes",
-            Kind::Text,
-            Need::Optional("\"x, -z, y\""),
+            ValueType::Text,
+            Requirement::Optional("\"x, -z, y\""),
             "The scene's x, y and z in the letters of the track's file. If left out, they are the file's; of a motion \
              capture, whose y is up, \"x, -z, y\".",
         )
@@ -546,37 +548,37 @@ static PLATFORM: Section = Section {
         TRACK_SKIP_DAMAGED.when(&["novatel"]),
         Key::new(
             "times",
-            Kind::Text,
-            Need::Required("\"motion_timestamps_s\""),
+            ValueType::Text,
+            Requirement::Required("\"motion_timestamps_s\""),
             "ARRAY of the times of the track, ascending.",
         )
         .when(&["arrays"]),
         Key::new(
             "times_unit",
-            Kind::Choice(UNITS_OF_TIME),
-            Need::Default("\"s\""),
+            ValueType::Choice(UNITS_OF_TIME),
+            Requirement::Default("\"s\""),
             "The unit of times.",
         )
         .when(&["arrays"]),
         Key::new(
             "positions",
-            Kind::Text,
-            Need::Required("\"platform_pos_m\""),
+            ValueType::Text,
+            Requirement::Required("\"platform_pos_m\""),
             "ARRAY of the positions: x, y and z in a row for each time.",
         )
         .when(&["arrays"]),
         Key::new(
             "receiver_positions",
-            Kind::Text,
-            Need::Optional("\"receiver_pos_m\""),
+            ValueType::Text,
+            Requirement::Optional("\"receiver_pos_m\""),
             "ARRAY of the receiver's own positions at the same times, where it moves on its own; positions are \
              then the transmitter's.",
         )
         .when(&["arrays"]),
         Key::new(
             "positions_unit",
-            Kind::Choice(&["m", "cm", "mm"]),
-            Need::Default("\"m\""),
+            ValueType::Choice(&["m", "cm", "mm"]),
+            Requirement::Default("\"m\""),
             "The unit of positions.",
         )
         .when(&["arrays"]),

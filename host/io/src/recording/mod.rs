@@ -51,7 +51,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use arrays::Arrays;
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 use subaperture_model::phase_history::{
     Channel, Channels, Collection, InMemory, Inference, InputFile, PhaseHistory, ReadError,
@@ -63,7 +63,7 @@ pub use phase::SignStated;
 pub use write::{Raw, WriteError, add_to, names, write};
 
 /// What is wrong, not yet in words.
-type Faults = Vec<Found>;
+type Faults = Vec<Fault>;
 
 /// A recording's phase history and what it was made of.
 #[derive(Clone, Debug)]
@@ -252,7 +252,7 @@ impl RecordingFile {
             self.description.has_section("recording"),
             self.description.has_section("radar"),
         ) {
-            return Err(one(Found::new(
+            return Err(one(Fault::new(
                 &at,
                 "the text has no [recording], which says what the samples are. If it is a scenario, simulate it \
                  (subap simulate SCENARIO.toml -o FILE.cphd) and take the file",

@@ -2,7 +2,7 @@
 
 use super::arrays::Source;
 use super::track::{self, Track, unit_s};
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
 use subaperture_model::geometry::SceneFrame;
@@ -103,7 +103,7 @@ pub(super) fn select(
     source: &Source,
     count: usize,
     given: Option<&[usize]>,
-) -> Result<Pulses, Found> {
+) -> Result<Pulses, Fault> {
     let recording = source.recording;
     let frame = match top.section("scene").optional_section("origin") {
         Some(origin) => place::frame(origin),
@@ -171,7 +171,7 @@ fn asked(
     count: usize,
     num_channels: usize,
     given: Option<&[usize]>,
-) -> Result<Vec<(usize, usize)>, Found> {
+) -> Result<Vec<(usize, usize)>, Fault> {
     let first = recording.count("first") as usize;
     let most = recording
         .optional_count("count")
@@ -210,9 +210,9 @@ fn asked(
     })
 }
 
-fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found {
+fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault {
     if let Some((from, to)) = track.gap_s(time_s) {
-        return Found::new(
+        return Fault::new(
             &platform.at,
             format!(
                 "pulse {index} is at {time_s:.3} s, and from {from:.3} to {to:.3} s the capture did not see the body: \
@@ -221,7 +221,7 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found
         );
     }
     let (from, to) = track.span_s.unwrap_or_default();
-    Found::new(
+    Fault::new(
         &platform.at,
         format!(
             "pulse {index} is at {time_s:.3} s and the track is known from {from:.3} to {to:.3} s: check \
@@ -231,7 +231,7 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found
 }
 
 /// Times of all pulses on the platform's clock, and whether anything says them.
-fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Found> {
+fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Fault> {
     let recording = source.recording;
     let first_s = radar.optional_number("first_pulse");
     let unit_s = unit_s(recording.text("times_unit"));
@@ -293,7 +293,7 @@ fn channels(
     recording: &Values,
     times_s: &[f64],
     timed: bool,
-) -> Result<Vec<Channel>, Found> {
+) -> Result<Vec<Channel>, Fault> {
     let transmitters = used(radar, recording, "transmitter", "T")?;
     let receivers = used(radar, recording, "receiver", "R")?;
     let turns = recording.count("transmitters") as f64;
@@ -328,7 +328,7 @@ struct Used {
 }
 
 /// The antennas of a kind that are used: the one asked for, all that are described, or the first.
-fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Found> {
+fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Fault> {
     let plural = format!("{kind}s");
     let count = recording.count(&plural) as usize;
     let antennas: Vec<Antenna> = radar::antennas(radar, kind, letter)?;
@@ -336,7 +336,7 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
     if let Some(section) = sections.get(1)
         && sections.len() != count
     {
-        return Err(Found::new(
+        return Err(Fault::new(
             &section.at,
             format!(
                 "there are {} sections [[radar.{kind}]] and [recording] {plural} is {count}: describe one, or as many \

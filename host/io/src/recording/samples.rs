@@ -15,7 +15,7 @@ use super::arrays::Source;
 use super::phase::SignStated;
 use crate::input::open_file;
 use crate::npy::{Array, Range, Values as Numbers};
-use subaperture_describe::error::{ALLOW_MORE_MEMORY, Found};
+use subaperture_describe::error::{ALLOW_MORE_MEMORY, Fault};
 use subaperture_describe::values::Values;
 use subaperture_model::phase_history::PhaseSign;
 
@@ -97,7 +97,7 @@ impl Samples {
 }
 
 /// Reads the samples that `[recording]` names.
-pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Found> {
+pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
     let recording = source.recording;
     let phase = recording.optional_text("phase").map(|phase| match phase {
         "plus" => PhaseSign::Plus,
@@ -144,7 +144,7 @@ type InARow = Vec<(Arc<Array>, usize)>;
 fn joined(
     source: &Source,
     pieces: Vec<(PathBuf, Arc<Array>, usize)>,
-) -> Result<(InARow, usize), Found> {
+) -> Result<(InARow, usize), Fault> {
     let recording = source.recording;
     let a_pulse = sweeps_a_pulse(recording);
     let mut num_sweeps = 0;
@@ -178,7 +178,7 @@ fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(us
     }
 }
 
-fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Found> {
+fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
     let recording = source.recording;
     let receivers = recording.count("receivers") as usize;
     let turned = recording.text("layout") == "samples-pulses";
@@ -254,7 +254,7 @@ fn array(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Found> {
     })
 }
 
-fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Found> {
+fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> {
     let recording = source.recording;
     let samples = recording.count("samples") as usize;
     let receivers = recording.count("receivers") as usize;

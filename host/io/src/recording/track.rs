@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::arrays::Source;
 use crate::track_axes::TrackAxes;
 use crate::{marker_swaps, motive, recorded_track, track_csv};
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
@@ -56,7 +56,7 @@ pub(super) fn build(
     frame: &SceneFrame,
     times_s: (f64, f64),
     count: usize,
-) -> Result<Track, Found> {
+) -> Result<Track, Fault> {
     let track = way(values, source, frame, times_s, count)?;
     let Some(angles) = values.optional_vector("attitude") else {
         return Ok(track);
@@ -94,7 +94,7 @@ fn way(
     frame: &SceneFrame,
     times_s: (f64, f64),
     count: usize,
-) -> Result<Track, Found> {
+) -> Result<Track, Fault> {
     let mut warnings = Vec::new();
     let fixes = match values.text("kind") {
         "arrays" => arrays(values, source, "positions")?,
@@ -187,7 +187,7 @@ fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
 }
 
 /// The order of the file's axes.
-fn axes(values: &Values) -> Result<TrackAxes, Found> {
+fn axes(values: &Values) -> Result<TrackAxes, Fault> {
     match values.optional_text("axes") {
         Some(text) => text
             .parse()
@@ -198,7 +198,7 @@ fn axes(values: &Values) -> Result<TrackAxes, Found> {
 }
 
 /// The swing takes as long as the pulses, unless its rate is given.
-fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Found> {
+fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fault> {
     let (from_rad, to_rad) = (values.number("from_angle"), values.number("to_angle"));
     Ok(track::Arc {
         pivot_m: values.vector("pivot"),
@@ -214,7 +214,7 @@ fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fou
 }
 
 /// The way takes as long as the pulses, unless its speed is given.
-fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Found> {
+fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Fault> {
     let (from_m, to_m) = (values.vector("from"), values.vector("to"));
     if from_m.distance(to_m) < 1e-9 {
         return Err(values.fault("to", "the rail has no length: move one of its ends"));
@@ -240,18 +240,18 @@ fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<
     })
 }
 
-fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, Found> {
+fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, Fault> {
     if duration_s > 0.0 {
         return Ok(way / duration_s);
     }
-    Err(Found::new(
+    Err(Fault::new(
         &values.at,
         format!("the pulses are all at one time, so nothing says how fast it goes: give '{key}'"),
     ))
 }
 
 /// Times, and positions from the array that a key names.
-fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Found> {
+fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Fault> {
     let unit_s = unit_s(values.text("times_unit"));
     let axes = axes(values)?;
     let times = source.vector(values, "times")?;

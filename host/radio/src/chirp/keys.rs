@@ -1,15 +1,17 @@
 //! TOML keys of a chirp plan.
 
 use subaperture_describe::Description;
-use subaperture_describe::error::Found;
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::error::Fault;
+use subaperture_describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
 use subaperture_model::units::Dimension;
 
 use super::Plan;
 use crate::plan::{RADIO, TOP, configuration};
 
-const FREQUENCY: Kind = Kind::Quantity(Dimension::Frequency, Bounds::Positive);
-const TIME: Kind = Kind::Quantity(Dimension::Time, Bounds::Positive);
+const FREQUENCY: ValueType = ValueType::Quantity(Dimension::Frequency, Bounds::Positive);
+const TIME: ValueType = ValueType::Quantity(Dimension::Time, Bounds::Positive);
 
 static CHIRP: Section = Section {
     path: "chirp",
@@ -21,55 +23,55 @@ static CHIRP: Section = Section {
         Key::new(
             "carrier",
             FREQUENCY,
-            Need::Default("\"1.2 GHz\""),
+            Requirement::Default("\"1.2 GHz\""),
             "Centre frequency of the chirp.",
         ),
         Key::new(
             "bandwidth",
             FREQUENCY,
-            Need::Required("\"16 MHz\""),
+            Requirement::Required("\"16 MHz\""),
             " (2 bandwidth). At most the radio's bandwidth and sample rate./ (2 bandwidth). At most the radio's bandwidth and sample rate.",
         ),
         Key::new(
             "duration",
             TIME,
-            Need::Default("\"50 us\""),
+            Requirement::Default("\"50 us\""),
             "Duration of the chirp.",
         ),
         Key::new(
             "interval",
             TIME,
-            Need::Default("\"200 us\""),
+            Requirement::Default("\"200 us\""),
             "Pulse repetition interval, a whole number of samples. The unambiguous range is c / 2 times the interval.",
         ),
         Key::new(
             "pulses",
-            Kind::Count(1, 1 << 20),
-            Need::Default("16"),
+            ValueType::Count(1, 1 << 20),
+            Requirement::Default("16"),
             "Contiguous pulses per burst.",
         ),
         Key::new(
             "bursts",
-            Kind::Count(0, u64::MAX),
-            Need::Default("1"),
+            ValueType::Count(0, u64::MAX),
+            Requirement::Default("1"),
             "Number of bursts; 0 runs until stopped.",
         ),
         Key::new(
             "reach",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Default("\"300 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Default("\"300 m\""),
             "Maximum range of a profile.",
         ),
         Key::new(
             "amplitude",
-            Kind::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
-            Need::Default("0.7"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
+            Requirement::Default("0.7"),
             "Amplitude of the chirp, relative to the converter's full scale.",
         ),
         Key::new(
             "lead",
             TIME,
-            Need::Default("\"1 ms\""),
+            Requirement::Default("\"1 ms\""),
             "Lead time from a burst's command to its start, for the command to reach the device.",
         ),
     ],
@@ -85,7 +87,7 @@ pub fn reference() -> String {
     SCHEMA.reference()
 }
 
-pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
+pub(super) fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let chirp = top.section("chirp");
     let built = Plan {

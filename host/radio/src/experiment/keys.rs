@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use subaperture_describe::Description;
-use subaperture_describe::error::Found;
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::error::Fault;
+use subaperture_describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
 use subaperture_describe::values::Values;
 use subaperture_model::units::Dimension;
 
@@ -14,8 +16,8 @@ use crate::fault::Faults;
 use crate::plan::{Plan, keys as plan};
 use crate::simulated::{Analogue, Coupled, Wiring};
 
-const DELAY: Kind = Kind::Quantity(Dimension::Time, Bounds::NotNegative);
-const CHANCE: Kind = Kind::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1"));
+const DELAY: ValueType = ValueType::Quantity(Dimension::Time, Bounds::NotNegative);
+const CHANCE: ValueType = ValueType::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1"));
 
 static DEVICE: Section = Section {
     path: "device",
@@ -26,49 +28,49 @@ static DEVICE: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["simulated", "uhd", "replay"]),
-            Need::Required("\"simulated\""),
+            ValueType::Choice(&["simulated", "uhd", "replay"]),
+            Requirement::Required("\"simulated\""),
             "Kind of radio.",
         ),
         Key::new(
             "scenario",
-            Kind::Path,
-            Need::Required("\"scene.toml\""),
+            ValueType::Path,
+            Requirement::Required("\"scene.toml\""),
             "Scenario file with scene, antenna positions and receiver, as for subap simulate.",
         )
         .when(&["simulated"]),
         Key::new(
             "real_time",
-            Kind::Flag,
-            Need::Default("false"),
+            ValueType::Flag,
+            Requirement::Default("false"),
             "Run in real time; otherwise as fast as this machine allows.",
         )
         .when(&["simulated"]),
         Key::new(
             "impairments",
-            Kind::Flag,
-            Need::Default("true"),
+            ValueType::Flag,
+            Requirement::Default("true"),
             "Simulate a B210's impairments: random phases, LO offset and settling after a retune, DC offset, IQ imbalance, gain steps.",
         )
         .when(&["simulated"]),
         Key::new(
             "loop_delay",
             DELAY,
-            Need::Default("\"15 ns\""),
+            Requirement::Default("\"15 ns\""),
             "Delay of the loopback cable from the transmitter's coupler to receiver 0, with a loopback reference.",
         )
         .when(&["simulated"]),
         Key::new(
             "cable_delay",
             DELAY,
-            Need::Default("\"20 ns\""),
+            Requirement::Default("\"20 ns\""),
             "Total delay of the cables to the transmit and receive antennas.",
         )
         .when(&["simulated"]),
         Key::new(
             "leakage",
-            Kind::Quantity(Dimension::Ratio, Bounds::NotNegative),
-            Need::Default("3.0"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::NotNegative),
+            Requirement::Default("3.0"),
             "Amplitude of the direct leakage from the transmit to the receive antennas, relative to the echo of 1 m^2 at the scenario's reference \
              point; 0 disables it.",
         )
@@ -76,42 +78,42 @@ static DEVICE: Section = Section {
         Key::new(
             "leakage_delay",
             DELAY,
-            Need::Default("\"0.5 ns\""),
+            Requirement::Default("\"0.5 ns\""),
             "Delay from antenna to antenna with a loopback reference. With a leakage reference it follows from the antenna positions.",
         )
         .when(&["simulated"]),
         Key::new(
             "serial",
-            Kind::Text,
-            Need::Optional("\"30A1B2C\""),
+            ValueType::Text,
+            Requirement::Optional("\"30A1B2C\""),
             "Serial number, as printed by subap radio list. Not needed with a single device.",
         )
         .when(&["uhd"]),
         Key::new(
             "transmit_subdevice",
-            Kind::Text,
-            Need::Default("\"A:A\""),
+            ValueType::Text,
+            Requirement::Default("\"A:A\""),
             "Transmit subdevice, in UHD's notation.",
         )
         .when(&["uhd"]),
         Key::new(
             "receive_subdevices",
-            Kind::Text,
-            Need::Default("\"A:A A:B\""),
+            ValueType::Text,
+            Requirement::Default("\"A:A A:B\""),
             "Subdevices of receiver 0 (the reference) and receiver 1, in UHD's notation.",
         )
         .when(&["uhd"]),
         Key::new(
             "wire",
-            Kind::Choice(&["sc16", "sc12"]),
-            Need::Default("\"sc16\""),
+            ValueType::Choice(&["sc16", "sc12"]),
+            Requirement::Default("\"sc16\""),
             "Wire format of a sample: 16 bits, or the converter's 12 bits.",
         )
         .when(&["uhd"]),
         Key::new(
             "recording",
-            Kind::Path,
-            Need::Required("\"walk.sigmf-meta\""),
+            ValueType::Path,
+            Requirement::Required("\"walk.sigmf-meta\""),
             "Recording to replay.",
         )
         .when(&["replay"]),
@@ -128,43 +130,43 @@ static FAULTS: Section = Section {
         Key::new(
             "overflow",
             CHANCE,
-            Need::Default("0"),
+            Requirement::Default("0"),
             "Probability of an overrun, which loses the end of a burst.",
         ),
         Key::new(
             "lost_packet",
             CHANCE,
-            Need::Default("0"),
+            Requirement::Default("0"),
             "Probability that a packet within a burst is lost.",
         ),
         Key::new(
             "late",
             CHANCE,
-            Need::Default("0"),
+            Requirement::Default("0"),
             "Probability of a late command.",
         ),
         Key::new(
             "underflow",
             CHANCE,
-            Need::Default("0"),
+            Requirement::Default("0"),
             "Probability of an underrun: the transmitter pauses for one packet.",
         ),
         Key::new(
             "packet",
-            Kind::Count(1, 1 << 20),
-            Need::Default("200"),
+            ValueType::Count(1, 1 << 20),
+            Requirement::Default("200"),
             "Samples per packet.",
         ),
         Key::new(
             "unplug_at",
-            Kind::Count(0, u64::MAX),
-            Need::Optional("500"),
+            ValueType::Count(0, u64::MAX),
+            Requirement::Optional("500"),
             "Burst at which the radio is disconnected.",
         ),
         Key::new(
             "seed",
-            Kind::Count(0, i64::MAX as u64),
-            Need::Default("0"),
+            ValueType::Count(0, i64::MAX as u64),
+            Requirement::Default("0"),
             "Seed of the random faults.",
         ),
     ],
@@ -179,14 +181,14 @@ static FILES: Section = Section {
     keys: &[
         Key::new(
             "recording",
-            Kind::Path,
-            Need::Optional("\"walk\""),
+            ValueType::Path,
+            Requirement::Optional("\"walk\""),
             "Name of the recording; the suffixes .sigmf-data and .sigmf-meta are added.",
         ),
         Key::new(
             "calibration",
-            Kind::Path,
-            Need::Optional("\"calibration.json\""),
+            ValueType::Path,
+            Requirement::Optional("\"calibration.json\""),
             "Calibration file written by subap radio calibrate for this set-up.",
         ),
     ],
@@ -206,7 +208,7 @@ pub(super) static SCHEMA: Schema = Schema {
     introduction: "A radio experiment is a TOML file with the capture plan, the radio, and the files.",
 };
 
-pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>> {
+pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let folder = description.folder();
     let (device, files) = (top.section("device"), top.section("files"));

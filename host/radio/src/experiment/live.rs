@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use subaperture_describe::error::Found;
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use subaperture_describe::error::Fault;
+use subaperture_describe::schema::{Bounds, Key, Presence, Requirement, Section, ValueType};
 use subaperture_describe::values::Values;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::track::Linear;
@@ -85,51 +85,51 @@ pub(super) static LIVE: Section = Section {
     keys: &[
         Key::new(
             "grid",
-            Kind::Text,
-            Need::Required("\"x=-3:3:0.05,y=2:8:0.05\""),
+            ValueType::Text,
+            Requirement::Required("\"x=-3:3:0.05,y=2:8:0.05\""),
             "Image grid in metres of the scene frame: x and y, each as start:stop:step.",
         ),
         Key::new(
             "track",
-            Kind::Path,
-            Need::Optional("\"track.csv\""),
+            ValueType::Path,
+            Requirement::Optional("\"track.csv\""),
             "Track file (CSV): time, position, attitude of the body. Alternative: position and velocity.",
         ),
         Key::new(
             "position",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"-2.5, 0, 1 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"-2.5, 0, 1 m\""),
             "Position of the body at the time zero. With echoes: start position, default the origin.",
         ),
         Key::new(
             "velocity",
-            Kind::Vector(Dimension::Speed),
-            Need::Optional("\"0.1, 0, 0 m/s\""),
+            ValueType::Vector(Dimension::Speed),
+            Requirement::Optional("\"0.1, 0, 0 m/s\""),
             "Velocity of the body. The body's x axis, to which the antenna positions refer, points along it.",
         ),
         Key::new(
             "echoes",
-            Kind::Flag,
-            Need::Default("false"),
+            ValueType::Flag,
+            Requirement::Default("false"),
             "Estimate the track from the echoes of two receivers (MPGA), with the leakage as the reference; x is initially forward. At least two reflectors must be \
              visible, with at least one sweep per quarter wavelength of travel.",
         ),
         Key::new(
             "zero",
-            Kind::Quantity(Dimension::Time, Bounds::Any),
-            Need::Default("\"0 s\""),
+            ValueType::Quantity(Dimension::Time, Bounds::Any),
+            Requirement::Default("\"0 s\""),
             "Device time of the track's time 0, or at which the body is at its position.",
         ),
         Key::new(
             "reference",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"0, 5, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"0, 5, 0 m\""),
             "Motion compensation reference point; default: the middle of the grid.",
         ),
         Key::new(
             "last",
-            Kind::Count(1, 1 << 20),
-            Need::Optional("200"),
+            ValueType::Count(1, 1 << 20),
+            Requirement::Optional("200"),
             "Number of latest sweeps in the image; default: all.",
         ),
     ],
@@ -139,7 +139,7 @@ pub(super) fn build(
     values: &Values,
     folder: &Path,
     reference: Reference,
-) -> Result<Live, Vec<Found>> {
+) -> Result<Live, Vec<Fault>> {
     let grid: ImageGrid = values
         .text("grid")
         .parse()

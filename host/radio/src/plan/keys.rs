@@ -1,8 +1,10 @@
 //! TOML keys of a stepped-frequency capture plan.
 
 use subaperture_describe::Description;
-use subaperture_describe::error::Found;
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::error::Fault;
+use subaperture_describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
 use subaperture_describe::values::Values;
 use subaperture_model::units::Dimension;
 
@@ -18,15 +20,15 @@ pub(crate) static TOP: Section = Section {
     doc: "",
     keys: &[Key::new(
         "name",
-        Kind::Text,
-        Need::Default("\"capture\""),
+        ValueType::Text,
+        Requirement::Default("\"capture\""),
         "Name of the capture, for titles and records.",
     )],
 };
 
-const FREQUENCY: Kind = Kind::Quantity(Dimension::Frequency, Bounds::Positive);
-const TIME: Kind = Kind::Quantity(Dimension::Time, Bounds::Positive);
-const TIME_OR_NONE: Kind = Kind::Quantity(Dimension::Time, Bounds::NotNegative);
+const FREQUENCY: ValueType = ValueType::Quantity(Dimension::Frequency, Bounds::Positive);
+const TIME: ValueType = ValueType::Quantity(Dimension::Time, Bounds::Positive);
+const TIME_OR_NONE: ValueType = ValueType::Quantity(Dimension::Time, Bounds::NotNegative);
 
 pub(crate) static PLAN: Section = Section {
     path: "plan",
@@ -38,92 +40,92 @@ pub(crate) static PLAN: Section = Section {
         Key::new(
             "start",
             FREQUENCY,
-            Need::Required("\"1.1 GHz\""),
+            Requirement::Required("\"1.1 GHz\""),
             "First carrier.",
         ),
         Key::new(
             "stop",
             FREQUENCY,
-            Need::Required("\"1.3 GHz\""),
+            Requirement::Required("\"1.3 GHz\""),
             "Upper edge of the last carrier's step. Range resolution is c / (2 (stop - start)).",
         ),
         Key::new(
             "steps",
-            Kind::Count(1, 1 << 16),
-            Need::Required("50"),
+            ValueType::Count(1, 1 << 16),
+            Requirement::Required("50"),
             "Carriers per sweep. The unambiguous range is this many times the resolution.",
         ),
         Key::new(
             "avoid",
-            Kind::Rows(&[Dimension::Frequency, Dimension::Frequency], 1),
-            Need::Optional("[\"1.164 GHz, 1.188 GHz\"]"),
+            ValueType::Rows(&[Dimension::Frequency, Dimension::Frequency], 1),
+            Requirement::Optional("[\"1.164 GHz, 1.188 GHz\"]"),
             "Bands without transmission, each as lower and upper edge. Carriers whose step overlaps a band are skipped, at most a third of all, and interpolated in range profiles.",
         ),
         Key::new(
             "order",
-            Kind::Choice(&["up", "down", "up-down", "shuffled"]),
-            Need::Default("\"up\""),
+            ValueType::Choice(&["up", "down", "up-down", "shuffled"]),
+            Requirement::Default("\"up\""),
             "Order of the carriers. up-down alternates from sweep to sweep; shuffled is a new random order each sweep.",
         ),
         Key::new(
             "seed",
-            Kind::Count(0, i64::MAX as u64),
-            Need::Default("0"),
+            ValueType::Count(0, i64::MAX as u64),
+            Requirement::Default("0"),
             "Seed of the shuffled order.",
         ),
         Key::new(
             "dwell",
             TIME,
-            Need::Default("\"1 ms\""),
+            Requirement::Default("\"1 ms\""),
             "Recording time at each carrier.",
         ),
         Key::new(
             "tone",
             FREQUENCY,
-            Need::Default("\"125 kHz\""),
+            Requirement::Default("\"125 kHz\""),
             "Offset of the tone above its carrier (IF). The sample rate must be a whole multiple of it, at least 3 times.",
         ),
         Key::new(
             "amplitude",
-            Kind::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
-            Need::Default("0.7"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Within(1e-6, 1.0, "0.000001 to 1")),
+            Requirement::Default("0.7"),
             "Amplitude of the tone, relative to the converter's full scale.",
         ),
         Key::new(
             "sweeps",
-            Kind::Count(0, u64::MAX),
-            Need::Default("1"),
+            ValueType::Count(0, u64::MAX),
+            Requirement::Default("1"),
             "Number of sweeps; 0 runs until stopped.",
         ),
         Key::new(
             "pri",
             TIME_OR_NONE,
-            Need::Default("\"0 s\""),
+            Requirement::Default("\"0 s\""),
             "Sweep repetition interval; 0 for back-to-back sweeps.",
         ),
         Key::new(
             "lead",
             TIME,
-            Need::Default("\"1 ms\""),
+            Requirement::Default("\"1 ms\""),
             "Lead time from a burst's command to its start, for the command to reach the device.",
         ),
         Key::new(
             "steady",
-            Kind::Quantity(Dimension::Ratio, Bounds::Positive),
-            Need::Default("0.02"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Positive),
+            Requirement::Default("0.02"),
             "Settling threshold of the reference tone: largest relative deviation of its amplitude, and largest deviation of its phase \
              from a straight line in radians.",
         ),
         Key::new(
             "bursts",
-            Kind::Count(1, 1000),
-            Need::Default("8"),
+            ValueType::Count(1, 1000),
+            Requirement::Default("8"),
             "Maximum number of bursts at a carrier until the reference is steady. If it never is, the last burst is kept and flagged.",
         ),
         Key::new(
             "reference",
-            Kind::Choice(&["loopback", "leakage"]),
-            Need::Default("\"loopback\""),
+            ValueType::Choice(&["loopback", "leakage"]),
+            Requirement::Default("\"loopback\""),
             "Phase reference: a loopback cable from the transmitter to receiver 0, or the direct leakage received by both antennas.",
         ),
     ],
@@ -138,20 +140,20 @@ pub(crate) static ANTENNAS: Section = Section {
     keys: &[
         Key::new(
             "transmitter",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"0, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"0, 0, 0 m\""),
             "Transmit antenna.",
         ),
         Key::new(
             "receiver_0",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"20, 0, 0 cm\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"20, 0, 0 cm\""),
             "Antenna of receiver 0; unused with a loopback reference.",
         ),
         Key::new(
             "receiver_1",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"30.7, 0, 0 cm\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"30.7, 0, 0 cm\""),
             "Antenna of receiver 1.",
         ),
     ],
@@ -167,67 +169,67 @@ pub(crate) static RADIO: Section = Section {
         Key::new(
             "master_clock",
             FREQUENCY,
-            Need::Default("\"16 MHz\""),
+            Requirement::Default("\"16 MHz\""),
             "Master clock rate.",
         ),
         Key::new(
             "sample_rate",
             FREQUENCY,
-            Need::Default("\"1 MHz\""),
+            Requirement::Default("\"1 MHz\""),
             "Complex sample rate of transmitter and receivers.",
         ),
         Key::new(
             "bandwidth",
             FREQUENCY,
-            Need::Default("\"1 MHz\""),
+            Requirement::Default("\"1 MHz\""),
             "Analog bandwidth.",
         ),
         Key::new(
             "transmit_gain",
-            Kind::Quantity(Dimension::Level, Bounds::NotNegative),
-            Need::Default("\"60 dB\""),
+            ValueType::Quantity(Dimension::Level, Bounds::NotNegative),
+            Requirement::Default("\"60 dB\""),
             "Transmit gain.",
         ),
         Key::new(
             "reference_gain",
-            Kind::Quantity(Dimension::Level, Bounds::NotNegative),
-            Need::Default("\"40 dB\""),
+            ValueType::Quantity(Dimension::Level, Bounds::NotNegative),
+            Requirement::Default("\"40 dB\""),
             "Gain of receiver 0, the reference.",
         ),
         Key::new(
             "receive_gain",
-            Kind::Quantity(Dimension::Level, Bounds::NotNegative),
-            Need::Default("\"40 dB\""),
+            ValueType::Quantity(Dimension::Level, Bounds::NotNegative),
+            Requirement::Default("\"40 dB\""),
             "Gain of receiver 1, the echo.",
         ),
         Key::new(
             "transmit_antenna",
-            Kind::Text,
-            Need::Default("\"TX/RX\""),
+            ValueType::Text,
+            Requirement::Default("\"TX/RX\""),
             "Transmit port.",
         ),
         Key::new(
             "reference_antenna",
-            Kind::Text,
-            Need::Default("\"RX2\""),
+            ValueType::Text,
+            Requirement::Default("\"RX2\""),
             "Port of receiver 0.",
         ),
         Key::new(
             "receive_antenna",
-            Kind::Text,
-            Need::Default("\"RX2\""),
+            ValueType::Text,
+            Requirement::Default("\"RX2\""),
             "Port of receiver 1.",
         ),
         Key::new(
             "clock",
-            Kind::Choice(&["internal", "external", "gpsdo"]),
-            Need::Default("\"internal\""),
+            ValueType::Choice(&["internal", "external", "gpsdo"]),
+            Requirement::Default("\"internal\""),
             "Source of the reference clock.",
         ),
         Key::new(
             "pps",
-            Kind::Choice(&["internal", "external", "gpsdo"]),
-            Need::Default("\"internal\""),
+            ValueType::Choice(&["internal", "external", "gpsdo"]),
+            Requirement::Default("\"internal\""),
             "Source of the pulse per second, which defines device time.",
         ),
     ],
@@ -243,7 +245,7 @@ pub fn reference() -> String {
     SCHEMA.reference()
 }
 
-pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
+pub(super) fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let built = plan(&top)?;
     debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
@@ -251,7 +253,7 @@ pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
 }
 
 /// Build the plan of a description that may have more sections.
-pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
+pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Fault>> {
     let (plan, radio) = (top.section("plan"), top.section("radio"));
     let (start_hz, stop_hz) = (plan.number("start"), plan.number("stop"));
     if stop_hz <= start_hz {

@@ -10,7 +10,7 @@ use subaperture_model::quantity::{hertz, metres};
 use subaperture_model::radar::{Radar, Reference, Waveform};
 use subaperture_model::track::Trajectory;
 
-use super::error::Found;
+use super::error::Fault;
 use super::values::Values;
 use subaperture_describe::radar::transmission_s;
 
@@ -95,7 +95,7 @@ pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference:
 }
 
 /// All inconsistencies, the first of each kind.
-pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
+pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Fault> {
     let (radar_values, platform) = (top.section("radar"), top.section("platform"));
     let radar = &experiment.radar;
     let mut faults = Vec::new();
@@ -131,7 +131,7 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
             .any(|a| a.length().is_nan() || a.length() > FARTHEST_M)
     };
     if let Some(look) = looks.iter().find(far) {
-        faults.push(Found::new(
+        faults.push(Fault::new(
             &platform.at,
             format!(
                 "at pulse {} the radar is more than 1e9 m from the scene: shorten its track",
@@ -147,7 +147,7 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
 }
 
 /// Check that the receive window or the sampled beat frequencies contain the reference.
-fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
+fn window(values: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let delays = looks
         .iter()
         .map(|look| (look.pulse, look.reference_delays_s(experiment.reference)));
@@ -233,7 +233,7 @@ fn travel(experiment: &Experiment, looks: &[Snapshot]) -> Option<String> {
 }
 
 /// Check that the radar is outside of the scene.
-fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
+fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let wavelength_m = SPEED_OF_LIGHT_M_S / experiment.radar.waveform.centre_hz();
     let (point, ground_m) = match experiment.reference {
         Reference::Point(point) => (Some(point), point.z),
@@ -250,7 +250,7 @@ fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<F
     };
     let look = looks.iter().find(|look| look.antennas_m().any(within))?;
     let antenna = look.antennas_m().find(|&antenna| within(antenna))?;
-    Some(Found::new(
+    Some(Fault::new(
         &top.section("platform").at,
         format!(
             "at pulse {} the radar is inside the scene, at {:.3}, {:.3}, {:.3} m: move the platform out \
@@ -261,7 +261,7 @@ fn inside(top: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<F
 }
 
 /// Check that radar or scene move, so that there is an aperture.
-fn aperture(platform: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Found> {
+fn aperture(platform: &Values, experiment: &Experiment, looks: &[Snapshot]) -> Option<Fault> {
     let still = looks.iter().all(|look| {
         look.antennas_m()
             .zip(looks[0].antennas_m())
@@ -270,7 +270,7 @@ fn aperture(platform: &Values, experiment: &Experiment, looks: &[Snapshot]) -> O
     let meant = platform.text("kind") == "fixed";
     let sees_motion = !experiment.scene.movers.is_empty();
     (still && !meant && !sees_motion && looks.len() > 1).then(|| {
-        Found::new(
+        Fault::new(
             &platform.at,
             "the radar does not move from the first pulse to the last, so there is no aperture: give it \
              speed, or set kind = \"fixed\" for a stationary radar",

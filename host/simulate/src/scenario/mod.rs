@@ -54,11 +54,11 @@ use std::path::{Path, PathBuf};
 
 use super::engine::Method;
 use super::experiment::Experiment;
-use error::{ALLOW_MORE_MEMORY, Found};
+use error::{ALLOW_MORE_MEMORY, Fault};
 use subaperture_describe::{Description, error, radar, values};
 
 pub use keys::reference;
-pub use subaperture_describe::{DescriptionError as ScenarioError, Fault};
+pub use subaperture_describe::{DescriptionError as ScenarioError, RenderedFault};
 
 /// Memory per pulse from simulation to file, bytes: geometry as echo and as phase history, true antenna positions, the
 /// engine's view, the CPHD record.
@@ -120,9 +120,9 @@ impl Scenario {
         built.map_err(|faults| self.0.explain(faults))
     }
 
-    fn build(&self, memory_bytes: u64) -> Result<Experiment, Vec<Found>> {
+    fn build(&self, memory_bytes: u64) -> Result<Experiment, Vec<Fault>> {
         if let Some(at) = self.0.has_section("recording") {
-            return Err(vec![Found::new(
+            return Err(vec![Fault::new(
                 &at,
                 "this file describes an existing raw recording, not a simulation: give it to subap \
                  info or subap focus (a scenario has no [recording])",

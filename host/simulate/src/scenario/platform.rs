@@ -10,7 +10,7 @@ use subaperture_model::geometry::SceneFrame;
 use subaperture_model::radar::Radar;
 use subaperture_model::track::Trajectory;
 
-use super::error::Found;
+use super::error::Fault;
 use super::values::Values;
 
 /// True track, and measured track if any.
@@ -31,7 +31,7 @@ pub(super) fn build(
     frame: &SceneFrame,
     seed: u64,
     folder: &Path,
-) -> Result<Tracks, Found> {
+) -> Result<Tracks, Fault> {
     let platform = top.section("platform");
     let nominal = match platform.text("kind") {
         "csv" | "novatel" => {
@@ -60,7 +60,7 @@ pub(super) fn build(
     Ok(Tracks { track, measured })
 }
 
-fn perturbation(values: &Values, seed: u64, index: u32) -> Result<Perturbation, Found> {
+fn perturbation(values: &Values, seed: u64, index: u32) -> Result<Perturbation, Fault> {
     Ok(match values.text("kind") {
         "sway" => {
             let (rms_m, correlation_s) = (values.vector("rms"), values.number("correlation"));
@@ -88,7 +88,7 @@ fn navigated(
     values: &Values,
     track: Arc<dyn Trajectory>,
     seed: u64,
-) -> Result<Arc<dyn Trajectory>, Found> {
+) -> Result<Arc<dyn Trajectory>, Fault> {
     let error = NavigationError {
         bias_m: values.vector("bias"),
         drift_rms_m: values.vector("drift"),
@@ -100,6 +100,6 @@ fn navigated(
     };
     let navigated = Navigated::new(track, error, seed);
     Ok(Arc::new(navigated.map_err(|error| {
-        Found::new(&values.at, error.to_string())
+        Fault::new(&values.at, error.to_string())
     })?))
 }

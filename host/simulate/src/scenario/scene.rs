@@ -15,7 +15,7 @@ use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::radar::{Radar, Reference};
 use subaperture_signal::phase::cis;
 
-use super::error::Found;
+use super::error::Fault;
 use super::platform;
 use super::values::Values;
 
@@ -31,7 +31,7 @@ pub(super) struct Place {
 }
 
 /// Build the frame, extent and reference of the scene.
-pub(super) fn place(values: &Values) -> Result<Place, Found> {
+pub(super) fn place(values: &Values) -> Result<Place, Fault> {
     Ok(Place {
         frame: place::frame(values.section("origin")),
         extent: place::extent(values)?,
@@ -46,7 +46,7 @@ pub(super) fn build(
     seed: u64,
     folder: &Path,
     memory_bytes: u64,
-) -> Result<Scene, Found> {
+) -> Result<Scene, Fault> {
     let most = (memory_bytes / BYTES_A_POINT) as f64;
     let mut scene = Scene::default();
     let left = |scene: &Scene| (most - scene.points.len() as f64).min(MAX_POINTS);
@@ -104,7 +104,7 @@ pub(super) fn build(
 }
 
 /// Attach an error to the key `key`.
-fn made<T>(values: &Values, key: &str, result: Result<T, SceneError>) -> Result<T, Found> {
+fn made<T>(values: &Values, key: &str, result: Result<T, SceneError>) -> Result<T, Fault> {
     result.map_err(|error| values.fault(key, error.to_string()))
 }
 
@@ -115,7 +115,7 @@ fn extent(values: &Values) -> Extent {
     }
 }
 
-fn clutter(values: &Values) -> Result<Clutter, Found> {
+fn clutter(values: &Values) -> Result<Clutter, Fault> {
     let (area, height_m) = if values.text("kind") == "rectangle" {
         (Area::Rectangle(extent(values)), values.number("height"))
     } else {

@@ -7,13 +7,13 @@ use num_complex::Complex32;
 
 use super::keys::{SCHEMA, reference};
 use super::*;
-use subaperture_describe::schema::{Kind, Need, Presence, Section};
+use subaperture_describe::schema::{Presence, Requirement, Section, ValueType};
 use subaperture_model::phase_history::{PhaseHistory, check_finite};
 
 /// Values of a section's selector; one empty string if it has none.
 fn variants(section: &Section) -> &'static [&'static str] {
     match section.key(section.selector).map(|key| key.kind) {
-        Some(Kind::Choice(words)) => words,
+        Some(ValueType::Choice(words)) => words,
         _ => &[""],
     }
 }
@@ -41,7 +41,7 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
             .find(|(path, a, b)| *path == section.path && [*a, *b].contains(&key.name));
         let wanted = match pair {
             Some((_, first, _)) => (key.name == *first) != second,
-            None => all || matches!(key.need, Need::Required(_)),
+            None => all || matches!(key.need, Requirement::Required(_)),
         };
         if key.name == section.selector {
             let _ = writeln!(text, "{} = \"{variant}\"", key.name);

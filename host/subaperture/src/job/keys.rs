@@ -1,15 +1,17 @@
 //! The keys of a job.
 
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
 use subaperture_model::units::Dimension;
 
-const BOUND: Kind = Kind::Quantity(
+const BOUND: ValueType = ValueType::Quantity(
     Dimension::Level,
     Bounds::Within(-120.0, -20.0, "-20 dB to -120 dB"),
 );
-const LEVEL: Kind = Kind::Quantity(Dimension::Level, Bounds::Any);
-const SPAN: Kind = Kind::Quantity(Dimension::Level, Bounds::Positive);
-const SOME: Kind = Kind::Count(1, u64::MAX);
+const LEVEL: ValueType = ValueType::Quantity(Dimension::Level, Bounds::Any);
+const SPAN: ValueType = ValueType::Quantity(Dimension::Level, Bounds::Positive);
+const SOME: ValueType = ValueType::Count(1, u64::MAX);
 
 /// Of track's `source`.
 const FILE: &str = "file";
@@ -25,14 +27,14 @@ static TOP: Section = Section {
     keys: &[
         Key::new(
             "name",
-            Kind::Text,
-            Need::Optional("\"Two degrees of Gotcha\""),
+            ValueType::Text,
+            Requirement::Optional("\"Two degrees of Gotcha\""),
             "What the report is called. Left out, as this file.",
         ),
         Key::new(
             "out",
-            Kind::Path,
-            Need::Optional("\"gotcha\""),
+            ValueType::Path,
+            Requirement::Optional("\"gotcha\""),
             "Folder for all that the job makes. Left out, beside this file, as it is called without its ending.",
         ),
     ],
@@ -47,20 +49,20 @@ static INPUT: Section = Section {
     keys: &[
         Key::new(
             "files",
-            Kind::Paths,
-            Need::Required("\"recording.cphd\""),
+            ValueType::Paths,
+            Requirement::Required("\"recording.cphd\""),
             "The recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml). Several make one aperture, in the order of time.",
         ),
         Key::new(
             "channel",
-            Kind::Text,
-            Need::Optional("\"T1R2\""),
+            ValueType::Text,
+            Requirement::Optional("\"T1R2\""),
             "One channel by its name, or its number from 1. Left out, a CPHD's reference channel, and of a description all.",
         ),
         Key::new(
             "channels",
-            Kind::Text,
-            Need::Optional("\"all\""),
+            ValueType::Text,
+            Requirement::Optional("\"all\""),
             "The coherent sum of channels that share their pulses: all, or some as T1R1,T1R2.",
         ),
     ],
@@ -75,35 +77,35 @@ static TRACK: Section = Section {
     keys: &[
         Key::new(
             "source",
-            Kind::Choice(&[FILE, MPGA, FUSED]),
-            Need::Required("\"mpga\""),
+            ValueType::Choice(&[FILE, MPGA, FUSED]),
+            Requirement::Required("\"mpga\""),
             "Where it is taken from: a file, the recording's own echoes, or these and navigation.",
         ),
         Key::new(
             "file",
-            Kind::Path,
-            Need::Required("\"track.csv\""),
+            ValueType::Path,
+            Requirement::Required("\"track.csv\""),
             "The track, as subap track writes it.",
         )
         .when(&[FILE]),
         Key::new(
             "navigation",
-            Kind::Paths,
-            Need::Required("\"receiver.log\""),
+            ValueType::Paths,
+            Requirement::Required("\"receiver.log\""),
             "Logs of navigation of the recording's time: positions, an inertial solution, or one of each.",
         )
         .when(&[FUSED]),
         Key::new(
             "navigation_start",
-            Kind::Text,
-            Need::Optional("\"2209:502061.25\""),
+            ValueType::Text,
+            Requirement::Optional("\"2209:502061.25\""),
             "When the recording's time 0 was by the log's clock: GPS week and seconds of it, or seconds. Left out, what the recording says.",
         )
         .when(&[FUSED]),
         Key::new(
             "lever_arm",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"0.1, 0, 0.3 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"0.1, 0, 0.3 m\""),
             "From the middle of the antennas to where the log's places are, along the radar's axes.",
         )
         .when(&[FUSED]),
@@ -119,69 +121,74 @@ static AUTOFOCUS: Section = Section {
     keys: &[
         Key::new(
             "method",
-            Kind::Choice(&["pga", "mpga-image", "sharpness", "map-drift"]),
-            Need::Default("\"pga\""),
+            ValueType::Choice(&["pga", "mpga-image", "sharpness", "map-drift"]),
+            Requirement::Default("\"pga\""),
             "Phase gradient; modified for near scenes; sharpness of patches; or drift of looks.",
         ),
         Key::new(
             "grid",
-            Kind::Text,
-            Need::Optional("\"x=-20:20:0.2,y=-20:20:0.2\""),
+            ValueType::Text,
+            Requirement::Optional("\"x=-20:20:0.2,y=-20:20:0.2\""),
             "Pixels that are to be sharp, fewer than the image's. Left out, the image's own.",
         ),
         Key::new(
             "measure",
-            Kind::Choice(&["entropy", "contrast", "sharpness", "peak"]),
-            Need::Default("\"entropy\""),
+            ValueType::Choice(&["entropy", "contrast", "sharpness", "peak"]),
+            Requirement::Default("\"entropy\""),
             "What sharp means where a round is judged.",
         ),
-        Key::new("rounds", SOME, Need::Default("16"), "Rounds at most."),
+        Key::new(
+            "rounds",
+            SOME,
+            Requirement::Default("16"),
+            "Rounds at most.",
+        ),
         Key::new(
             "points",
             SOME,
-            Need::Optional("64"),
+            Requirement::Optional("64"),
             "Points looked at, at most, the brightest of their range bins.",
         )
         .when(&["pga", "mpga-image", "sharpness"]),
         Key::new(
             "within",
             SPAN,
-            Need::Optional("\"30 dB\""),
+            Requirement::Optional("\"30 dB\""),
             "How far below the brightest a point may be.",
         )
         .when(&["pga", "mpga-image", "sharpness"]),
         Key::new(
             "estimator",
-            Kind::Choice(&["likelihood", "eigenvector", "gradient"]),
-            Need::Default("\"likelihood\""),
+            ValueType::Choice(&["likelihood", "eigenvector", "gradient"]),
+            Requirement::Default("\"likelihood\""),
             "How phases are estimated.",
         )
         .when(&["pga"]),
         Key::new(
             "unknown",
-            Kind::Choice(&["phase", "track"]),
-            Need::Default("\"phase\""),
+            ValueType::Choice(&["phase", "track"]),
+            Requirement::Default("\"phase\""),
             "What is sought.",
         )
         .when(&["sharpness"]),
         Key::new(
             "goal",
-            Kind::Choice(&["sharpness", "entropy"]),
-            Need::Default("\"sharpness\""),
+            ValueType::Choice(&["sharpness", "entropy"]),
+            Requirement::Default("\"sharpness\""),
             "What patches are sharpened by.",
         )
         .when(&["sharpness"]),
         Key::new(
             "patch_pixels",
             SOME,
-            Need::Default("24"),
+            Requirement::Default("24"),
             "Pixels that a patch has along either side, more than a point is blurred over.",
         )
         .when(&["sharpness"]),
         Key::new(
             "looks",
-            Kind::Count(2, 16),
-            Need::Default("2"),
+            ValueType::Count(2, 16),
+            Requirement::Default("2"),
             "Looks, and the degree of the polynomial that is found.",
         )
         .when(&["map-drift"]),
@@ -197,27 +204,27 @@ static GRID: Section = Section {
     keys: &[
         Key::new(
             "pixels",
-            Kind::Text,
-            Need::Optional("\"x=-50:50:0.2,y=-50:50:0.2\""),
+            ValueType::Text,
+            Requirement::Optional("\"x=-50:50:0.2,y=-50:50:0.2\""),
             "Pixels, metres in the scene frame, stop excluded; or polar, r=..,theta=.. (degrees); also z, cx, cy, yaw, pitch, roll. Left out, \
              the scene's extent at half the resolution.",
         ),
         Key::new(
             "surface",
-            Kind::Text,
-            Need::Default("\"plane\""),
+            ValueType::Text,
+            Requirement::Default("\"plane\""),
             "Where pixels lie: plane, slant, hae or hae:HEIGHT (above the ellipsoid), or dem:FILE (an elevation model or a folder of them).",
         ),
         Key::new(
             "geoid",
-            Kind::Text,
-            Need::Optional("\"43\""),
+            ValueType::Text,
+            Requirement::Optional("\"43\""),
             "What lies between the ellipsoid and the level above which an elevation model states its heights: metres, or a file of undulations.",
         ),
         Key::new(
             "troposphere",
-            Kind::Text,
-            Need::Default("\"none\""),
+            ValueType::Text,
+            Requirement::Default("\"none\""),
             "The air's delay that is taken away: none, exponential, or exponential:N with N parts in a million at sea level.",
         ),
     ],
@@ -232,100 +239,100 @@ static FORMER: Section = Section {
     keys: &[
         Key::new(
             "algorithm",
-            Kind::Choice(&[
+            ValueType::Choice(&[
                 "auto", "exact", "bp", "rdbp", "ffbp", "pfa", "omega-k", "rda",
             ]),
-            Need::Default("\"auto\""),
+            Requirement::Default("\"auto\""),
             "The image former.",
         ),
         Key::new(
             "error",
             BOUND,
-            Need::Optional("\"-60 dB\""),
+            Requirement::Optional("\"-60 dB\""),
             "Bound on the relative RMS error against the exact sum. Left out, -60 dB, and none of the thesis's mode.",
         )
         .when(&["auto", "bp", "rdbp", "ffbp", "pfa", "omega-k", "rda"]),
         Key::new(
             "allow_error",
-            Kind::Flag,
-            Need::Default("false"),
+            ValueType::Flag,
+            Requirement::Default("false"),
             "Whether an image is kept whose predicted error is above the bound.",
         ),
         Key::new(
             "window",
-            Kind::Text,
-            Need::Default("\"taylor:35\""),
+            ValueType::Text,
+            Requirement::Default("\"taylor:35\""),
             "Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA.",
         ),
         Key::new(
             "slow_window",
-            Kind::Text,
-            Need::Default("\"taylor:35\""),
+            ValueType::Text,
+            Requirement::Default("\"taylor:35\""),
             "Window over slow time, across all pulses.",
         ),
         Key::new(
             "beam",
-            Kind::Text,
-            Need::Optional("\"2 deg\""),
+            ValueType::Text,
+            Requirement::Optional("\"2 deg\""),
             "Width of the antenna's beam along the track: each place is formed of the pulses that see it. auto estimates it, none takes all pulses for \
              all pixels. Left out, what the recording states or its Doppler spectrum clearly shows.",
         ),
         Key::new(
             "squint",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Optional("\"-1.5 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Optional("\"-1.5 deg\""),
             "How far forward of broadside the middle of the beam looks.",
         ),
         Key::new(
             "velocity",
-            Kind::Vector(Dimension::Speed),
-            Need::Optional("\"3, -2, 0 m/s\""),
+            ValueType::Vector(Dimension::Speed),
+            Requirement::Optional("\"3, -2, 0 m/s\""),
             "Focus what moves so; pixels are places at the first pulse.",
         ),
         Key::new(
             "portable",
-            Kind::Flag,
-            Need::Default("false"),
+            ValueType::Flag,
+            Requirement::Default("false"),
             "Whether the same bits are formed on every machine; transforms then take two to four times as long.",
         ),
         Key::new(
             "scratch",
-            Kind::Text,
-            Need::Optional("\"48M\""),
+            ValueType::Text,
+            Requirement::Optional("\"48M\""),
             "Memory for tables and one thread's buffers, on which bits depend.",
         ),
         Key::new(
             "sub_cpi",
             SOME,
-            Need::Optional("40"),
+            Requirement::Optional("40"),
             "Pulses a sub-CPI. Left out, the most that the bound allows.",
         )
         .when(&["rdbp"]),
         Key::new(
             "patch",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Optional("\"8 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Optional("\"8 m\""),
             "Side of patches. Left out, from the bound.",
         )
         .when(&["rdbp"]),
         Key::new(
             "mode",
-            Kind::Choice(&["precise", "thesis"]),
-            Need::Optional("\"precise\""),
+            ValueType::Choice(&["precise", "thesis"]),
+            Requirement::Optional("\"precise\""),
             "How range-Doppler maps are made and read.",
         )
         .when(&["rdbp"]),
         Key::new(
             "no_keystone",
-            Kind::Flag,
-            Need::Optional("false"),
+            ValueType::Flag,
+            Requirement::Optional("false"),
             "Whether the thesis mode's Keystone is left out.",
         )
         .when(&["rdbp"]),
         Key::new(
             "no_src",
-            Kind::Flag,
-            Need::Optional("false"),
+            ValueType::Flag,
+            Requirement::Optional("false"),
             "Whether secondary range compression is left out.",
         )
         .when(&["rda"]),
@@ -340,8 +347,8 @@ static CHECK: Section = Section {
     doc: "The image's error, against the exact sum.",
     keys: &[Key::new(
         "pixels",
-        Kind::Count(0, 1_000_000),
-        Need::Default("64"),
+        ValueType::Count(0, 1_000_000),
+        Requirement::Default("64"),
         "Pixels, chosen by a fixed seed, that are formed by the exact sum too; 0 for none.",
     )],
 };
@@ -355,26 +362,26 @@ static PICTURE: Section = Section {
     keys: &[
         Key::new(
             "remap",
-            Kind::Choice(&["db", "density"]),
-            Need::Default("\"db\""),
+            ValueType::Choice(&["db", "density"]),
+            Requirement::Default("\"db\""),
             "How levels become greys: decibels from top down to 6 dB below the median, or about the mean magnitude, as sarpy's Density.",
         ),
         Key::new(
             "top",
             LEVEL,
-            Need::Optional("\"-10 dB\""),
+            Requirement::Optional("\"-10 dB\""),
             "Upper level, of decibels. Left out, the level that 0.1 % of the pixels exceed, at most 12 dB below the peak.",
         ),
         Key::new(
             "span",
             SPAN,
-            Need::Optional("\"50 dB\""),
+            Requirement::Optional("\"50 dB\""),
             "Levels from the brightest to the darkest colour, of decibels. Left out, 40 to 60 dB.",
         ),
         Key::new(
             "colours",
-            Kind::Choice(&["grey", "viridis"]),
-            Need::Default("\"grey\""),
+            ValueType::Choice(&["grey", "viridis"]),
+            Requirement::Default("\"grey\""),
             "Colours: black to white, or dark blue over green to yellow.",
         ),
     ],
@@ -389,14 +396,14 @@ static QUALITY: Section = Section {
     keys: &[
         Key::new(
             "points",
-            Kind::Count(0, 64),
-            Need::Default("5"),
+            ValueType::Count(0, 64),
+            Requirement::Default("5"),
             "So many of the strongest points, apart from each other's side lobes; 0 for none.",
         ),
         Key::new(
             "at",
-            Kind::Rows(&[Dimension::Length, Dimension::Length], 1),
-            Need::Optional("[\"10.5, -3 m\"]"),
+            ValueType::Rows(&[Dimension::Length, Dimension::Length], 1),
+            Requirement::Optional("[\"10.5, -3 m\"]"),
             "Points in place of the strongest: x and y in the scene frame, the brightest pixel within 4.",
         ),
     ],
@@ -411,14 +418,14 @@ static PRODUCTS: Section = Section {
     keys: &[
         Key::new(
             "formats",
-            Kind::Choices(&["sicd", "sidd", "cog", "kmz", "png", "zarr"]),
-            Need::Optional("[\"sicd\", \"cog\"]"),
+            ValueType::Choices(&["sicd", "sidd", "cog", "kmz", "png", "zarr"]),
+            Requirement::Optional("[\"sicd\", \"cog\"]"),
             "SICD and SIDD in NITF, a cloud-optimised GeoTIFF, an overlay for Google Earth, a picture with a world file, a stack in Zarr.",
         ),
         Key::new(
             "place",
-            Kind::Text,
-            Need::Optional("\"39.78, -84.08, 230\""),
+            ValueType::Text,
+            Requirement::Optional("\"39.78, -84.08, 230\""),
             "Where on the Earth the scene's origin is, in place of what the recording says: degrees north and east, metres above the WGS 84 \
              ellipsoid (x is then east and y north).",
         ),
@@ -444,7 +451,7 @@ mod tests {
 
     #[test]
     fn formers_and_all_their_options_can_be_asked_for() {
-        let Kind::Choice(names) = FORMER.key("algorithm").unwrap().kind else {
+        let ValueType::Choice(names) = FORMER.key("algorithm").unwrap().kind else {
             panic!("not a choice");
         };
         for entry in &FORMERS {

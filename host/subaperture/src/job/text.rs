@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
-use subaperture_describe::error::Found;
+use subaperture_describe::error::Fault;
 use subaperture_describe::values::{self, Values};
 use subaperture_describe::{Description, DescriptionError};
 
@@ -75,12 +75,12 @@ impl JobText {
     }
 
     /// Faults of combinations of keys.
-    fn faults(&self) -> Vec<Found> {
+    fn faults(&self) -> Vec<Fault> {
         let within = |name: &str| self.values.optional_section(name);
         let mut faults = Vec::new();
         if let (Some(_), Some(autofocus)) = (within("track"), within("autofocus")) {
             let what = "autofocus is of the positions as recorded, and [track] replaces them: leave one of the two out";
-            faults.push(Found::new(&autofocus.at, what));
+            faults.push(Fault::new(&autofocus.at, what));
         }
         let input = self.values.section("input");
         if input.optional_text("channel").is_some() && input.optional_text("channels").is_some() {
@@ -100,7 +100,7 @@ impl JobText {
     }
 
     /// Error text of faults, with line numbers.
-    pub fn explain(&self, faults: Vec<Found>) -> DescriptionError {
+    pub fn explain(&self, faults: Vec<Fault>) -> DescriptionError {
         self.description.explain(faults)
     }
 

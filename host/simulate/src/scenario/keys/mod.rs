@@ -4,7 +4,7 @@
 mod scene;
 
 use subaperture_describe::keys::{motion, place, radar};
-use subaperture_describe::schema::{Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::schema::{Key, Presence, Requirement, Schema, Section, ValueType};
 
 /// Top-level keys.
 pub(super) static TOP: Section = Section {
@@ -16,20 +16,20 @@ pub(super) static TOP: Section = Section {
     keys: &[
         Key::new(
             "name",
-            Kind::Text,
-            Need::Default("\"scenario\""),
+            ValueType::Text,
+            Requirement::Default("\"scenario\""),
             "Name of the collection, for titles and reports.",
         ),
         Key::new(
             "seed",
-            Kind::Count(0, i64::MAX as u64),
-            Need::Default("0"),
+            ValueType::Count(0, i64::MAX as u64),
+            Requirement::Default("0"),
             "Seed of all random effects: the same seed gives the same file.",
         ),
         Key::new(
             "method",
-            Kind::Choice(&["fast", "sum"]),
-            Need::Default("\"fast\""),
+            ValueType::Choice(&["fast", "sum"]),
+            Requirement::Default("\"fast\""),
             "Method for sums over scatterers: by non-uniform FFT, or by the plain sum, which is slow \
                         and the reference for the fast method.",
         ),

@@ -1,6 +1,6 @@
 //! Keys of `[scene]` and its subsections.
 
-use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use subaperture_describe::schema::{Bounds, Key, Presence, Requirement, Section, ValueType};
 use subaperture_model::units::Dimension;
 
 pub(crate) static SCENE: Section = Section {
@@ -12,29 +12,29 @@ pub(crate) static SCENE: Section = Section {
     keys: &[
         Key::new(
             "reference",
-            Kind::Vector(Dimension::Length),
-            Need::Optional("\"0, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Optional("\"0, 0, 0 m\""),
             "Motion compensation reference point, also for amplitudes: with isotropic antennas, 1 m^2 has \
                         amplitude 1 in an image; with spreading loss, at this point only. Default: the scene's origin, \
                         unless reference_range is given.",
         ),
         Key::new(
             "reference_range",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Optional("\"5 km\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Optional("\"5 km\""),
             "Alternative to a reference point: a constant range from the radar for all pulses, as with a \
                         receiver with one range gate.",
         ),
         Key::new(
             "x",
-            Kind::Interval(Dimension::Length),
-            Need::Optional("\"-50, 50 m\""),
+            ValueType::Interval(Dimension::Length),
+            Requirement::Optional("\"-50, 50 m\""),
             "Extent of the scene in x, for default image grids. Give x and y, or neither.",
         ),
         Key::new(
             "y",
-            Kind::Interval(Dimension::Length),
-            Need::Optional("\"-50, 50 m\""),
+            ValueType::Interval(Dimension::Length),
+            Requirement::Optional("\"-50, 50 m\""),
             "Extent of the scene in y.",
         ),
     ],
@@ -42,20 +42,20 @@ pub(crate) static SCENE: Section = Section {
 
 const POSITION: Key = Key::new(
     "position",
-    Kind::Vector(Dimension::Length),
-    Need::Required("\"10, 5, 0 m\""),
+    ValueType::Vector(Dimension::Length),
+    Requirement::Required("\"10, 5, 0 m\""),
     "Position in the scene frame.",
 );
 const CROSS_SECTION: Key = Key::new(
     "cross_section",
-    Kind::Quantity(Dimension::CrossSection, Bounds::NotNegative),
-    Need::Default("\"1 m^2\""),
+    ValueType::Quantity(Dimension::CrossSection, Bounds::NotNegative),
+    Requirement::Default("\"1 m^2\""),
     "Radar cross section.",
 );
 const PHASE: Key = Key::new(
     "phase",
-    Kind::Quantity(Dimension::Angle, Bounds::Any),
-    Need::Default("\"0 deg\""),
+    ValueType::Quantity(Dimension::Angle, Bounds::Any),
+    Requirement::Default("\"0 deg\""),
     "Phase of the reflection.",
 );
 
@@ -78,14 +78,14 @@ pub(crate) static CORNER: Section = Section {
         POSITION,
         Key::new(
             "boresight",
-            Kind::Vector(Dimension::Ratio),
-            Need::Required("\"0, -1, 0.6\""),
+            ValueType::Vector(Dimension::Ratio),
+            Requirement::Required("\"0, -1, 0.6\""),
             "Boresight direction in scene axes.",
         ),
         Key::new(
             "edge",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Required("\"30 cm\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Required("\"30 cm\""),
             "Length of an inner edge.",
         ),
     ],
@@ -93,26 +93,26 @@ pub(crate) static CORNER: Section = Section {
 
 const X: Key = Key::new(
     "x",
-    Kind::Interval(Dimension::Length),
-    Need::Required("\"-20, 20 m\""),
+    ValueType::Interval(Dimension::Length),
+    Requirement::Required("\"-20, 20 m\""),
     "Extent in x.",
 );
 const Y: Key = Key::new(
     "y",
-    Kind::Interval(Dimension::Length),
-    Need::Required("\"-20, 20 m\""),
+    ValueType::Interval(Dimension::Length),
+    Requirement::Required("\"-20, 20 m\""),
     "Extent in y.",
 );
 const HEIGHT: Key = Key::new(
     "height",
-    Kind::Quantity(Dimension::Length, Bounds::Any),
-    Need::Default("\"0 m\""),
+    ValueType::Quantity(Dimension::Length, Bounds::Any),
+    Requirement::Default("\"0 m\""),
     "Height (z).",
 );
 const SPACING: Key = Key::new(
     "spacing",
-    Kind::Quantity(Dimension::Length, Bounds::Positive),
-    Need::Required("\"2 m\""),
+    ValueType::Quantity(Dimension::Length, Bounds::Positive),
+    Requirement::Required("\"2 m\""),
     "Spacing of the points.",
 );
 const LEVEL: Bounds = Bounds::Within(-300.0, 300.0, "-300 to 300 dB");
@@ -126,43 +126,43 @@ pub(crate) static CLUTTER: Section = Section {
     keys: &[
         Key::new(
             "kind",
-            Kind::Choice(&["rectangle", "disc"]),
-            Need::Default("\"rectangle\""),
+            ValueType::Choice(&["rectangle", "disc"]),
+            Requirement::Default("\"rectangle\""),
             "Shape of the area.",
         ),
         X.when(&["rectangle"]),
         Y.when(&["rectangle"]),
         Key::new(
             "centre",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"0, 0, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"0, 0, 0 m\""),
             "Centre of the disc; z is its height.",
         )
         .when(&["disc"]),
         Key::new(
             "radius",
-            Kind::Quantity(Dimension::Length, Bounds::Positive),
-            Need::Required("\"20 m\""),
+            ValueType::Quantity(Dimension::Length, Bounds::Positive),
+            Requirement::Required("\"20 m\""),
             "Radius of the disc.",
         )
         .when(&["disc"]),
         HEIGHT.when(&["rectangle"]),
         Key::new(
             "density",
-            Kind::Quantity(Dimension::Ratio, Bounds::Positive),
-            Need::Optional("1"),
+            ValueType::Quantity(Dimension::Ratio, Bounds::Positive),
+            Requirement::Optional("1"),
             "Points per square metre; ten per resolution cell give speckle. Give either this or count.",
         ),
         Key::new(
             "count",
-            Kind::Count(1, 1 << 26),
-            Need::Optional("1000"),
+            ValueType::Count(1, 1 << 26),
+            Requirement::Optional("1000"),
             "Total number of points. Give either this or density.",
         ),
         Key::new(
             "sigma0",
-            Kind::Quantity(Dimension::Level, LEVEL),
-            Need::Required("\"-20 dB\""),
+            ValueType::Quantity(Dimension::Level, LEVEL),
+            Requirement::Required("\"-20 dB\""),
             "Mean radar cross section per square metre (sigma nought).",
         ),
     ],
@@ -177,8 +177,8 @@ pub(crate) static PICTURE: Section = Section {
     keys: &[
         Key::new(
             "file",
-            Kind::Path,
-            Need::Required("\"picture.png\""),
+            ValueType::Path,
+            Requirement::Required("\"picture.png\""),
             "Greyscale PNG with 8 or 16 bits, or NumPy array of real numbers.",
         ),
         X,
@@ -187,14 +187,14 @@ pub(crate) static PICTURE: Section = Section {
         SPACING,
         Key::new(
             "sigma0",
-            Kind::Quantity(Dimension::Level, LEVEL),
-            Need::Required("\"0 dB\""),
+            ValueType::Quantity(Dimension::Level, LEVEL),
+            Requirement::Required("\"0 dB\""),
             "Radar cross section per square metre of white pixels.",
         ),
         Key::new(
             "speckle",
-            Kind::Flag,
-            Need::Default("true"),
+            ValueType::Flag,
+            Requirement::Default("true"),
             "Use complex Gaussian amplitudes (speckle), as of rough ground.",
         ),
     ],
@@ -209,39 +209,39 @@ pub(crate) static BUILDING: Section = Section {
     keys: &[
         Key::new(
             "position",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"10, 5, 0 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"10, 5, 0 m\""),
             "Centre of the ground plan, at the foot.",
         ),
         Key::new(
             "size",
-            Kind::Vector(Dimension::Length),
-            Need::Required("\"12, 8, 6 m\""),
+            ValueType::Vector(Dimension::Length),
+            Requirement::Required("\"12, 8, 6 m\""),
             "Length, width and height.",
         ),
         Key::new(
             "yaw",
-            Kind::Quantity(Dimension::Angle, Bounds::Any),
-            Need::Default("\"0 deg\""),
+            ValueType::Quantity(Dimension::Angle, Bounds::Any),
+            Requirement::Default("\"0 deg\""),
             "Angle from the scene's x axis to the length of the building, towards y.",
         ),
         SPACING,
         Key::new(
             "wall",
-            Kind::Quantity(Dimension::Level, LEVEL),
-            Need::Default("\"-10 dB\""),
+            ValueType::Quantity(Dimension::Level, LEVEL),
+            Requirement::Default("\"-10 dB\""),
             "Mean radar cross section per square metre of wall.",
         ),
         Key::new(
             "edge",
-            Kind::Quantity(Dimension::Level, LEVEL),
-            Need::Default("\"-10 dB\""),
+            ValueType::Quantity(Dimension::Level, LEVEL),
+            Requirement::Default("\"-10 dB\""),
             "Radar cross section per metre of roof edge.",
         ),
         Key::new(
             "foot",
-            Kind::Quantity(Dimension::Level, LEVEL),
-            Need::Default("\"0 dB\""),
+            ValueType::Quantity(Dimension::Level, LEVEL),
+            Requirement::Default("\"0 dB\""),
             "Radar cross section per metre of foot, where wall and ground form a dihedral.",
         ),
     ],

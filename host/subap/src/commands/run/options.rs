@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use serde_json::{Map, Value};
-use subaperture::describe::error::Found;
+use subaperture::describe::error::Fault;
 use subaperture::describe::values::{Value as OptionValues, Values};
 use subaperture::geometry::Geodetic;
 use subaperture::job::JobText;
@@ -120,7 +120,7 @@ impl Options {
         job: &JobText,
         path: &Path,
         writing: args::Writing,
-    ) -> Result<Self, Vec<Found>> {
+    ) -> Result<Self, Vec<Fault>> {
         let top = job.values();
         let out = match top.optional_text("out") {
             Some(out) => job.path(out),
@@ -128,7 +128,7 @@ impl Options {
         };
         if top.optional_text("out").is_none() && out == path {
             let what = "this file's name has no ending, without which the folder could be called so: say how it is called, as out = \"my-job\"";
-            return Err(vec![Found::new(&top.at, what)]);
+            return Err(vec![Fault::new(&top.at, what)]);
         }
         let name = top.optional_text("name").map(str::to_owned);
         let name = name.unwrap_or_else(|| {
@@ -141,7 +141,7 @@ impl Options {
             writing,
         };
         let mut faults = Vec::new();
-        let mut keep = |found: Vec<Found>| faults.extend(found);
+        let mut keep = |found: Vec<Fault>| faults.extend(found);
         let track = typing.track().unwrap_or_else(|found| {
             keep(found);
             None
@@ -174,10 +174,10 @@ impl Options {
                 let found = [focus.err(), picture.err(), quality.err(), products.err()];
                 faults.extend(found.into_iter().flatten().flatten());
                 // One key may be an option of several stages.
-                let mut told = Vec::<Found>::new();
+                let mut told = Vec::<Fault>::new();
                 for found in faults {
                     let known =
-                        |other: &Found| other.at == found.at && other.message == found.message;
+                        |other: &Fault| other.at == found.at && other.message == found.message;
                     if !told.iter().any(known) {
                         told.push(found);
                     }
@@ -216,7 +216,7 @@ impl Typing<'_> {
         self.writing.force.then(|| "--force".into())
     }
 
-    fn track(&self) -> Result<Option<Told<Box<args::Track>>>, Vec<Found>> {
+    fn track(&self) -> Result<Option<Told<Box<args::Track>>>, Vec<Fault>> {
         let Some(track) = self.section("track") else {
             return Ok(None);
         };
@@ -241,7 +241,7 @@ impl Typing<'_> {
         Ok(Some(told))
     }
 
-    fn autofocus(&self) -> Result<Option<Told<Box<args::Autofocus>>>, Vec<Found>> {
+    fn autofocus(&self) -> Result<Option<Told<Box<args::Autofocus>>>, Vec<Fault>> {
         let Some(autofocus) = self.section("autofocus") else {
             return Ok(None);
         };
@@ -264,7 +264,7 @@ impl Typing<'_> {
     fn focus(
         &self,
         autofocus: Option<&args::Autofocus>,
-    ) -> Result<Told<Box<args::Focus>>, Vec<Found>> {
+    ) -> Result<Told<Box<args::Focus>>, Vec<Fault>> {
         let mut words = self.inputs();
         // Existing tiles, if any, belong to this job.
         words.extend(["--out".into(), self.out.into(), "--resume".into()]);
@@ -295,7 +295,7 @@ impl Typing<'_> {
         Ok(told)
     }
 
-    fn picture(&self) -> Result<Told<args::Picture>, Vec<Found>> {
+    fn picture(&self) -> Result<Told<args::Picture>, Vec<Fault>> {
         let mut words: Vec<OsString> = vec![self.out.into(), "--out".into()];
         words.push(self.in_folder(PICTURE_PNG));
         words.extend(self.force());
@@ -305,7 +305,7 @@ impl Typing<'_> {
         })
     }
 
-    fn quality(&self) -> Result<Box<args::Quality>, Vec<Found>> {
+    fn quality(&self) -> Result<Box<args::Quality>, Vec<Fault>> {
         let rows = self.job.values().section("quality").optional_rows("at");
         let mut words: Vec<OsString> = vec![self.out.into()];
         for row in rows.into_iter().flatten() {
@@ -318,7 +318,7 @@ impl Typing<'_> {
         Ok(told.typed)
     }
 
-    fn products(&self) -> Result<(Vec<ImageFormat>, Option<Geodetic>), Vec<Found>> {
+    fn products(&self) -> Result<(Vec<ImageFormat>, Option<Geodetic>), Vec<Fault>> {
         let products = self.job.values().section("products");
         // Any name will do: only the place is taken from there.
         let words = vec![self.out.into(), "--out".into(), self.in_folder("map.kmz")];
@@ -347,7 +347,7 @@ impl Typing<'_> {
         words: Vec<OsString>,
         tables: &[Keys],
         take: impl Fn(Command) -> Option<T>,
-    ) -> Result<Told<T>, Vec<Found>> {
+    ) -> Result<Told<T>, Vec<Fault>> {
         let fixed: Vec<OsString> = ["subap".into(), command.into()]
             .into_iter()
             .chain(words)
@@ -380,9 +380,9 @@ impl Typing<'_> {
                     let error = Args::try_parse_from(fixed.iter().chain(words)).err()?;
                     Some(values.fault(key, message(&error)))
                 });
-                let found: Vec<Found> = alone.collect();
+                let found: Vec<Fault> = alone.collect();
                 Err(match found.is_empty() {
-                    true => vec![Found::new(&self.job.values().at, message(&error))],
+                    true => vec![Fault::new(&self.job.values().at, message(&error))],
                     false => found,
                 })
             }
