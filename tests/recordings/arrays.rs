@@ -171,7 +171,7 @@ fn bad_arrays_are_named() {
         (without("frequency_hz"), ["'start_hz'", "missing"]),
         (
             with("antena_m", "<f8", "(3, 3)", vec![0.0; 9]),
-            ["array 'antena_m' is none of", "antenna_m"],
+            ["found 'antena_m': correct its name", "antenna_m"],
         ),
         (
             with("samples", "<f8", "(3, 2)", vec![0.0; 6]),

@@ -100,7 +100,7 @@ pub enum FormError {
         remedies: &'static [Remedy],
     },
     /// The choices of a plan belong to a different former, or do not fit the recording and grid.
-    #[error("the plan is none of {former}'s for this recording and grid: {what}")]
+    #[error("the plan was not made by {former} for this recording and grid: {what}")]
     Choices {
         /// Name of the former.
         former: &'static str,

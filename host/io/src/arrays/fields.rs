@@ -66,7 +66,7 @@ impl Fields {
         }
         if let [first, ..] = strange.as_slice() {
             return Err(Fault::Malformed(format!(
-                "array '{first}' is none of {}: correct its name, or begin it with _ if it is to be passed over",
+                "expected arrays {}, found '{first}': correct its name, or begin it with _ if it is to be passed over",
                 listed(&NAMES)
             )));
         }

@@ -254,7 +254,7 @@ pub(crate) fn signal_format(data: &Element) -> Result<SignalFormat, MetadataErro
         "CI2" => Ok(SignalFormat::Ci2),
         "CI4" => Ok(SignalFormat::Ci4),
         "CF8" => Ok(SignalFormat::Cf8),
-        other => Err(format.fault(format!("'{other}' is none of CI2, CI4, CF8"))),
+        other => Err(format.fault(format!("expected CI2, CI4 or CF8, found '{other}'"))),
     }
 }
 

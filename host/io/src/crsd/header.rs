@@ -65,7 +65,7 @@ impl Header {
         let (name, version) = lines.first.split_once('/').unwrap_or((lines.first, ""));
         let version = version.trim();
         let kind = Kind::of(name).ok_or_else(|| {
-            format!("byte 0: '{name}' is none of CRSDsar, CRSDtx and CRSDrcv: CRSD of a version before 1 is not read")
+            format!("byte 0: expected CRSDsar, CRSDtx or CRSDrcv, found '{name}': CRSD of a version before 1 is not read")
         })?;
         if !(version == "1.0" || version.starts_with("1.0.")) {
             return Err(format!(

@@ -28,15 +28,13 @@ pub fn band_fault(start_hz: f64, step_hz: f64, count: usize) -> Option<String> {
     let last_hz = start_hz + step_hz * count.saturating_sub(1) as f64;
     if !(MIN_STEP_HZ..=MAX_HZ).contains(&step_hz) {
         return Some(format!(
-            "its frequencies are {step_hz:e} Hz apart, and steps of {MIN_STEP_HZ:e} to {MAX_HZ:e} Hz can be"
+            "expected a frequency step from {MIN_STEP_HZ:e} to {MAX_HZ:e} Hz, found {step_hz:e} Hz"
         ));
     }
     [start_hz, last_hz]
         .into_iter()
         .find(|hz| !(MIN_HZ..=MAX_HZ).contains(hz))
-        .map(|hz| {
-            format!("a frequency of {hz:e} Hz is none of a radar, {MIN_HZ:e} to {MAX_HZ:e} Hz")
-        })
+        .map(|hz| format!("expected a frequency from {MIN_HZ:e} to {MAX_HZ:e} Hz, found {hz:e} Hz"))
 }
 
 /// Describe the fault of a position or vector of the scene frame; `None` if it is valid.
@@ -79,7 +77,7 @@ mod tests {
     use crate::phase_history::Sweep;
 
     #[test]
-    fn what_cannot_be_is_told() {
+    fn fault_states_the_expected_range_and_the_value() {
         let good = Pulse {
             time_s: 1.7e9,
             transmitter_m: DVec3::splat(7e6),
@@ -96,9 +94,9 @@ mod tests {
             (|p| p.start_hz = 5e245, "5e245 Hz"),
             (|p| p.start_hz = -9e9, "-9e9 Hz"),
             (|p| p.start_hz = f64::NAN, "NaN Hz"),
-            (|p| p.step_hz = 1e14, "a frequency of 9.9"),
-            (|p| p.step_hz = 0.0, "0e0 Hz apart"),
-            (|p| p.step_hz = f64::INFINITY, "inf Hz apart"),
+            (|p| p.step_hz = 1e14, "found 9.9"),
+            (|p| p.step_hz = 0.0, "step from 1e-6 to 1e15 Hz, found 0e0 Hz"),
+            (|p| p.step_hz = f64::INFINITY, "found inf Hz"),
             (
                 |p| p.transmitter_m.y = 1e300,
                 "transmitter at (7e6, 1e300, 7e6) m",
