@@ -149,7 +149,7 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
 }
 
 #[test]
-fn items_take_what_they_are_told_to() {
+fn items_take_the_forecast_time() {
     if is_busy() {
         println!("skipped: the machine is busy with other work, so that times tell nothing");
         return;
@@ -182,7 +182,7 @@ fn items_take_what_they_are_told_to() {
 }
 
 #[test]
-fn a_search_is_told_by_one_of_its_images() {
+fn search_is_forecast_from_one_of_its_images() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let text = subaperture::simulate::scenario::examples::text("stepped").unwrap();

@@ -117,7 +117,7 @@ fn a_track_is_one_that_is_read_again() {
 }
 
 #[test]
-fn without_a_file_it_only_says_what_would_be_gained() {
+fn autofocus_without_output_reports_the_gain() {
     let folder = shaken();
     let before = listing(folder.path());
     for (options, parts) in [

@@ -152,7 +152,7 @@ fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
 }
 
 #[test]
-fn what_a_beam_does_not_see_is_zero_or_refused() {
+fn pixels_outside_the_beam_are_zero_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("strip.toml"), strip()).unwrap();
@@ -192,7 +192,7 @@ const TOLERANCE_DEG: f64 = 0.1 * WIDTH_DEG;
 
 /// Places are seen under 13.7 deg and the pulses sample 2.6 deg without ambiguity: without an option the beam is estimated, weighted by, and stated.
 #[test]
-fn strip_is_weighted_by_its_doppler_spectrum_unless_told_otherwise() {
+fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     write_without_antennas(at, &strip());

@@ -101,7 +101,7 @@ fn one_measurement_is_a_line_of_json() {
 }
 
 #[test]
-fn what_it_cannot_do_it_says() {
+fn bench_refuses_unsupported_requests() {
     let folder = tempfile::tempdir().unwrap();
     let said = |line: &str, parts: &[&str]| bench(folder.path(), line).failed(1, parts);
     said("40x48 --no-peers", &["'40x48'", "gotcha"]);

@@ -161,7 +161,7 @@ fn a_band_to_avoid_is_not_sent_and_filled() {
 }
 
 #[test]
-fn faults_are_told_marked_and_left_out_of_profiles() {
+fn faults_are_reported_marked_and_left_out_of_profiles() {
     let folder = examples();
     let at = folder.path();
     calibrate(at);
@@ -213,7 +213,7 @@ fn faults_are_told_marked_and_left_out_of_profiles() {
 
 /// 256 KiB: half a sweep of 400 kB.
 #[test]
-fn a_full_disk_leaves_what_was_recorded_before() {
+fn full_disk_keeps_the_earlier_samples() {
     let Some(disk) = TinyDisk::mount() else {
         return;
     };
@@ -298,7 +298,7 @@ fn a_capture_interrupted_is_whole() {
 }
 
 #[test]
-fn what_is_typed_or_written_wrongly_is_said_with_what_to_do() {
+fn wrong_options_and_keys_are_reported_with_advice() {
     let folder = examples();
     let at = folder.path();
     let before = listing(at);

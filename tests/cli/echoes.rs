@@ -183,7 +183,7 @@ fn an_older_recording_is_replaced_and_other_files_stay() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_nothing() {
+fn failed_write_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), STRIPMAP).unwrap();

@@ -353,7 +353,7 @@ fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
 }
 
 #[test]
-fn what_cannot_be_told_of_is_refused_with_a_word() {
+fn inexpressible_images_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();

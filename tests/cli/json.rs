@@ -128,7 +128,7 @@ fn every_command_prints_one_object() {
 }
 
 #[test]
-fn info_reads_what_other_commands_write() {
+fn info_reads_outputs_of_other_commands() {
     let folder = scene();
     run(
         folder.path(),

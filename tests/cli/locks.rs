@@ -109,7 +109,7 @@ fn a_file_is_locked_while_it_is_written() {
 }
 
 #[test]
-fn what_dead_runs_left_goes_and_what_the_living_hold_stays() {
+fn locks_of_dead_runs_are_removed_and_living_ones_kept() {
     let folder = scene();
     let at = folder.path();
     // The key of a name is its CRC-32.

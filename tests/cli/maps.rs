@@ -115,7 +115,7 @@ fn image_from_maps_is_a_product_like_any_other() {
 }
 
 #[test]
-fn what_is_missing_is_told() {
+fn missing_maps_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.maps");
     write(&path, |sub_cpi| sub_cpi != 1);
@@ -202,7 +202,7 @@ fn wrong_usage_and_bad_files_leave_nothing() {
 }
 
 #[test]
-fn a_plan_says_what_fits_and_what_would() {
+fn plan_states_what_fits_the_module() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 --out a.cphd").succeeded();
     let grid = "--grid x=-40:40:1,y=-40:40:1";

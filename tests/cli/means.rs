@@ -101,7 +101,7 @@ fn models_that_are_none_are_refused() {
 }
 
 #[test]
-fn verbose_tells_stages_before_and_after() {
+fn verbose_lists_stages_before_and_after() {
     let folder = tempfile::tempdir().unwrap();
     let ran = |line: &str| run(folder.path(), line);
     ran("simulate --preset table-4-1 -o t.cphd").succeeded();

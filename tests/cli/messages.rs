@@ -62,7 +62,7 @@ fn a_bound_missed_is_an_exit_status_of_its_own() {
 }
 
 #[test]
-fn comparing_with_a_bound_tells_by_its_status() {
+fn compare_with_a_bound_sets_the_exit_status() {
     let folder = scene();
     for (out, former) in [("a", "-a exact"), ("b", "-a bp")] {
         let line = format!("focus scene.cphd {former} --grid x=-5:5:0.5,y=-5:5:0.5 --out {out}");
@@ -140,7 +140,7 @@ fn every_failure_begins_with_error() {
 
 /// Wrong input of every sort: what is told names the thing, says what is wrong with it, and what would do.
 #[test]
-fn messages_say_what_where_and_what_to_do() {
+fn messages_state_fault_place_and_advice() {
     let folder = scene();
     let at = |name: &str| folder.path().join(name);
     run(
@@ -381,7 +381,7 @@ fn quantities_have_the_digits_that_matter() {
 }
 
 #[test]
-fn help_tells_the_exit_statuses() {
+fn help_lists_the_exit_statuses() {
     let folder = tempfile::tempdir().unwrap();
     let ran = run(folder.path(), "--help");
     let help = ran.succeeded();
@@ -414,7 +414,7 @@ fn a_result_that_cannot_be_printed_is_a_failure() {
 }
 
 #[test]
-fn progress_is_told_off_a_terminal_too() {
+fn progress_is_printed_without_a_terminal() {
     let folder = scene();
     let line = |step: f64, rest: &str| {
         format!("focus scene.cphd -a exact --grid x=-20:20:{step},y=-20:20:{step} --out {rest}")
@@ -473,7 +473,7 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
 }
 
 #[test]
-fn one_signal_ends_what_waits_for_a_pipe() {
+fn one_signal_ends_a_command_that_waits_for_a_pipe() {
     let folder = tempfile::tempdir().unwrap();
     let made = Command::new("mkfifo")
         .arg(folder.path().join("pipe.cphd"))

@@ -25,7 +25,7 @@ fn line(n: u32) -> String {
 }
 
 #[test]
-fn a_damaged_log_says_what_is_lost_and_leaves_a_track() {
+fn damaged_log_reports_losses_and_gives_a_track() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mut log: Vec<String> = (0..200).map(line).collect();
@@ -152,7 +152,7 @@ fn repeated_times_and_assumed_heights_are_warned_of() {
 }
 
 #[test]
-fn what_is_no_log_is_refused() {
+fn files_other_than_logs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("noise.asc"), [0x5a; 4000]).unwrap();

@@ -48,7 +48,7 @@ fn refused(ran: &Ran, parts: &[&str]) {
 }
 
 #[test]
-fn a_scenario_is_not_overwritten_by_what_it_makes() {
+fn scenario_is_not_overwritten_by_its_output() {
     let folder = workplace();
     let at = folder.path();
     fs::create_dir(at.join("deep")).unwrap();
@@ -144,7 +144,7 @@ fn replaces_only_its_own(at: &Path, line: &str, name: &str) {
 }
 
 #[test]
-fn every_command_replaces_only_what_subap_wrote() {
+fn every_command_replaces_only_files_of_subap() {
     let folder = workplace();
     let at = folder.path();
     let focus = format!("focus scene.cphd {GRID} -a bp");
@@ -222,7 +222,7 @@ fn maps_are_not_written_over_something_else() {
 }
 
 #[test]
-fn what_was_edited_is_its_editors() {
+fn edited_files_are_not_replaced() {
     let folder = workplace();
     let at = folder.path();
     run(at, "simulate scene.toml --echoes raw").succeeded();

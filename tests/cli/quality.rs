@@ -135,7 +135,7 @@ fn a_product_is_measured_and_shown() {
 }
 
 #[test]
-fn bad_requests_say_what_is_wrong() {
+fn invalid_requests_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o t.cphd").succeeded();

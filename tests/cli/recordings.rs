@@ -84,7 +84,7 @@ fn a_scene_without_extent_is_simulated_and_every_command_takes_settings() {
 }
 
 #[test]
-fn what_tune_finds_is_written_and_nothing_else_changes() {
+fn tune_writes_only_the_found_values() {
     let folder = folder();
     let at = folder.path();
     let path = at.join("raw/recording.toml");
@@ -168,7 +168,7 @@ fn tune_writes_no_value_whose_error_is_unknown() {
 }
 
 #[test]
-fn messages_say_what_is_meant() {
+fn description_errors_state_the_expected_value() {
     let folder = folder();
     let at = folder.path();
     let info = |setting: &str| run(at, &format!("info raw/recording.toml --set {setting}"));

@@ -276,7 +276,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
 }
 
 #[test]
-fn a_change_redoes_what_follows_and_nothing_else() {
+fn changed_stage_reruns_only_its_successors() {
     let place = Place::new();
     let at = place.job("changed", JOB);
     let all = [
@@ -353,7 +353,7 @@ fn a_change_redoes_what_follows_and_nothing_else() {
 }
 
 #[test]
-fn what_is_wrong_is_shown_where_it_is_and_nothing_is_done() {
+fn job_faults_are_shown_in_place_and_nothing_runs() {
     let place = Place::new();
     let at = place.at();
     let input = "[input]\nfiles = \"a.cphd\"\n";

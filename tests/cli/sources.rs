@@ -297,7 +297,7 @@ const BESIDE_BITS: [(&str, &str); 4] = [
 
 /// Images by portable transforms are the same bits on every machine, and so are plans of all.
 #[test]
-fn what_bears_on_bits_takes_nothing_of_the_platform() {
+fn code_that_affects_bits_uses_no_platform_functions() {
     // What tests count or draw.
     const OF_TESTS: [&str; 3] = ["counted.rs", "tests.rs", "trial.rs"];
     let bearing = BEARING_ON_BITS
@@ -341,7 +341,7 @@ fn no_files_import_each_other_in_a_circle() {
 
 /// What the list describes is what can be typed, with its help, and completed.
 #[test]
-fn what_is_in_the_list_can_be_typed() {
+fn listed_commands_exist() {
     let folder = tempfile::tempdir().unwrap();
     for command in ["focus", "plan focus"] {
         let ran = run(folder.path(), &format!("{command} --help"));

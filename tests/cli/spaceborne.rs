@@ -129,7 +129,7 @@ fn extra_m(refractivity: f64, point: DVec3, satellite: DVec3) -> f64 {
 /// A recording through a vacuum, from which the air's delay is taken, shows what it would have shown nearer: by as much as makes paths to the first and the last place of
 /// the satellite shorter by the air's.
 #[test]
-fn the_air_that_is_taken_away_is_what_the_profile_says() {
+fn removed_delay_agrees_with_the_atmosphere_profile() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let point = DVec3::new(-4.0, 6.0, 0.0);

@@ -23,7 +23,7 @@ fn quartiles_lie_between_sorted_values() {
 }
 
 #[test]
-fn what_spreads_about_the_limit_is_not_slower() {
+fn spread_about_the_limit_is_not_slower() {
     assert!(is_slower(&[1.2, 1.15, 1.3, 1.05, 1.2, 1.25, 1.18], 1.1));
     assert!(!is_slower(&[1.2, 1.0, 1.3, 1.05, 1.2, 0.9, 1.18], 1.1));
     assert!(!is_slower(&[1.0; 7], 1.1));

@@ -339,7 +339,7 @@ fn a_geotiff_of_the_ground_does_as_well() {
 
 /// On the ellipsoid, far from the scene's origin: a plane is 31 m above it at 20 km, and puts what lies on it elsewhere.
 #[test]
-fn what_lies_on_the_ellipsoid_is_where_it_lies() {
+fn points_on_the_ellipsoid_keep_their_places() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     // 20 km to the north, 12 m above the ellipsoid.

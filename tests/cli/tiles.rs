@@ -274,7 +274,7 @@ fn eight_processes_make_one_image() {
 }
 
 #[test]
-fn what_is_there_is_not_lost_by_mistake() {
+fn existing_tiles_are_not_lost_by_mistake() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     recording(folder);

@@ -101,7 +101,7 @@ fn a_track_is_written_and_images_are_focused_on_it() {
 }
 
 #[test]
-fn what_tells_no_track_says_why_and_what_to_do() {
+fn recordings_without_a_track_are_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();
@@ -236,7 +236,7 @@ fn without_a_track_of_echoes_that_of_navigation_is_taken() {
 }
 
 #[test]
-fn one_track_says_what_does_not_fit() {
+fn track_fusion_reports_mismatched_inputs() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();

@@ -229,7 +229,7 @@ fn range_doppler_maps_of_a_recording_are_shown() {
 }
 
 #[test]
-fn a_record_that_is_not_of_its_image_is_told_on_the_page() {
+fn record_of_another_image_is_reported_on_the_page() {
     let folder = folder();
     let path = folder.path().join("image/image.npy");
     let mut bytes = fs::read(&path).unwrap();
@@ -407,7 +407,7 @@ fn without_the_secret_nothing_is_shown() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_refused() {
+fn unsupported_inputs_are_refused() {
     let folder = folder();
     let at = folder.path();
     fs::write(at.join("bad.geojson"), "{}").unwrap();

@@ -23,7 +23,7 @@ fn scene() -> tempfile::TempDir {
 }
 
 #[test]
-fn wrong_usage_is_told_and_leaves_nothing() {
+fn wrong_usage_is_refused_and_leaves_no_file() {
     let folder = scene();
     let before = listing(folder.path());
     for (line, code, parts) in [
@@ -88,7 +88,7 @@ fn wrong_usage_is_told_and_leaves_nothing() {
 }
 
 #[test]
-fn an_input_that_cannot_be_read_is_told() {
+fn unreadable_input_is_reported() {
     let folder = scene();
     let whole = fs::read(folder.path().join("a.cphd")).unwrap();
     fs::write(folder.path().join("cut.cphd"), &whole[..whole.len() / 2]).unwrap();
@@ -103,7 +103,7 @@ fn an_input_that_cannot_be_read_is_told() {
 }
 
 #[test]
-fn without_the_emulator_it_says_what_to_install() {
+fn missing_emulator_is_reported_with_advice() {
     let folder = scene();
     fs::write(folder.path().join("any.elf"), "any").unwrap();
     let before = listing(folder.path());
@@ -118,7 +118,7 @@ fn without_the_emulator_it_says_what_to_install() {
 }
 
 #[test]
-fn a_firmware_that_is_none_is_told() {
+fn invalid_firmware_is_reported() {
     let folder = scene();
     fs::write(folder.path().join("any.elf"), "any").unwrap();
     let before = listing(folder.path());
@@ -130,7 +130,7 @@ fn a_firmware_that_is_none_is_told() {
 }
 
 #[test]
-fn a_module_that_is_not_there_or_silent_is_told() {
+fn absent_and_silent_modules_are_reported() {
     let folder = scene();
     let before = listing(folder.path());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -149,7 +149,7 @@ fn a_module_that_is_not_there_or_silent_is_told() {
 }
 
 #[test]
-fn an_output_that_cannot_be_written_is_told() {
+fn unwritable_output_is_reported() {
     let folder = scene();
     fs::write(folder.path().join("file"), "").unwrap();
     let before = listing(folder.path());

@@ -159,7 +159,7 @@ fn defmt_links() {
 }
 
 #[test]
-fn stages_cost_what_is_stated() {
+fn stage_costs_agree_with_their_statement() {
     let elf = build(&Build::bin("cycles", ""));
     let printed = emulate(&elf, &INSTRUCTION_TIME);
     println!("{printed}");

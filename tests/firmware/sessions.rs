@@ -233,7 +233,7 @@ fn a_host_that_does_not_read_for_seconds_loses_nothing() {
 /// At a radar's rate nothing is sent twice: what is lost stays lost, and is told. (That pulses find no
 /// room needs a module slower than its line: `tests/link/session.rs`. The emulated line holds its sender up.)
 #[test]
-fn at_a_radars_rate_losses_stay_and_are_told() {
+fn losses_at_full_rate_are_counted() {
     let faults = Faults {
         seed: 7,
         dropped_pulses: 0.05,

@@ -300,7 +300,7 @@ fn dark_grid_is_advised_by_its_spacing() {
 }
 
 #[test]
-fn the_thesiss_mode_says_what_it_does() {
+fn thesis_mode_predicts_its_error() {
     let history = Preset::Table41.simulate(&Variation::default());
     let grid = "x=-40:40:1.37,y=-40:40:1.31";
     let exact = form(&Exact, &history, grid, BoundPolicy::Refused).unwrap();
@@ -317,7 +317,7 @@ fn the_thesiss_mode_says_what_it_does() {
 }
 
 #[test]
-fn what_is_not_finite_is_refused() {
+fn images_that_are_not_finite_are_refused() {
     // Sums of 1e38 over 200 000 samples are beyond float32 on the way, or at the end.
     let history = table_4_1(&[(0.0, 0.0, 3e38), (0.5, 0.0, 3e38), (0.3, 0.2, 3e38)]);
     let former = Backprojection { error_db: -60.0 };

@@ -149,7 +149,7 @@ fn in_motion_only_those_are_taken_that_follow_it() {
 }
 
 #[test]
-fn what_all_refuse_is_refused() {
+fn image_that_every_candidate_refuses_is_refused() {
     let collection = collection(60, 64, 3.0);
     let grid = "x=-4:4:0.2,y=-4:4:0.2";
     let asked = Auto::default().error_db(-150.0);

@@ -253,7 +253,7 @@ fn windows_weigh_every_channel_alike() {
 }
 
 #[test]
-fn a_turn_that_was_broken_off_is_told() {
+fn incomplete_turn_is_reported() {
     let mut experiment = radar(2, five_points());
     experiment.radar.num_pulses = 33;
     let error = experiment.channels(1 << 26).err().unwrap();

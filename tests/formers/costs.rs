@@ -59,7 +59,7 @@ fn near(got: f64, expected: f64, tolerance: f64, what: &str) {
 
 /// What a pixel more takes, of 300 x 300 against 200 x 200, where nothing else depends on them.
 #[test]
-fn a_pixel_takes_what_its_loop_does() {
+fn operations_of_a_pixel_agree_with_its_loop() {
     for (name, operations) in [
         // A complex product (4 and 2) and sum (2) for each pulse and frequency.
         ("exact", 8.0 * PULSES * SAMPLES),
@@ -227,7 +227,7 @@ fn accounts_are_as_they_were() {
 
 /// A plan says it too, and what a tile alone takes: all that is shared, and its pixels' part.
 #[test]
-fn plans_tell_what_they_take() {
+fn plans_state_operations_and_memory() {
     let history = Preset::Table41.simulate(&Variation::default());
     let grid = grid(200);
     for entry in &FORMERS {

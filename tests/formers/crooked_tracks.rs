@@ -88,7 +88,7 @@ fn wandering_stripmap(seed: u32, rms_m: DVec3) -> PointTargetHistory {
 /// The table in the documentation of motion compensation: surge, sway and heave, metres, and errors of omega-k that are at most and at
 /// least left for a point, by places and by range. What it predicts is never less than what is measured.
 #[test]
-fn what_each_compensation_leaves() {
+fn residual_of_each_motion_compensation() {
     let grid: ImageGrid = "x=-30:30:2.3,y=-30:30:2.7".parse().unwrap();
     let none = f64::NEG_INFINITY;
     for (surge_m, sway_m, expected) in [
@@ -161,7 +161,7 @@ fn wandering_tracks_err_as_predicted_and_the_cheapest_way_is_taken() {
 
 /// Near the ground directions differ most: 1.2 GHz, 4 m of track 2 m high, pixels 8 to 14 m off, and 1 cm of sway.
 #[test]
-fn near_the_ground_it_is_told_what_directions_leave() {
+fn residual_of_directions_near_the_ground_is_predicted() {
     let path = wandering(5, 201, 3.0, DVec3::new(0.05, 0.01, 0.01));
     let radar = Radar {
         num_pulses: 201,

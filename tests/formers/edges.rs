@@ -190,7 +190,7 @@ fn one_of_everything_is_formed_or_refused() {
 }
 
 #[test]
-fn what_is_no_number_or_too_much_does_not_panic() {
+fn extreme_numbers_do_not_panic() {
     let lost = |n: f64| match n {
         0.5 => DVec3::new(f64::NAN, 0.0, 0.0),
         _ => line(n),

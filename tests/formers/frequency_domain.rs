@@ -204,7 +204,7 @@ fn slow_time_that_is_sampled_too_coarsely_is_as_ambiguous_as_it_is() {
 }
 
 #[test]
-fn what_does_not_suit_is_refused() {
+fn unsuited_geometry_is_refused() {
     let history = RAIL.over_many([2.0, 2.0]);
     let refused =
         |history: &PointTargetHistory, grid: &str, memory_bytes, former: &dyn ImageFormer| {
@@ -262,7 +262,7 @@ fn threads_do_not_change_a_bit_and_work_can_be_stopped() {
 type Kept = (StageKind, Vec<num_complex::Complex32>, Axis, Axis);
 
 #[test]
-fn what_a_former_holds_on_its_way_is_what_it_says() {
+fn stages_hold_the_documented_arrays() {
     // The rail: a scatterer 9 m off, 0.3 m ahead of the aperture's centre.
     let at = DVec3::new(0.3, 0.0, 0.0);
     let scatterer = Scatterer {

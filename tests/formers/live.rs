@@ -202,7 +202,7 @@ fn bounds_are_kept_as_asked() {
 }
 
 #[test]
-fn a_dark_grid_is_told() {
+fn dark_grid_is_reported() {
     let mut experiment = pass();
     // Beside the grid a scatterer of 1, in it one of a millionth.
     experiment.scene.points = vec![point(-13.0, 12.0, 1.0), point(6.0, -10.0, 1e-6)];

@@ -287,7 +287,7 @@ impl Tally {
 }
 
 #[test]
-fn formers_keep_what_they_promise() {
+fn formers_keep_their_bound_on_random_geometries() {
     check(draw, CASES, |_, _| true);
 }
 

@@ -204,7 +204,7 @@ fn random_points(seed: u64, count: usize, extent: Extent) -> Vec<Scatterer> {
 /// video phase takes an echo's Doppler shift, up to 24 GHz x 2 x 5 m/s / c = 0.8 kHz, for a part of its beat: a phase of
 /// `pi (0.8 kHz)^2 / rate`, 3e-5 rad; fading leaves -90 dB. Before sweeps were faded it was -47 dB and worse.
 #[test]
-fn samples_are_what_they_ought_to_be_at_their_own_moments() {
+fn samples_have_the_path_at_their_own_time() {
     let near = vec![
         point(-3.0, 5.0, 1.0),
         point(4.0, 3.0, 0.7),

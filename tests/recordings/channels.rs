@@ -221,7 +221,7 @@ fn every_pair_of_a_turn_is_a_pulse_with_its_own_antennas_and_calibration() {
 }
 
 #[test]
-fn files_and_sections_that_do_not_fit_are_told() {
+fn mismatched_files_and_sections_are_reported() {
     let (folder, _) = described();
     let refuse = |from: &str, to: &str| {
         assert!(TEXT.contains(from), "{from}");
@@ -553,7 +553,7 @@ fn recordings_of_several_channels_are_joined_channel_by_channel() {
 }
 
 #[test]
-fn channels_that_are_no_image_together_are_told() {
+fn incompatible_channels_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.cphd");
     let first = pass(0, 6, 4, 0.0);

@@ -158,7 +158,7 @@ fn points_of_a_script_are_where_they_stand() {
 }
 
 #[test]
-fn what_cannot_be_imaged_says_why() {
+fn unsupported_crsd_is_refused_with_a_reason() {
     let folder = written();
     let path = folder.path().join("plain.crsd");
     let whole = fs::read(&path).unwrap();

@@ -334,7 +334,7 @@ fn frequencies_of_other_units_and_of_no_order_are_refused() {
 }
 
 #[test]
-fn other_files_say_what_they_are() {
+fn other_mat_files_are_refused_by_name() {
     let note = matlab::matrix("note", &Value::Text("hello"));
     let image = matlab::matrix("image", &Value::Single(2, 3, vec![0.0; 6]));
     let text = message(&matlab::file(&[note, matlab::compressed(&image)]));

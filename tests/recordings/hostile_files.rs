@@ -212,7 +212,7 @@ fn a_products_grid_that_cannot_be_is_refused() {
 
 /// Before, what was meant by each was searched for: 10 s for 3 megabytes.
 #[test]
-fn many_unknown_keys_are_told_at_once() {
+fn many_unknown_keys_are_reported_at_once() {
     let keys: String = (0..300_000).map(|n| format!("k{n} = 1\n")).collect();
     let start_s = taken_s();
     let error = Scenario::new("a.toml", format!("[scene]\n{keys}"), ".").experiment();

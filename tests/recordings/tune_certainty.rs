@@ -205,7 +205,7 @@ fn honest((sure, wrong): (usize, usize)) {
 }
 
 #[test]
-fn an_uneven_walk_tells_its_clock_and_how_well() {
+fn uneven_walk_determines_the_clock_with_an_interval() {
     let found = sure_and_wrong(0.5, Measure::Sharpness, 16);
     honest(found);
     // Most of them are found: 5 cm of the way are a tenth of a second.
@@ -213,7 +213,7 @@ fn an_uneven_walk_tells_its_clock_and_how_well() {
 }
 
 #[test]
-fn an_even_walk_tells_no_clock_and_is_not_said_to() {
+fn even_walk_determines_no_clock() {
     for measure in [Measure::Sharpness, Measure::Entropy] {
         let found = sure_and_wrong(0.0, measure, 8);
         honest(found);

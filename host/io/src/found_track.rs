@@ -100,7 +100,7 @@ mod tests {
     use subaperture_model::track::turned;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn track_survives_a_round_trip() {
         let fix = |n: usize| EstimatedFix {
             fix: Fix {
                 time_s: n as f64 / 3.0,

@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_none_says_where() {
+    fn invalid_geojson_names_the_position() {
         for (text, told) in [
             ("", "not JSON"),
             ("[]", "no GeoJSON"),

@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn a_type_skips_what_it_does_not_name() {
+    fn unnamed_fields_are_skipped() {
         #[derive(serde::Deserialize)]
         struct Schema {
             schema: Option<String>,

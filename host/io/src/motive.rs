@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn faults_name_their_line() {
         for (from, to, part) in [
             ("Format Version", "time_s", "line 1: a Motive export begins"),
             (

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn phases_survive_a_round_trip() {
         let some = [0.1, -2.5e-17, 1.0 / 3.0, -1234.5, 1e-300, 5e-324, -1e12];
         assert_eq!(phases(&text(&some)).unwrap(), some);
         assert_eq!(
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn faults_name_their_line() {
         for (text, what) in [
             ("", "line 1: no header"),
             ("# nothing\n", "line 1: no header"),

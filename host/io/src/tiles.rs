@@ -506,7 +506,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_store_is_refused() {
+    fn invalid_store_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         TileStore::create(folder.path(), TILING, "p").unwrap();
         let path = folder.path().join("image.zarr/zarr.json");
@@ -526,7 +526,7 @@ mod tests {
 
     /// A killed process leaves its lock, which nobody holds, and what it had begun.
     #[test]
-    fn what_a_killed_process_had_begun_is_swept_with_the_next_claim() {
+    fn next_claim_sweeps_tiles_of_killed_processes() {
         let folder = tempfile::tempdir().unwrap();
         let store = TileStore::create(folder.path(), TILING, "p").unwrap();
         let own = folder.path().join(NAME);

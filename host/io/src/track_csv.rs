@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn faults_name_their_line() {
         for (text, what) in [
             ("", "line 1: no header"),
             ("time_s,x_m,y_m\n", "line 1: column 'z_m' is missing"),

@@ -435,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_say_what_is_wanted() {
+    fn errors_state_the_expected_unit() {
         for (text, dimension, part) in [
             ("5", Dimension::Length, "has no unit"),
             ("five km", Dimension::Length, "does not begin with a number"),

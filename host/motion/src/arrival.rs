@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_in_doubt_are_told() {
+    fn doubtful_channels_are_reported() {
         let wavelength_m = 0.004;
         let array = Array {
             transmitters_m: vec![DVec2::ZERO],

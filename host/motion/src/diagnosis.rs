@@ -368,7 +368,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn findings_say_what_can_be_trusted() {
+    fn findings_state_trusted_components() {
         let all = [
             Finding::OneTarget { pulses: 1, all: 2 },
             Finding::Dead { channel: 1 },

@@ -51,7 +51,7 @@ fn nothing_is_found_where_nothing_is_wrong() {
 }
 
 #[test]
-fn dead_channels_are_told() {
+fn dead_channels_are_reported() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     for (receivers, dead) in [
         (2, vec![1]),
@@ -79,7 +79,7 @@ fn dead_channels_are_told() {
 }
 
 #[test]
-fn channels_that_stand_still_are_told() {
+fn constant_channels_are_reported() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
     for (receivers, still) in [(2, 0), (4, 3)] {
         let array = array(receivers);
@@ -95,7 +95,7 @@ fn channels_that_stand_still_are_told() {
 }
 
 #[test]
-fn swapped_receivers_are_told() {
+fn swapped_receivers_are_reported() {
     for (receivers, [i, j]) in [(3, [0, 1]), (4, [1, 2]), (4, [0, 3]), (8, [2, 7])] {
         for snr_db in [15.0, 30.0] {
             let array = array(receivers);
@@ -130,7 +130,7 @@ fn swapped_receivers_are_told() {
 }
 
 #[test]
-fn a_receiver_of_another_phase_is_told() {
+fn receiver_phase_offset_is_reported() {
     for off in 0..5 {
         let array = array(5);
         let pulses = with(&pulses(&array, 25.0), |_, phases| phases[off] += 0.9);
@@ -154,7 +154,7 @@ fn a_receiver_of_another_phase_is_told() {
 }
 
 #[test]
-fn too_much_motion_a_pulse_is_told() {
+fn excessive_motion_per_pulse_is_reported() {
     // Towards the targets by 1.6 mm a pulse, of a wavelength of 3.9 mm: nearer by a half wavelength than the nearest whole turn says.
     let array = array(2);
     for (by_m, turns) in [(1.6e-3, 1), (-1.6e-3, -1), (3.9e-3, 2)] {
@@ -183,7 +183,7 @@ fn too_much_motion_a_pulse_is_told() {
 }
 
 #[test]
-fn too_few_targets_are_told() {
+fn too_few_targets_are_reported() {
     let array = array(2);
     let mut pulses = pulses(&array, 30.0);
     pulses[3].clear();

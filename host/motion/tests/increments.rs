@@ -181,7 +181,7 @@ fn without_noise_increments_are_the_motion() {
 
 /// One target's phases are off in one pulse of seven, as if something else were in its range bin.
 #[test]
-fn what_does_not_belong_counts_for_nothing() {
+fn outliers_do_not_change_increments() {
     let (poses, array, noise) = (poses(1000), array(2), Noise::of_snr(30.0));
     let truth_m = poses[999].at_m.length();
     let mut square = 0.0;
@@ -219,7 +219,7 @@ fn what_does_not_belong_counts_for_nothing() {
 
 /// On a rail: the heading is not lost.
 #[test]
-fn a_heading_that_is_held_tells_the_rest_better() {
+fn known_heading_improves_the_increments() {
     let (array, noise) = (array(2), Noise::of_snr(30.0));
     let rail = |n: usize| Pose {
         at_m: DVec2::new(1e-3 * n as f64, 2e-4 * n as f64),
@@ -249,7 +249,7 @@ fn a_heading_that_is_held_tells_the_rest_better() {
 }
 
 #[test]
-fn increments_of_what_tells_nothing_are_refused() {
+fn unobservable_increments_are_refused() {
     let (poses, array, noise) = (poses(100), array(2), Noise::of_snr(30.0));
     let mut random = ChaCha8Rng::seed_from_u64(2);
     let mut pulse = |n: usize, targets: usize| {

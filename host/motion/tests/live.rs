@@ -79,7 +79,7 @@ fn the_live_track_does_not_suffer_from_a_mover() {
 
 /// A target that appears in pulse 100, in the first quarter of the fourth stretch, is found to move at the end of that and never used; one that stood and begins to move is dropped within two stretches.
 #[test]
-fn what_comes_or_begins_to_move_later_is_dropped_too() {
+fn late_targets_and_late_movers_are_dropped() {
     let (poses, array, noise) = (poses(1000)[..400].to_vec(), array(2), Noise::of_snr(30.0));
     let mut all = still(&PLACES_M);
     all.push(moving(MOVER.0, MOVER.1));

@@ -222,12 +222,12 @@ fn check(receivers: usize, snrs_db: &[f64], seeds: u64) {
 }
 
 #[test]
-fn two_receivers_tell_what_can_be_known() {
+fn two_receivers_give_the_observable_components() {
     check(2, &[15.0, 30.0], 8);
 }
 
 #[test]
-fn four_receivers_tell_what_can_be_known() {
+fn four_receivers_give_the_observable_components() {
     check(4, &[15.0, 30.0], 8);
 }
 
@@ -355,7 +355,7 @@ fn covariances_are_those_of_the_whole_system() {
 }
 
 #[test]
-fn what_tells_nothing_is_refused() {
+fn unobservable_motion_is_refused() {
     let noise = Noise::of_snr(30.0);
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let array = array(2);

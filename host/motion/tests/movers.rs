@@ -117,7 +117,7 @@ fn movers_of_fifty_seeds() {
 }
 
 #[test]
-fn several_movers_are_told_apart() {
+fn several_movers_are_separated() {
     let movers = [
         MOVER,
         // Across the line of sight, and away.

@@ -67,7 +67,7 @@ fn a_squint_follows_from_the_direction_of_travel() {
 }
 
 #[test]
-fn a_radar_that_hardly_moves_tells_no_squint() {
+fn slow_radar_gives_no_squint() {
     let leg = |x: f64| Leg::along_axis(DVec2::new(x, 0.0), 1e-3);
     let refused = squint(&[leg(2e-3)]).unwrap_err();
     assert!(
@@ -128,7 +128,7 @@ fn expected_m(pose: &Pose, reflectors: &[Reflector], heave_m: f64) -> DVec2 {
 }
 
 #[test]
-fn heave_costs_what_is_derived() {
+fn heave_error_agrees_with_its_derivation() {
     let (poses, array, noise) = (poses(1000), array(4), Noise::of_snr(30.0));
     let level = |_: usize| 0.0;
     let sights = |height_m: &dyn Fn(usize) -> f64, reflectors: &[Reflector]| {
@@ -191,7 +191,7 @@ fn heave_costs_what_is_derived() {
 
 /// A target above the plane is taken for one farther away in it: motion along the array is found all the same, motion ahead comes out short by the cosine of the elevation.
 #[test]
-fn elevation_costs_what_is_derived() {
+fn elevation_error_agrees_with_its_derivation() {
     let (array, noise) = (array(4), Noise::of_snr(40.0));
     // Elevations of 0.2 rad, to which ranges make a difference of a tenth.
     let heights = PLACES_M.map(|place| 0.2f64.tan() * DVec2::from_array(place).length());

@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn advice_goes_through_what_wraps_an_error_and_is_told_once() {
+    fn advice_is_found_below_wrapping_errors_and_given_once() {
         let memory = || FormError::Memory {
             what: "the image",
             needed_bytes: 1010,

@@ -152,7 +152,7 @@ mod tests {
     use anyhow::Context;
 
     #[test]
-    fn causes_are_told_once() {
+    fn causes_are_printed_once() {
         let inner = anyhow::anyhow!("no space left");
         let error = inner.context("cannot write a.npy: no space left");
         assert_eq!(one_line(&error), "cannot write a.npy: no space left");

@@ -28,7 +28,7 @@ pub(crate) fn listen() {
             exit(INTERRUPTED.into());
         }
         // Without a thread for it work has to come to its own end, or the second signal ends it.
-        let _ = thread::Builder::new().spawn(end_what_does_not_end);
+        let _ = thread::Builder::new().spawn(second_signal_ends_the_process);
     });
     if let Err(error) = listening {
         // Work goes on; the system's own way of ending it stays.
@@ -37,7 +37,7 @@ pub(crate) fn listen() {
 }
 
 /// Waits for the work to end, and ends it.
-fn end_what_does_not_end() {
+fn second_signal_ends_the_process() {
     thread::sleep(PATIENCE);
     while KEEPERS.load(Ordering::SeqCst) > 0 {
         thread::sleep(PATIENCE / 10);

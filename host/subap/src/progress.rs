@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_tells_the_time_left() {
+    fn progress_line_states_the_remaining_time() {
         let seconds = Duration::from_secs;
         assert_eq!(
             line("focusing", 0.25, seconds(10)),

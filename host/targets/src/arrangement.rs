@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_array_is_refused() {
+    fn invalid_array_is_refused() {
         let at = |x: f64| DVec3::new(x, 0.0, 0.0);
         let channel = |name: &str, t: f64, r: f64| channel(name, at(t), at(r), DVec3::Y, 0.0);
         let twice = of(vec![channel("a", 0.0, 1.0), channel("b", 0.0, 1.0)]).unwrap_err();

@@ -161,7 +161,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_are_told_from_the_least_on() {
+    fn paths_start_at_the_least_path() {
         let band = Band {
             start_hz: 1e9,
             step_hz: 4e6,

@@ -45,7 +45,7 @@ fn three() -> Radar {
 const NOISE: f64 = 0.4;
 
 #[test]
-fn nothing_and_one_target_are_told() {
+fn missing_and_single_targets_are_reported() {
     let radar = l_band();
     let nothing = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
     assert!(
@@ -133,7 +133,7 @@ fn clipped(
 }
 
 #[test]
-fn a_saturated_channel_is_told() {
+fn saturated_channel_is_reported() {
     let mut all = recorded(&l_band(), &reflectors(), NOISE);
     let sound = found(channels(all.clone())).unwrap();
     assert!(
@@ -208,7 +208,7 @@ fn pulses_that_are_no_numbers_are_left_out() {
 }
 
 #[test]
-fn swapped_receivers_are_told() {
+fn swapped_receivers_are_reported() {
     let mut all = recorded(&l_band(), &reflectors(), NOISE);
     let other = all[1].2.clone();
     all[1].2 = std::mem::replace(&mut all[0].2, other);

@@ -171,7 +171,7 @@ fn live_track_leaves_out_a_target_that_begins_to_move() {
 
 /// Without echoes there are no places, and no end of memory; numbers that are none are as no echoes.
 #[test]
-fn where_nothing_is_seen_nothing_is_told() {
+fn no_targets_give_no_motion() {
     let (radar, truth) = (l_band(), walk(60));
     let nothing = walked(&radar, [&truth, &truth], &[]);
     let mut pulses = pulses(&nothing, &radar);

@@ -140,7 +140,7 @@ fn a_job_that_is_killed_goes_on_to_the_same_bits() {
 }
 
 #[test]
-fn ctrl_c_keeps_what_is_done_and_the_same_command_goes_on() {
+fn ctrl_c_keeps_finished_stages_and_the_same_command_resumes() {
     let place = Place::new();
     let at = place.job(
         "stopped",
@@ -179,7 +179,7 @@ fn ctrl_c_keeps_what_is_done_and_the_same_command_goes_on() {
 }
 
 #[test]
-fn a_full_disk_is_told_and_nothing_is_left_in_part() {
+fn full_disk_is_reported_and_leaves_no_partial_file() {
     let Some(disk) = TinyDisk::mount() else {
         return;
     };

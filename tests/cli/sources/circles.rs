@@ -290,7 +290,7 @@ fn a_circle_of_three_is_found() {
 }
 
 #[test]
-fn what_is_no_import_makes_no_circle() {
+fn only_imports_make_circles() {
     let sources = [
         "// use super::c::C;\n/* use super::c::C; */",
         "const A: &str = \"use super::c::C; \\\" crate::c::C\";",

@@ -186,7 +186,7 @@ fn toa_follows_the_standard_in_either_sign() {
 }
 
 #[test]
-fn what_is_wrong_is_named() {
+fn faults_are_named() {
     let good = ByHand::new("CF8", vec![0; 96]);
     open_bytes(&good.bytes()).unwrap();
 

@@ -284,7 +284,7 @@ fn nothing_is_left_behind_and_an_old_file_stays() {
 }
 
 #[test]
-fn what_cphd_cannot_express_is_refused() {
+fn inexpressible_recordings_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.cphd");
     let scene = Scene::default();

@@ -177,7 +177,7 @@ fn faults_by_uhd_are_those_of_the_simulated_radio() {
 }
 
 #[test]
-fn a_device_unplugged_ends_the_capture_and_leaves_what_came() {
+fn unplugged_device_ends_the_capture_and_keeps_the_samples() {
     let summary = compare("unplug");
     assert!(summary.starts_with("radio ("), "{summary}");
 }
@@ -197,7 +197,7 @@ fn of_two_radios_none_is_taken_unasked() {
 }
 
 #[test]
-fn missing_images_are_told_with_what_to_do() {
+fn missing_images_are_reported_with_advice() {
     let refused = refused("images");
     assert!(
         refused.contains("usrp_b200_fw.hex") && refused.contains("uhd_images_downloader"),
@@ -207,7 +207,7 @@ fn missing_images_are_told_with_what_to_do() {
 
 /// UHD itself, which finds none of this serial number.
 #[test]
-fn uhd_without_a_device_says_so_and_what_to_check() {
+fn missing_device_is_reported_with_advice() {
     if std::env::var_os(FOLDER).is_some() {
         return;
     }

@@ -153,7 +153,7 @@ fn faults_by_uhd_are_marked_as_those_of_the_simulated_radio() {
 }
 
 #[test]
-fn an_unplugged_radio_is_an_exit_status_of_1_and_leaves_what_came() {
+fn unplugged_radio_exits_1_and_keeps_the_samples() {
     let folder = experiments("sc16", "");
     let ran = ran(&folder, "unplug", "capture uhd.toml -o walk");
     assert_eq!(ran.code, Some(1));
@@ -186,7 +186,7 @@ fn radios_are_listed_and_probed() {
 
 /// UHD's own error of a device without firmware, as the stand-in gives it.
 #[test]
-fn missing_images_are_told_with_what_to_do() {
+fn missing_images_are_reported_with_advice() {
     let folder = experiments("sc16", "");
     let ran = ran(&folder, "images", "capture uhd.toml -o walk");
     assert_eq!(ran.code, Some(1));
@@ -200,7 +200,7 @@ fn missing_images_are_told_with_what_to_do() {
 
 /// UHD itself, which finds none of this serial number.
 #[test]
-fn uhd_without_a_device_is_told_with_what_to_check() {
+fn missing_device_is_reported_with_advice() {
     let folder = experiments("sc16", "");
     for line in [
         "radio list --serial NONE0000",

@@ -259,7 +259,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_never_ends_is_killed_and_said_to_be() {
+    fn endless_programs_are_killed_and_reported() {
         let run = |line: &str, limit: Duration| {
             let mut command = Command::new("sh");
             let command = command.args(["-c", line]).stdin(Stdio::null());

@@ -94,7 +94,7 @@ mod tests {
         SIGNAL_BLOCK_BYTE_OFFSET := 430\nCLASSIFICATION := U\nRELEASE_INFO := U\n\x0c\n";
 
     #[test]
-    fn only_what_has_pulses_and_echoes_is_read() {
+    fn only_crsdsar_is_read() {
         let parse = |name: &str, len| Header::parse(format!("{name}{REST}").as_bytes(), len);
         let header = parse("CRSDsar", 438).unwrap();
         assert_eq!(

@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_read_says_why() {
+    fn unreadable_arrays_are_refused_with_a_reason() {
         for (file, part) in [
             (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
             (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),

@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_grids_say_what_to_write() {
+    fn invalid_grids_state_the_expected_syntax() {
         for (text, part) in [
             ("x=1", "x=START:STOP:STEP"),
             ("x=1:2,y=1:2", "x has no step"),

@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_places_share_is_copied_and_nothing_else() {
+    fn overlap_of_blocks_is_copied() {
         let (to_place, from_place) = ([1..4, 2..6], [2..9, 0..4]);
         let value = |row: usize, column: usize| Complex32::new(row as f32, column as f32);
         let from: Vec<Complex32> = (2..9)

@@ -510,7 +510,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_belong_together_is_refused() {
+    fn recordings_of_different_frames_are_refused() {
         assert!(Joined::join(Vec::new()).is_err());
         let (_, mut parts) = parts(&[2, 2]);
         let mut other = parts[1].collection().clone();

@@ -95,7 +95,10 @@ mod tests {
             (|p| p.start_hz = -9e9, "-9e9 Hz"),
             (|p| p.start_hz = f64::NAN, "NaN Hz"),
             (|p| p.step_hz = 1e14, "found 9.9"),
-            (|p| p.step_hz = 0.0, "step from 1e-6 to 1e15 Hz, found 0e0 Hz"),
+            (
+                |p| p.step_hz = 0.0,
+                "step from 1e-6 to 1e15 Hz, found 0e0 Hz",
+            ),
             (|p| p.step_hz = f64::INFINITY, "found inf Hz"),
             (
                 |p| p.transmitter_m.y = 1e300,

@@ -291,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_definite_is_told_with_its_link() {
+    fn indefinite_system_is_refused_with_its_link() {
         let (mut system, ..) = chain();
         system.links[2].own = zero();
         assert_eq!(system.factor().err(), Some(2));

@@ -28,7 +28,7 @@ fn seconds(log: &Log) -> Vec<f64> {
 
 /// A hundred lines, of which 10 to 19 are gone, 40 lost its end and its neighbour's is whole, 50 lost its end, 60 has a digit of another, and 70 to 72 are noise.
 #[test]
-fn a_log_with_cut_lines_and_wrong_crcs_says_what_is_lost() {
+fn cut_lines_and_wrong_crcs_are_counted() {
     let mut text = Vec::new();
     for n in 0..100 {
         let whole = line(n);
@@ -117,7 +117,7 @@ fn binary_messages_are_found_again_after_damage() {
 
 /// Any bytes may stand between messages: all messages are read, whatever it is.
 #[test]
-fn what_stands_between_messages_costs_none() {
+fn bytes_between_messages_lose_no_message() {
     let junk: [&[u8]; 8] = [
         b"<OK\r\n[COM1]",
         b"#",
@@ -213,7 +213,7 @@ fn rows_that_are_none_are_left_out() {
 }
 
 #[test]
-fn where_nothing_is_left_it_says_what_was_there() {
+fn log_without_a_valid_fix_reports_its_messages() {
     let empty = Log::read_from(&b""[..], Path::new("a.log"), &Options::default());
     assert!(matches!(empty, Err(NavigationError::Nothing { .. })));
     let text = ascii("#TIMEA,COM1,0,58.5,FINESTEERING,2209,502061.000,02000020,18bc,16809;VALID")

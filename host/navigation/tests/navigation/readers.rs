@@ -176,7 +176,7 @@ fn positions_and_marks_are_read_in_both_forms() {
 }
 
 #[test]
-fn what_has_no_solution_is_counted_and_what_cannot_be_is_told() {
+fn fixes_without_solution_are_counted_and_impossible_ones_named() {
     let header = "COM1,0,58.5,FINESTEERING,2209,502061.250,02000020,18bc,16809";
     let unknown = header.replace("FINESTEERING", "UNKNOWN");
     let fields = "INS_SOLUTION_GOOD";
@@ -392,7 +392,7 @@ fn values_are_read_in_the_units_of_their_header() {
 }
 
 #[test]
-fn a_header_without_units_or_places_is_refused_with_what_it_lacks() {
+fn header_without_units_or_places_is_refused_by_column() {
     for (header, what) in [
         ("time_s,x,y_m,z_m", "column 'x': '1' has no unit"),
         ("time_s,x_s,y_m,z_m", "is a time and a length is wanted"),

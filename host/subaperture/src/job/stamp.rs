@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_known_by_what_is_in_it_and_a_folder_by_its_files() {
+    fn fingerprint_follows_content_of_files_and_names_in_folders() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         assert_eq!(stamp(&at.join("none"), "none").unwrap(), None);

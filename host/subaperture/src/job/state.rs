@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_done_stands_also_when_it_is_read_back() {
+    fn finished_stages_survive_a_round_trip() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (state, focus, quality) = two(at);
@@ -425,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_redoes_its_stage_and_what_follows() {
+    fn changed_stage_and_its_successors_run_again() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (state, _, quality) = two(at);
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_begun_goes_on_by_the_same_fingerprint_only() {
+    fn begun_stage_resumes_only_with_the_same_fingerprint() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (mut state, focus, _) = two(at);
@@ -477,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_that_are_gone_are_told_with_what_they_left() {
+    fn removed_stages_are_listed_with_their_outputs() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (mut state, ..) = two(at);
@@ -488,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_state_says_so() {
+    fn invalid_state_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         assert_eq!(State::read(at).unwrap(), State::default());

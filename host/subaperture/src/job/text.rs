@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_have_their_defaults_and_leave_out_what_is_not_asked_for() {
+    fn settings_take_defaults_and_omit_unrequested_stages() {
         let job = job("[input]\nfiles = \"a.cphd\"\n[former]\nerror = \"-40 dB\"\n").unwrap();
         let settings = job.settings(&["former", "autofocus", "check"]);
         assert_eq!(settings["former.error"], json!(-40.0));
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_shown() {
+    fn faults_are_shown_with_their_line() {
         for (text, place, parts) in [
             (
                 "[inptu]\nfiles = \"a\"\n",

@@ -143,7 +143,7 @@ fn a_sum_has_every_pulse_and_weighs_channels_alike() {
 }
 
 #[test]
-fn what_is_no_image_together_is_not_summed() {
+fn incompatible_channels_are_not_summed() {
     let sum = |channels: Vec<ChannelHistory<'static>>| {
         let error = Channels::new(channels).unwrap().coherent_sum().err();
         error.unwrap()

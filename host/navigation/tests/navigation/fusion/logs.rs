@@ -150,7 +150,7 @@ fn speeds_over_ground_say_nothing_upwards() {
 /// Positions to a decimetre five times a second, with Doppler velocities to 1 cm/s and without, and no increments for four seconds: by velocities that follow one another
 /// within 0.2 s the way between is known to `0.5 m/s/sqrt(s) (0.2 s / 3)^(3/2)`, some millimetres a step, by positions to some centimetres.
 #[test]
-fn velocities_bridge_what_the_radar_did_not_see() {
+fn velocities_bridge_gaps_of_the_radar() {
     let mut sensors = sensors();
     sensors.seconds = 12.0;
     sensors.out[0] = Some([4.0, 8.0]);

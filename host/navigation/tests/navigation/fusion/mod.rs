@@ -73,7 +73,7 @@ fn millimetre_apertures_stay_within_a_twentieth_where_positions_hold_the_scale()
 
 /// Errors of place and heading in their covariance: 4 on average of many tracks and times, whose sum is of chi-square.
 #[test]
-fn errors_are_what_the_covariance_says() {
+fn errors_agree_with_the_covariance() {
     let mut base = sensors();
     base.seconds = 20.0;
     base.out[0] = Some([9.0, 11.0]);
@@ -257,7 +257,7 @@ fn a_heading_that_nobody_states_follows_from_the_way() {
 }
 
 #[test]
-fn what_cannot_be_fused_is_refused_in_words() {
+fn unsuited_logs_are_refused_with_a_reason() {
     let measured = sensors().measure(1);
     let model = Model::default();
     let refused = |inputs: Inputs<'_>, model: &Model| {
