@@ -476,7 +476,7 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
 fn one_signal_ends_a_command_that_waits_for_a_pipe() {
     let folder = tempfile::tempdir().unwrap();
     let made = Command::new("mkfifo")
-        .arg(folder.path().join("pipe.cphd"))
+        .arg(folder.path().join("pipe.toml"))
         .status();
     if !made.is_ok_and(|status| status.success()) {
         println!("skipped: mkfifo not found");
@@ -484,9 +484,9 @@ fn one_signal_ends_a_command_that_waits_for_a_pipe() {
     }
     let before = listing(folder.path());
     for line in [
-        "info pipe.cphd",
-        "focus pipe.cphd --out out",
-        "crosscheck pipe.cphd",
+        "info pipe.toml",
+        "simulate pipe.toml --out scene.cphd",
+        "run pipe.toml",
     ] {
         for signal in ["-INT", "-TERM"] {
             let (ran, took) = signalled(folder.path(), line, signal);
