@@ -313,8 +313,10 @@ fn memory_holds_under_fifty_clients() {
     let grid = "--grid x=-6:6:0.006,y=-5:5:0.006 -a ffbp --allow-error";
     run(at, &format!("focus table.cphd {grid} -o image"));
     run(at, &format!("focus table.cphd {grid} --tiled -o tiled"));
-    for mib in [26, 64] {
-        let line = format!("view image tiled --maps table.cphd --memory {mib}M --threads 2");
+    let view = "view image tiled --maps table.cphd --threads 2 --memory";
+    run(at, &format!("{view} 26M")).failed(1, &["at least", "found 26.0 MiB", "--memory"]);
+    for mib in [29, 64] {
+        let line = format!("{view} {mib}M");
         let served = Served::begin(at, &line);
         served.settled();
         std::thread::scope(|scope| {

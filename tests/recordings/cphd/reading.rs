@@ -239,7 +239,11 @@ fn faults_are_named() {
     };
     changed(">FX<", ">XF<", "CPHD/Global/DomainType: 'XF'");
     changed("<SGN>-1", "<SGN>0", "CPHD/Global/SGN: '0'");
-    changed(">CF8<", ">CF16<", "SignalArrayFormat: 'CF16'");
+    changed(
+        ">CF8<",
+        ">CF16<",
+        "SignalArrayFormat: expected CI2, CI4 or CF8, found 'CF16'",
+    );
     changed(
         "</SignalArrayFormat>",
         "</SignalArrayFormat><SignalCompressionID>zip</SignalCompressionID>",
@@ -519,7 +523,7 @@ fn parts_of_an_aperture_share_the_memory() {
     };
     // While the second is opened, the first is held.
     let held = 3 * (240 + 17);
-    let needed = 32 * hand.xml().len() as u64 + held;
+    let needed = parsed_bytes(&hand.xml()) + held;
     // Their times are the same, so pulses take turns: a run of 24 bytes each.
     assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (240 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));

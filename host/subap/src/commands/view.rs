@@ -22,6 +22,8 @@ use crate::{interrupt, messages, text};
 const COMPUTING_BYTES: u64 = 32 << 20;
 /// The glance over each image.
 const GLANCE_BYTES: u64 = 2 << 20;
+/// Stacks of the server's threads, and their share of the allocator.
+const SERVER_BYTES: u64 = 2 << 20;
 /// Connections, with what is read ahead of each.
 const CONNECTIONS_BYTES: u64 = 2 << 20;
 /// Most for answers on their way.
@@ -97,8 +99,17 @@ fn bounds(
 ) -> anyhow::Result<Bounds> {
     // Nothing is drawn here: the pictures' share is free.
     let all = session.memory_bytes + session.memory.picture_bytes;
-    let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES;
+    let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES + SERVER_BYTES;
     let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
+    if rest < MIN_OVERVIEW_BYTES {
+        let least_bytes = session.memory.total_bytes + MIN_OVERVIEW_BYTES - rest
+            + taken_bytes.saturating_add(held_bytes).saturating_sub(all);
+        bail!(
+            "expected at least {} of memory for the page and {images} images, found {}: raise --memory, or show fewer images",
+            text::bytes(least_bytes.into()),
+            text::bytes(session.memory.total_bytes.into())
+        );
+    }
     if map_bytes > (rest / 2).max(SMALL_MAP_BYTES) {
         bail!(
             "--maps: a range-Doppler map of {} and recordings of {} were expected to fit into {} of memory: use a shorter --sub-cpi, or raise \
