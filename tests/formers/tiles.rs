@@ -287,7 +287,7 @@ fn plans_of_other_recordings_and_other_texts_are_refused() {
     let error = message("\"error_db\"", "\"eror_db\"");
     assert!(error.contains("eror_db"), "{error}");
     let error = message("\"oversampling\": ", "\"oversampling\": \"x\", \"x\": ");
-    assert!(error.contains("none of bp's"), "{error}");
+    assert!(error.contains("was not made by bp"), "{error}");
     let error = message("\"hamming\"", "\"hammer\"");
     assert!(error.contains("hammer"), "{error}");
 }
