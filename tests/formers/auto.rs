@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::stages::model;
 use glam::DVec3;
 use subaperture::focus::auto::{Auto, CANDIDATES};
 use subaperture::focus::formers::former;
@@ -93,17 +94,6 @@ fn the_fastest_that_keeps_the_bound_is_taken() {
         taken.insert(name);
     }
     assert!(taken.contains("ffbp"), "{taken:?}");
-}
-
-/// Default timing model with other times, ns.
-fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
-    let mut json: serde_json::Value = serde_json::from_str(&TimeModel::DEFAULT.to_text()).unwrap();
-    json["name"] = name.into();
-    for &(entry, ns) in times_ns {
-        assert!(json[entry].is_f64(), "{entry}");
-        json[entry] = ns.into();
-    }
-    TimeModel::from_value(json).unwrap()
 }
 
 #[test]

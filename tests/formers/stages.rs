@@ -121,7 +121,7 @@ fn formers_tell_of_the_stages_that_they_foretell() {
 }
 
 /// Default timing model with other times, ns.
-fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
+pub(crate) fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
     let mut json: serde_json::Value = serde_json::from_str(&TimeModel::DEFAULT.to_text()).unwrap();
     json["name"] = name.into();
     for &(entry, ns) in times_ns {

@@ -152,9 +152,7 @@ impl Folds {
         grid: &ImageGrid,
         image: &Image,
     ) -> Image {
-        kept(image, |index| {
-            self.estimates(held_out, bin_of(collection, place(grid, image, index)))
-        })
+        kept_bins(image, collection, grid, |bin| self.estimates(held_out, bin))
     }
 
     /// Copy of `image` that keeps the pixels used by `held_out` and zeroes all others.
@@ -165,9 +163,7 @@ impl Folds {
         grid: &ImageGrid,
         image: &Image,
     ) -> Image {
-        kept(image, |index| {
-            self.judges(held_out, bin_of(collection, place(grid, image, index)))
-        })
+        kept_bins(image, collection, grid, |bin| self.judges(held_out, bin))
     }
 
     /// Segments of neighbouring range cells used by `held_out`, as the pixels of each.
@@ -220,11 +216,16 @@ fn place(grid: &ImageGrid, image: &Image, index: usize) -> DVec3 {
     grid.position_m(index / image.columns, index % image.columns)
 }
 
-/// `image` with some pixels alone.
-fn kept(image: &Image, keeps: impl Fn(usize) -> bool) -> Image {
+/// Copy of `image` that keeps the pixels of some range cells and zeroes all others.
+fn kept_bins(
+    image: &Image,
+    collection: &Collection,
+    grid: &ImageGrid,
+    keeps: impl Fn(i64) -> bool,
+) -> Image {
     let mut kept = image.clone();
     for (index, pixel) in kept.pixels.iter_mut().enumerate() {
-        if !keeps(index) {
+        if !keeps(bin_of(collection, place(grid, image, index))) {
             *pixel = Complex32::ZERO;
         }
     }

@@ -186,7 +186,7 @@ impl InParts<'_> {
     /// Form an image that is larger than memory into one array.
     pub(super) fn form_array(&self, plan: &Plan) -> anyhow::Result<()> {
         let mut sink = ArraySink::new(&self.job.typed.out);
-        let executed = self.execute(plan, &mut sink, "")?;
+        let executed = self.execute(plan, &mut sink, None)?;
         let executed = executed.context("an array is formed by one process")?;
         let (peak, array) = sink.finish(self.spec.grid);
         let array = array.context("an image has tiles")?.finish()?;
@@ -196,18 +196,19 @@ impl InParts<'_> {
     /// Form the missing tiles of a part of a store. The process that forms the last tile makes the record and the picture.
     fn fill_store(&self, plan: &Plan, mut sink: StoreSink) -> anyhow::Result<()> {
         let kept = format!("{} keeps the tiles", sink.store().folder().display());
-        let Some(executed) = self.execute(plan, &mut sink, &kept)? else {
+        let Some(executed) = self.execute(plan, &mut sink, Some(kept))? else {
             return Ok(());
         };
         let peak = sink.brightest(self.spec.grid);
         self.deliver(&executed, peak, Whole::Tiles(sink.store()))
     }
 
+    /// Run the plan. `kept` names what a refused image leaves behind.
     fn execute<'p>(
         &self,
         plan: &'p Plan,
         sink: &mut dyn ImageSink,
-        kept: &str,
+        kept: Option<String>,
     ) -> anyhow::Result<Option<Executed<'p>>> {
         let Job { session, typed, .. } = *self.job;
         let progress = session.progress("focusing");
@@ -228,8 +229,8 @@ impl InParts<'_> {
             FormError::BoundMissed { .. } => {
                 let refusal = missed::refusal(error, self.former, &self.spec, &Silent);
                 match kept {
-                    "" => refusal,
-                    kept => refusal.context(kept.to_owned()),
+                    Some(kept) => refusal.context(kept),
+                    None => refusal,
                 }
             }
             error => with_advice(error),
