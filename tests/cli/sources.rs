@@ -245,17 +245,8 @@ fn the_command_alone_names_options() {
 }
 
 /// From a recording to an image: what bears on its bits.
-const BEARING_ON_BITS: [&str; 10] = [
-    "fft",
-    "signal",
-    "kernels",
-    "model",
-    "resolution",
-    "describe",
-    "receive",
-    "io",
-    "simulate",
-    "focus",
+const BEARING_ON_BITS: [&str; 8] = [
+    "fft", "signal", "kernels", "model", "describe", "io", "simulate", "focus",
 ];
 
 /// Functions that the platform's library has, each with last bits of its own; libm's are the same everywhere.
@@ -292,7 +283,10 @@ const BESIDE_BITS: [(&str, &str); 4] = [
     ("host/focus/src/live/mod.rs", "what is told of an error"),
     ("host/io/src/product/record.rs", "what a record tells"),
     ("host/model/src/image/comparison.rs", "measures of images"),
-    ("host/resolution/src/theory.rs", "measures of responses"),
+    (
+        "host/model/src/resolution/theory.rs",
+        "measures of responses",
+    ),
 ];
 
 /// Images by portable transforms are the same bits on every machine, and so are plans of all.

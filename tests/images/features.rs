@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 25] = [
+const OPTIONAL: [(&str, &[&str]); 23] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
@@ -37,14 +37,12 @@ const OPTIONAL: [(&str, &[&str]); 25] = [
     ("serial2", &["link"]),
     ("subaperture-core", &["link"]),
     ("subaperture-sicd", &["sicd"]),
-    ("subaperture-terrain", &["terrain"]),
     ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),
     ("subaperture-quality", &["quality", "autofocus", "viewer"]),
     ("subaperture-autofocus", &["autofocus"]),
-    ("subaperture-maps", &["maps"]),
+    ("subaperture-maps", &["maps", "terrain"]),
     ("subaperture-motion", &["motion", "radio", "uhd", "viewer"]),
-    ("subaperture-targets", &["motion", "radio", "uhd", "viewer"]),
     (
         "subaperture-navigation",
         &[

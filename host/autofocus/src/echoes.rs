@@ -31,7 +31,7 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse};
-use subaperture_resolution::support::path_gradient;
+use subaperture_model::resolution::support::path_gradient;
 use subaperture_signal::phase::{phasor, widen};
 
 /// Bytes of samples read at a time.

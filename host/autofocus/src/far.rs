@@ -23,7 +23,7 @@ use num_complex::Complex64;
 
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
-use subaperture_resolution::support::path_gradient;
+use subaperture_model::resolution::support::path_gradient;
 use subaperture_signal::phase::cis;
 
 use super::correction::{Correction, wrap};

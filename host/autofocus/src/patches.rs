@@ -17,7 +17,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, Pulse};
-use subaperture_resolution::support::path_gradient;
+use subaperture_model::resolution::support::path_gradient;
 use subaperture_signal::phase::{cis, narrow, phasor32, widen};
 use subaperture_signal::range_profile::RangeProfiler;
 

@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
-use subaperture_resolution::support::path_gradient;
+use subaperture_model::resolution::support::path_gradient;
 
 use super::echoes::wavenumber_rad_m;
 

@@ -19,7 +19,7 @@
 //! `2 pi f (t - t_0) (u_t + u_r) . v / c`, `u` the unit vectors from the antennas to the target. So
 //! `K = f (t - t_0) (u_t + u_r) / c`, cycles per m/s, corresponds for velocity to spatial frequency for
 //! position, and the resolution along a direction follows from the distribution of `K` along it as in
-//! [`subaperture_resolution::support`] ([`velocity_resolution_m_s`]). For a monostatic radar, a CPI of `T` seconds and the epoch at its
+//! [`subaperture_model::resolution::support`] ([`velocity_resolution_m_s`]). For a monostatic radar, a CPI of `T` seconds and the epoch at its
 //! start that is `lambda / (2 T)` along the line of sight, 14 mm/s on Table 4.1; across it, where
 //! only the angle of the aperture changes `u_t + u_r`, 1 m/s.
 //!
@@ -47,7 +47,7 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{
     Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
 };
-use subaperture_resolution::support::{self, Projection, path_gradient};
+use subaperture_model::resolution::support::{self, Projection, path_gradient};
 
 /// Phase history in a frame that moves with a target of constant velocity.
 pub struct Moving<'a> {

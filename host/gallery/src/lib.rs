@@ -32,11 +32,11 @@ use subaperture_focus::FormError;
 use subaperture_io::atomic::WriteError;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
+use subaperture_motion::targets::TargetsError;
 use subaperture_plot::PlotError;
 use subaperture_quality::PairError;
 use subaperture_simulate::RecordError;
 use subaperture_simulate::scenario::ScenarioError;
-use subaperture_targets::TargetsError;
 
 pub use expect::{Expected, expect};
 pub use items::items;

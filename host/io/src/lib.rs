@@ -9,11 +9,11 @@
 //!
 //! | feature | adds | dependencies |
 //! |---|---|---|
-//! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd` | `roxmltree`, `subaperture-receive` |
+//! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd`; raw echoes to phase history: `receive` | `roxmltree` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]), and phase history of them: `arrays` | `zip`, `flate2` |
 //! | `hdf5` | phase history of arrays in HDF5 too (brings `npz`) | `hdf5-pure`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation`, `subaperture-receive` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `receive`, `recorded_track`, `motive`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation` |
 //!
 //! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
 //! feature's name.
@@ -51,6 +51,8 @@ pub mod ours;
 pub mod phase_csv;
 pub mod place;
 pub mod product;
+#[cfg(any(feature = "cphd", feature = "recording"))]
+pub mod receive;
 #[cfg(feature = "recording")]
 pub mod recorded_track;
 #[cfg(feature = "recording")]

@@ -17,7 +17,7 @@ use num_complex::Complex32;
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_resolution::support::{Looks, path_gradient};
+use subaperture_model::resolution::support::{Looks, path_gradient};
 
 use crate::MapError;
 

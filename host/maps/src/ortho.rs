@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{ImageSource, PixelBlock, power};
-use subaperture_resolution::support::Looks;
+use subaperture_model::resolution::support::Looks;
 
 use crate::carrier::Carrier;
 use crate::reader::{NOTHING, Reader, Traced};

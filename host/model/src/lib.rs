@@ -1,23 +1,24 @@
-//! What every part of image formation speaks of, and nothing that any of them does.
+//! Common types of image formation: phase history, geometry, radar, track, grid, image, units.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has these modules as its own.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`geometry`] | the scene frame, places on the Earth, image grids |
-//! | [`phase_history`] | pulses, collections, channels: what formers take and readers deliver |
-//! | [`radar`] | waveform, antennas, what a receiver adds |
-//! | [`track`] | how radars and targets move |
-//! | [`image`] | complex images, and how far apart two of them are |
-//! | [`units`], [`quantity`] | numbers with units, read and written |
-//! | [`monitor`] | how long work tells how far it is, and is stopped |
-//! | [`nearest`] | the name that was meant by a misspelt one |
+//! | [`geometry`] | scene frame, positions on the Earth, image grids |
+//! | [`phase_history`] | pulses, collections, channels: the input of formers |
+//! | [`radar`] | waveform, antennas, impairments of receivers |
+//! | [`resolution`] | spectral support, resolution, sampling and default grid of a collection |
+//! | [`track`] | trajectories of radars and targets |
+//! | [`image`] | complex images, and the error between two of them |
+//! | [`units`], [`quantity`] | numbers with units, parsed and printed |
+//! | [`monitor`] | progress and interruption of long work |
+//! | [`nearest`] | nearest valid name of a misspelt one |
 //!
 //! # Conventions
 //! - The phase of a unit scatterer at `p` in pulse `n` at frequency `f` is
 //!   `-2 pi f (path_n(p) - reference_path_n) / c`: Schone 2020 (2.11), CPHD's `SGN = -1`.
-//!   Every reader converts to it once; nothing behind the door asks again.
+//!   Every reader converts to it; no later stage asks for the convention.
 //! - A *path* is the two-way length from transmitter to point to receiver, in metres.
 //! - Positions are metres in the scene frame ([`geometry::SceneFrame`]), float64; samples are
 //!   complex float32.
@@ -31,11 +32,12 @@ pub mod nearest;
 pub mod phase_history;
 pub mod quantity;
 pub mod radar;
+pub mod resolution;
 pub mod track;
 pub mod units;
 
 /// Speed of light in vacuum, metres a second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
 
-/// What files are marked with.
+/// Program name written into files.
 pub const PROGRAM: &str = "subap";

@@ -24,6 +24,8 @@
 //!
 //! [`diagnosis`] checks sightings before a track is estimated. [`movers`] finds moving targets and their velocities, [`live`] does so pulse by pulse. [`squint`] estimates how the array is mounted.
 //!
+//! [`targets`] finds targets in range profiles, follows them from pulse to pulse, and solves the track from their sightings.
+//!
 //! **Frame.** A plane with its origin at the first position of the radar. Its orientation is such that the first target lies in its first direction of arrival at a heading of 0. Height
 //! differences are not modelled: they appear as additional range.
 //!
@@ -43,6 +45,7 @@ pub mod robust;
 mod series;
 pub mod squint;
 mod steps;
+pub mod targets;
 pub mod tracker;
 mod wraps;
 

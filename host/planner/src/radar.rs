@@ -18,7 +18,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
 use subaperture_model::radar::LinkBudget;
-use subaperture_resolution::survey::Survey;
+use subaperture_model::resolution::survey::Survey;
 use subaperture_signal::window::Window;
 
 /// Largest number of grating lobes listed.

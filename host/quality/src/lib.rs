@@ -4,7 +4,7 @@
 //! has it as its module `quality`.
 //!
 //! - [`response`] measures a point target: position, resolution (3 dB width), peak and integrated sidelobe ratio (PSLR, ISLR), magnitude and phase;
-//!   [`subaperture_resolution::theory`] gives the theoretical values and shares no code with the measurement.
+//!   [`subaperture_model::resolution::theory`] gives the theoretical values and shares no code with the measurement.
 //! - [`aperture`] computes sub-aperture images.
 //! - [`polarisation`] computes the Pauli decomposition.
 //! - [`statistics`] computes level, entropy, contrast and sharpness of a region.

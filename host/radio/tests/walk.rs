@@ -8,11 +8,11 @@ use subaperture_model::geometry::Extent;
 use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::PhaseHistory;
 use subaperture_model::track::{Fix, SampledTrack};
+use subaperture_motion::targets::cfar::{Cfar, Level};
+use subaperture_motion::targets::{Settings, recover};
 use subaperture_radio::Antennas;
 use subaperture_radio::history::{Capture, Placement, Track};
 use subaperture_signal::window::Window;
-use subaperture_targets::cfar::{Cfar, Level};
-use subaperture_targets::{Settings, recover};
 use tempfile::TempDir;
 
 use crate::rail::{capture, chip, form, reaching};

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use subaperture_io::product::{Antennas, frame_of};
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
-use subaperture_resolution::support::RecordedLooks;
+use subaperture_model::resolution::support::RecordedLooks;
 use subaperture_signal::window::Window;
 
 use crate::SicdError;

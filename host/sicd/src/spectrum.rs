@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use subaperture_resolution::support::Looks;
+use subaperture_model::resolution::support::Looks;
 use subaperture_signal::window::Window;
 
 use crate::SicdError;

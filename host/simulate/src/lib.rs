@@ -18,7 +18,7 @@
 //!   its motion, [`track`] random perturbations of the motion.
 //! - [`engine`] computes the sum over all scatterers of the scene for one pulse of one antenna pair. No other part of
 //!   the simulator computes echoes.
-//! - [`subaperture_receive`] converts echoes, simulated or recorded, into phase history. The simulator makes phase
+//! - [`subaperture_io::receive`] converts echoes, simulated or recorded, into phase history. The simulator makes phase
 //!   history from echoes only with that crate.
 //! - [`PointTargetHistory`] is the plain sum of Schone 2020 (2.11) with the stop-and-go approximation. [`Preset`] returns it,
 //!   and it is an independent check of the engine.

@@ -1,8 +1,8 @@
 //! Error of recording an experiment.
 
 use super::experiment::Experiment;
+use subaperture_io::receive::ReceiveError;
 use subaperture_model::phase_history::ChannelError;
-use subaperture_receive::ReceiveError;
 
 /// Reason why an experiment cannot be recorded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

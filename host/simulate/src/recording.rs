@@ -1,4 +1,4 @@
-//! Recordings of an experiment: raw samples processed by [`subaperture_receive`].
+//! Recordings of an experiment: raw samples processed by [`subaperture_io::receive`].
 
 use std::ops::Range;
 
@@ -8,11 +8,11 @@ use num_complex::Complex32;
 use super::channel::Channel;
 use super::experiment::{Experiment, Pair};
 use super::record_error::RecordError;
+use subaperture_io::receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
 use subaperture_model::phase_history::{
     Beam, ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
 };
 use subaperture_model::radar::Waveform;
-use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
 
 /// Phase history of an antenna pair, computed when read.
 pub struct Recording<'a>(Received<'a>);
@@ -33,7 +33,7 @@ impl Experiment {
     }
 
     /// Phase history of a pair. Pulses are compressed with the inverse filter; FMCW sweeps are deskewed (residual video
-    /// phase and range skew removed). For other options, apply the adapters of [`subaperture_receive`] to
+    /// phase and range skew removed). For other options, apply the adapters of [`subaperture_io::receive`] to
     /// [`Self::echoes`].
     ///
     /// # Errors

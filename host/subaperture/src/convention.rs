@@ -25,7 +25,7 @@ use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::Silent;
 use subaperture_model::phase_history::convention::{Inference, Probe, Sharpness};
 use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Weights};
-use subaperture_resolution::survey::Survey;
+use subaperture_model::resolution::survey::Survey;
 use subaperture_signal::window::Window;
 
 /// Maximum number of pulses in the probe image.

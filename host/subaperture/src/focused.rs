@@ -11,14 +11,14 @@ use subaperture_io::product::record::Brightest;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
 use subaperture_model::phase_history::{Band, Channel, InputFile, PhaseConvention, PhaseHistory};
+use subaperture_model::resolution::support::{Looks, RecordedLooks};
+use subaperture_model::resolution::survey::Survey;
 #[cfg(feature = "plot")]
 use subaperture_plot::Orientation;
 #[cfg(feature = "quality")]
 use subaperture_quality::response::{
     Carrier, Geometry, Response, ResponseError, Settings, Target, measure,
 };
-use subaperture_resolution::support::{Looks, RecordedLooks};
-use subaperture_resolution::survey::Survey;
 use subaperture_signal::window::Window;
 
 /// Formed image with its grid, frame, band and settings.

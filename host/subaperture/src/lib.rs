@@ -116,23 +116,25 @@ mod save;
 pub mod track_fusion;
 
 pub use subaperture_model::{
-    SPEED_OF_LIGHT_M_S, geometry, image, monitor, phase_history, quantity, radar, track, units,
+    SPEED_OF_LIGHT_M_S, geometry, image, monitor, phase_history, quantity, radar, resolution,
+    track, units,
 };
-pub use {
-    subaperture_focus as focus, subaperture_io as io, subaperture_resolution as resolution,
-    subaperture_signal as signal,
-};
+pub use {subaperture_focus as focus, subaperture_io as io, subaperture_signal as signal};
 
 #[cfg(feature = "autofocus")]
 pub use subaperture_autofocus as autofocus;
 #[cfg(feature = "recording")]
 pub use subaperture_describe as describe;
+#[cfg(feature = "recording")]
+pub use subaperture_io::receive;
 #[cfg(feature = "maps")]
 pub use subaperture_maps as maps;
 #[cfg(feature = "link")]
 pub use subaperture_module as module;
 #[cfg(feature = "motion")]
 pub use subaperture_motion as motion;
+#[cfg(feature = "motion")]
+pub use subaperture_motion::targets;
 #[cfg(feature = "navigation")]
 pub use subaperture_navigation as navigation;
 #[cfg(feature = "planner")]
@@ -143,17 +145,13 @@ pub use subaperture_plot as plot;
 pub use subaperture_quality as quality;
 #[cfg(feature = "radio")]
 pub use subaperture_radio as radio;
-#[cfg(feature = "recording")]
-pub use subaperture_receive as receive;
 #[cfg(feature = "sicd")]
 pub use subaperture_sicd as sicd;
 #[cfg(feature = "simulate")]
 pub use subaperture_simulate as simulate;
-#[cfg(feature = "motion")]
-pub use subaperture_targets as targets;
 
 #[cfg(feature = "terrain")]
-pub use subaperture_terrain as terrain;
+pub use subaperture_maps::terrain;
 #[cfg(feature = "viewer")]
 pub use subaperture_viewer as viewer;
 
@@ -165,7 +163,7 @@ pub use reading::{open, open_all, open_channels};
 #[cfg(feature = "recording")]
 pub use recognise::{FileKind, capture_of, recognise};
 pub use save::SaveError;
-pub use subaperture_resolution::survey::scene_grid;
+pub use subaperture_model::resolution::survey::scene_grid;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

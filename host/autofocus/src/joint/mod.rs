@@ -27,7 +27,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 
 use subaperture_model::phase_history::Pulse;
-use subaperture_resolution::support::path_gradient;
+use subaperture_model::resolution::support::path_gradient;
 use subaperture_signal::dense::Factor;
 use subaperture_signal::phase::cis;
 

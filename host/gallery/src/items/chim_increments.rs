@@ -4,8 +4,8 @@ use glam::DVec2;
 
 use super::chim_rail::{PRI_S, SQUINT_DEG, carriage, found, increments, recorded, spread};
 use crate::{Check, Context, Finding, Item, ItemError, NOT_DONE, NOT_GIVEN, Picture};
+use subaperture_motion::targets::Recovered;
 use subaperture_plot::{Chart, Curve, Stroke, stacked};
-use subaperture_targets::Recovered;
 
 pub(super) const ITEMS: [Item; 2] = [
     Item {

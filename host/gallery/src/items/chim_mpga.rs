@@ -16,8 +16,8 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{InMemory, OnTrack, PhaseHistory};
 use subaperture_model::track::{Fix, SampledTrack};
 use subaperture_motion::squint::{Leg, Squint, squint, travelled};
+use subaperture_motion::targets::Recovered;
 use subaperture_signal::window::Window;
-use subaperture_targets::Recovered;
 
 pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-7-8",

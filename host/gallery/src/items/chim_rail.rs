@@ -11,8 +11,8 @@ use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channel, Channels, InMemory, PhaseHistory};
 use subaperture_model::track::{Pose, Profile, Trajectory};
+use subaperture_motion::targets::{Recovered, Seen, Settings, recover};
 use subaperture_motion::{Heading, Increment, Pairwise};
-use subaperture_targets::{Recovered, Seen, Settings, recover};
 
 /// Reflector positions, metres, at 2 to 6 m; the thesis names the first two.
 pub(super) const REFLECTORS_M: [DVec3; 4] = [

@@ -11,9 +11,9 @@ use super::point_cuts::{CUT_M, CUT_STEP_M, cuts};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::image::{Comparison, Image};
 use subaperture_model::phase_history::{InMemory, PhaseHistory};
+use subaperture_model::resolution::survey::Survey;
 use subaperture_planner::grating::{Lobe, lobes};
 use subaperture_plot::{Chart, Curve, Stroke, lines};
-use subaperture_resolution::survey::Survey;
 use subaperture_simulate::{Preset, Variation};
 
 pub(super) const ITEMS: [Item; 7] = [

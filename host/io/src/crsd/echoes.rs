@@ -11,10 +11,10 @@ use super::pulses::{Sent, Wave};
 use super::vectors::Received;
 use crate::cphd::SignalFormat;
 use crate::cphd::source::Source;
+use crate::receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{InputFile, ReadError};
 use subaperture_model::radar::{PulseShape, Waveform};
-use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
 /// How a vector's samples become those of an echo.

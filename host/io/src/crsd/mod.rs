@@ -20,13 +20,13 @@
 //! ```
 //!
 //! Turned by `RefPhi0 - PhiX0 - FxFreq0 (RcvStart - TxTime) - FxRate TXmt^2 / 8 + (RefFreq - FxFreq0) i / Fs` it is the echo of a
-//! [pulse at baseband](subaperture_receive) about `FxFreq0`, which [`Compressed`](subaperture_receive::Compressed) filters and refers to
+//! [pulse at baseband](crate::receive) about `FxFreq0`, which [`Compressed`](crate::receive::Compressed) filters and refers to
 //! the reference point (`ReferenceGeometry/RefPoint`). The band is the intersection of the transmitted (`FX1` to `FX2`) and the received band (`FRCV1` to `FRCV2`).
 //!
 //! # Motion
 //! `TxPos` is of `TxTime` and `RcvPos` of `RcvStart`: the receiver is carried on by `RcvVel` to the moment at which the echo of the reference
 //! point arrives. While a pulse lasts both antennas move on, by `TxVel` and `RcvVel`, and each frequency was sent at its own moment:
-//! [`Compressed::moving`](subaperture_receive::Compressed::moving). Neglected is that the echo of another point arrives sooner or later than the
+//! [`Compressed::moving`](crate::receive::Compressed::moving). Neglected is that the echo of another point arrives sooner or later than the
 //! reference point's, while the receiver moves: its path is off by the receiver's radial velocity over light's, times the difference of paths
 //! (750 m/s and 30 m: 75 um).
 //!

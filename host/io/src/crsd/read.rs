@@ -16,12 +16,12 @@ use crate::cphd::preamble::{in_xml, read_text};
 use crate::cphd::side_by_side;
 use crate::cphd::source::{CHUNK_BYTES, Source};
 use crate::cphd::start;
+use crate::receive::{Compressed, Filter};
 use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::phase_history::{
     Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
     Pulse, ReadError, check_finite,
 };
-use subaperture_receive::{Compressed, Filter};
 
 /// Bytes a sample of the plan that transforms a vector, and of one vector being transformed, as for CPHD.
 const TRANSFORM_BYTES: u64 = 2 * 8 * 16;

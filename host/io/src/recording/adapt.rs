@@ -7,6 +7,10 @@ use super::arrays::Source;
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
 use super::samples::{Rows, Samples, sweeps_a_pulse};
+use crate::receive::{
+    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, ProfileAxis, Profiles, ReceiveError,
+    Referenced, Skew, StoredEchoes, remove_background,
+};
 use subaperture_describe::error::Fault;
 use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
@@ -14,10 +18,6 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
 use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_model::radar::{Reference, Waveform};
-use subaperture_receive::{
-    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, ProfileAxis, Profiles, ReceiveError,
-    Referenced, Skew, StoredEchoes, remove_background,
-};
 
 use glam::DVec3;
 

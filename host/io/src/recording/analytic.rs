@@ -1,7 +1,7 @@
 //! De-chirped sweeps recorded as real numbers: one mixer and one converter, as in radars made of coffee cans and in cheap modules.
 //!
 //! A real beat is the sum of a complex one and its conjugate, each of half its amplitude: `a cos(w t) = (a / 2) exp(j w t) + (a / 2) exp(-j w t)`. Delays
-//! are positive, so that the sign of the beat is known: negative of a rising sweep, in the convention of [`subaperture_receive`]. The other half of the
+//! are positive, so that the sign of the beat is known: negative of a rising sweep, in the convention of [`crate::receive`]. The other half of the
 //! spectrum is taken off. What is left is the complex beat at half the amplitude, of delays up to `sample_rate / (2 slope)`. Zero and half the sampling
 //! rate belong to both halves and are halved.
 //!

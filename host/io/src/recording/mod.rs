@@ -3,7 +3,7 @@
 //! A description is a text like a scenario: quantities carry units, everything is checked against one table of
 //! keys, which [`reference()`] prints, and errors point at their line. It names the file of the samples, says
 //! what they are (`[radar] kind`) and how the antennas moved (`[platform]`). What it describes becomes
-//! phase history through [`subaperture_receive`], as simulated echoes do.
+//! phase history through [`crate::receive`], as simulated echoes do.
 //!
 //! ```text
 //! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, those wanted)
@@ -12,10 +12,10 @@
 //!
 //! | `[radar] kind` | samples | adapter |
 //! |---|---|---|
-//! | `fmcw` | beats of linear sweeps | [`Deskewed`](subaperture_receive::Deskewed) |
-//! | `pulsed` | echoes of a known pulse | [`Compressed`](subaperture_receive::Compressed) |
-//! | `stepped` | a complex number a carrier | [`Referenced`](subaperture_receive::Referenced) |
-//! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](subaperture_receive::Profiles) |
+//! | `fmcw` | beats of linear sweeps | [`Deskewed`](crate::receive::Deskewed) |
+//! | `pulsed` | echoes of a known pulse | [`Compressed`](crate::receive::Compressed) |
+//! | `stepped` | a complex number a carrier | [`Referenced`](crate::receive::Referenced) |
+//! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](crate::receive::Profiles) |
 //!
 //! An unknown geometry parameter (the length of an arm, a cable delay, a clock offset) is a key like any
 //! other: [`RecordingFile::set`] overrides it, and `subaperture-autofocus` estimates it by maximising image sharpness.

@@ -10,8 +10,8 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::pulses::Pulses;
+use crate::receive::{EchoCollection, Echoes, StoredEchoes};
 use subaperture_model::phase_history::ReadError;
-use subaperture_receive::{EchoCollection, Echoes, StoredEchoes};
 
 /// Echoes held in memory, and the way of their antennas.
 pub(super) struct InMotion<'a> {

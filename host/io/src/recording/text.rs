@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use glam::{DQuat, DVec3, EulerRot};
 
+use crate::receive::EchoCollection;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::radar::{Antenna, Carried, Pattern, PulseShape, Waveform};
-use subaperture_receive::EchoCollection;
 
 /// What the waveform does not say.
 pub(super) struct Facts<'a> {

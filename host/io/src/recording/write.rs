@@ -34,12 +34,12 @@ use super::text::{Facts, describe};
 use crate::atomic;
 use crate::npy::ArrayWriter;
 use crate::ours::{array_line, marked_description};
+use crate::receive::Echoes;
 use crate::staging::{Names, Staged, StagedFile};
 use crate::together::FileSet;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Carried, Waveform};
-use subaperture_receive::Echoes;
 
 /// Bytes of samples read at a time, at most, or one pulse.
 const BLOCK_BYTES: usize = 1 << 20;

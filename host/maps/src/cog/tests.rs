@@ -8,7 +8,7 @@ use num_complex::Complex32;
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Silent;
-use subaperture_resolution::support::RecordedLooks;
+use subaperture_model::resolution::support::RecordedLooks;
 use subaperture_signal::window::Window;
 
 use super::*;

@@ -8,7 +8,7 @@ use num_complex::Complex64;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Geodetic, Relief};
 use subaperture_model::image::Image;
-use subaperture_resolution::support::RecordedLooks;
+use subaperture_model::resolution::support::RecordedLooks;
 use subaperture_signal::window::Window;
 
 use super::*;

@@ -39,7 +39,7 @@ use subaperture_focus::{FormError, Remedy};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, Weights};
-use subaperture_resolution::survey::default_grid::scene_grid;
+use subaperture_model::resolution::survey::default_grid::scene_grid;
 use subaperture_signal::window::Window;
 
 /// Maximum relative RMS error of a map in float32, in dB.

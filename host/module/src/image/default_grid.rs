@@ -11,7 +11,7 @@ use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_focus::{FormError, Reason, Remedy};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_resolution::survey::default_grid::round_to_two_digits;
+use subaperture_model::resolution::survey::default_grid::round_to_two_digits;
 use subaperture_signal::windowed_sinc::TAPS;
 
 /// Step of the path gradients in metres: second differences of a path are `1 / range`.

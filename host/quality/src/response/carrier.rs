@@ -27,7 +27,7 @@ pub struct Carrier {
     uncertainty: f64,
 }
 
-/// Acquisition geometry, as in [`subaperture_resolution::survey::Survey`].
+/// Acquisition geometry, as in [`subaperture_model::resolution::survey::Survey`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
 pub struct Geometry {
     /// Point that the angles and range refer to, metres, scene frame.

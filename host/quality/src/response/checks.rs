@@ -2,7 +2,7 @@
 
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, power};
-use subaperture_resolution::support::Looks;
+use subaperture_model::resolution::support::Looks;
 
 use super::{MAX_FILLED, MIN_PEAK_DB, ResponseError};
 

@@ -1,6 +1,6 @@
 //! Width and sidelobes of a cut through the peak.
 
-use subaperture_resolution::theory::SideLobes;
+use subaperture_model::resolution::theory::SideLobes;
 
 /// Cut through the peak: power relative to the peak, against distance.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

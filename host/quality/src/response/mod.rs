@@ -50,7 +50,7 @@ use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
 };
-use subaperture_resolution::support::Looks;
+use subaperture_model::resolution::support::Looks;
 
 use self::chip::Chip;
 
@@ -60,7 +60,7 @@ pub use error::ResponseError;
 pub use measurement::{measure, measure_in};
 pub use search::brightest_in;
 pub use strongest::{Strongest, strongest};
-pub use subaperture_resolution::theory::SideLobes;
+pub use subaperture_model::resolution::theory::SideLobes;
 
 /// Upsampling factor of a chip and its cuts, samples per pixel.
 pub const UPSAMPLING: usize = 16;

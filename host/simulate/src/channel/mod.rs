@@ -13,7 +13,7 @@
 //! for a scatterer of 1 m² at the reference point; a pulse has magnitude 1. The receive window of a pulse is circular,
 //! so that all echoes must lie within it; this is checked for the static scene. All frequencies of a pulse use the
 //! radar's position at the middle of the window; the change of path during the pulse is neglected (see
-//! [`subaperture_receive`] for its size).
+//! [`subaperture_io::receive`] for its size).
 //!
 //! Transmitters alternate: a pair contains every `num_transmitters`-th pulse, at its own time.
 //!
@@ -45,10 +45,10 @@ use super::experiment::{Experiment, Pair};
 use super::receiver::clock::jitter_s;
 use super::receiver::{Impairments, Moment};
 use super::record_error::RecordError;
+use subaperture_io::receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Antenna, Carried, Motion, Reference, Waveform};
-use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_signal::phase::{narrow, phasor};
 
 /// Memory limit of the tables reused between pulses, bytes.

@@ -5,13 +5,13 @@ use std::sync::Mutex;
 
 use num_complex::Complex32;
 
+use subaperture_maps::terrain::TerrainError;
+use subaperture_maps::terrain::bands::{GeoTiff, Tags};
 use subaperture_maps::{Projection, Raster};
 use subaperture_model::geometry::Zone;
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, blocks,
 };
-use subaperture_terrain::TerrainError;
-use subaperture_terrain::bands::{GeoTiff, Tags};
 
 use super::Values;
 

@@ -36,7 +36,7 @@ use subaperture_io::zarr::ZarrImage;
 use subaperture_maps::Raster;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
-use subaperture_resolution::support::{Looks, RecordedLooks};
+use subaperture_model::resolution::support::{Looks, RecordedLooks};
 use subaperture_sicd::{Plane, SicdFile, SiddFile};
 use subaperture_signal::window::Window;
 

@@ -13,10 +13,10 @@ use subaperture_io::npy::{ImageFile, NpyError};
 use subaperture_io::product::{self, RECORD_LIMITS};
 use subaperture_io::tiles::{self, StoreError, TileStore};
 use subaperture_io::zarr::{self, ZarrError, ZarrImage};
+use subaperture_maps::terrain::TerrainError;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::ImageSource;
 use subaperture_sicd::{SicdFile, SiddFile, is_sidd};
-use subaperture_terrain::TerrainError;
 
 use super::{MapImage, OpenImage, PartialImage, PixelGeometry, Pixels, Values};
 use crate::on_map::SicdOnMap;

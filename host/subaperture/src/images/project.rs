@@ -1,7 +1,7 @@
 //! A complex image on the raster of a map.
 
 use subaperture_maps::{MapError, Ortho, Raster, Source};
-use subaperture_resolution::support::Looks;
+use subaperture_model::resolution::support::Looks;
 
 use super::views::OnRaster;
 use super::{OpenImage, PixelGeometry, Pixels, Values};

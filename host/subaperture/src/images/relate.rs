@@ -3,8 +3,8 @@
 use subaperture_maps::{MapError, PixelPositions, ProjectionModel, Raster, Resampled, Source};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::ImageSource;
+use subaperture_model::resolution::support::Looks;
 use subaperture_model::{SPEED_OF_LIGHT_M_S, quantity};
-use subaperture_resolution::support::Looks;
 
 use super::lattice::{Lattice, OnLattice};
 use super::pair::{Pair, PairError};

@@ -20,11 +20,11 @@ mod walk;
 use subaperture_focus::live::{Live, LiveError, Settings};
 use subaperture_model::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
+use subaperture_motion::targets::TargetsError;
 use subaperture_radio::Antennas;
 use subaperture_radio::history::{HistoryError, Placement, Track};
 use subaperture_radio::live::{LiveSweep, MAX_PIXELS, Picture};
 use subaperture_radio::profile::Sweep;
-use subaperture_targets::TargetsError;
 
 use glam::DVec3;
 

@@ -7,12 +7,12 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{Band, Pulse, Sweep as AtOnce};
 use subaperture_model::track::{Fix, SampledTrack};
+use subaperture_motion::targets::cfar::{Cfar, Level};
+use subaperture_motion::targets::live::{Going, Live};
+use subaperture_motion::targets::{Settings, TargetsError};
 use subaperture_radio::Antennas;
 use subaperture_radio::history::{HistoryError, Placement, Track};
 use subaperture_radio::profile::Sweep;
-use subaperture_targets::cfar::{Cfar, Level};
-use subaperture_targets::live::{Going, Live};
-use subaperture_targets::{Settings, TargetsError};
 
 /// How a body's way is found of what its antennas hear.
 #[derive(Clone, Debug)]

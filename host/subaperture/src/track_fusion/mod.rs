@@ -22,10 +22,10 @@ pub use navigation::{About, Navigation, NoNavigation, Source};
 use glam::{DMat3, DVec3};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::track::Fix;
+use subaperture_motion::targets::{Fault, Recovered};
 use subaperture_navigation::fusion::{
     Assumed, Fused, FusionError, Increment, Inputs, Measured, Model, Sample, fuse,
 };
-use subaperture_targets::{Fault, Recovered};
 
 /// Squares of errors over what is stated of them from which on two sources disagree.
 const DISAGREE: f64 = 2.0;

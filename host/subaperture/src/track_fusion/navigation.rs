@@ -4,9 +4,9 @@ use glam::{DQuat, DVec2, DVec3};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::Channels;
 use subaperture_model::track::{Fix, turned};
+use subaperture_motion::targets::{Moment, Recovered};
 use subaperture_navigation::fusion::{Fused, Inertial, Position, Unstated, inertial, positions};
 use subaperture_navigation::{Clock, GpsTime, Kind, Log, Place, Record};
-use subaperture_targets::{Moment, Recovered};
 
 use super::Mounting;
 

@@ -43,8 +43,8 @@ mod tile;
 
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture_model::image::ImageSource;
+use subaperture_model::resolution::support::Looks;
 use subaperture_quality::response::Carrier;
-use subaperture_resolution::support::Looks;
 
 pub use doppler::{DopplerMap, DopplerMaps};
 pub use gallery::{Bounds, Gallery};

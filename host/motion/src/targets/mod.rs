@@ -1,0 +1,34 @@
+//! Targets in range profiles, their association from pulse to pulse, and the radar's track estimated from them.
+//!
+//! ```text
+//! Channels ─> profile ─> cfar ─> echo ─> follow ─> sightings ─> motion::track ─> recover: a track in the scene
+//!             power of    peaks   path and    the same     of each        poses, covariances
+//!             all channels        phases      target       pulse
+//! ```
+//!
+//! | module | purpose | Chim 2018 |
+//! |---|---|---|
+//! | [`arrangement`] | antennas on their body, from the recording's first pulse | 7.3.2 |
+//! | [`cfar`] | CFAR detection in the power of all channels, cell averaging or order statistic | 7.3.3 |
+//! | [`echo`] | path and phases of each target, with standard deviations | 7.3.3 |
+//! | [`follow`] | association of targets from pulse to pulse | |
+//! | [`see()`] | all of these over a recording, in blocks | 7.4 |
+//! | [`recover()`] | the track, aligned with the recorded positions | 7.4 |
+//! | [`live`] | the same online, pulse by pulse | |
+//! | [`fault`] | faults of a recording, and what stays reliable | |
+
+pub mod arrangement;
+pub mod cfar;
+pub mod echo;
+pub mod fault;
+pub mod follow;
+pub mod live;
+mod profile;
+mod recover;
+mod see;
+
+pub use arrangement::{Arrangement, ArrangementError};
+pub use echo::{Echo, Subtraction};
+pub use fault::Fault;
+pub use recover::{Moment, Mover, Place, Recovered, recover};
+pub use see::{Seen, Settings, TargetsError, see};

@@ -1,0 +1,132 @@
+//! First track: from standing targets, if they can be separated from moving ones.
+//!
+//! [`movers::sort`] compares targets segment by segment. If it finds a standing group, the track is estimated without moving targets. With fewer than three targets at a time it cannot: all are taken to stand, and the squared
+//! residuals of the whole track decide. If they contradict it, tracks of pairs are tried: one that fits is taken if no other does.
+
+use std::collections::BTreeSet;
+
+use crate::movers;
+use crate::movers::Doubt;
+
+use super::solved::{Solved, without};
+use super::trust::{FITS, misfit};
+use crate::targets::see::{Seen, TargetsError};
+
+/// Pulses of a segment.
+const STRETCH: usize = 32;
+/// Largest number of targets whose pairs are tried: each pair is a track.
+const MAX_TRIED: usize = 5;
+/// Squared residuals over their expectation: at most of the pair's track, and at least of every other pair's.
+const ONLY: [f64; 2] = [1.3, 1.5];
+
+/// Track of standing targets, and the targets left out.
+pub(super) struct First {
+    pub(super) solved: Solved,
+    /// Moving targets.
+    pub(super) moving: BTreeSet<usize>,
+    /// Unclassified targets that are not part of the track.
+    pub(super) unknown: BTreeSet<usize>,
+    /// Whether the track rests on two targets that no third confirms.
+    pub(super) of_pair: bool,
+}
+
+/// First track from the sightings of all pulses.
+///
+/// # Errors
+/// [`TargetsError`].
+pub(super) fn first(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Result<First, TargetsError> {
+    let sorted = movers::sort(&seen.array, told, STRETCH)
+        .map_err(|(pulse, source)| TargetsError::Motion { pulse, source })?;
+    let moving: BTreeSet<usize> = sorted.moving.iter().copied().collect();
+    let unknown: BTreeSet<usize> = sorted.unknown.iter().copied().collect();
+    let solve = |left_out: &BTreeSet<usize>| Solved::new(seen, without(told, left_out));
+    if !sorted.standing.is_empty() {
+        let all = solve(&moving);
+        let fits = |solved: &Solved| misfit(solved) < FITS;
+        if unknown.is_empty() || all.as_ref().is_ok_and(fits) {
+            return Ok(First {
+                solved: all?,
+                moving,
+                unknown: BTreeSet::new(),
+                of_pair: false,
+            });
+        }
+        let both: BTreeSet<usize> = moving.union(&unknown).copied().collect();
+        let known = solve(&both);
+        return match (all, known) {
+            (Ok(all), Ok(known)) if misfit(&all) <= misfit(&known) => Ok(First {
+                solved: all,
+                moving,
+                unknown: BTreeSet::new(),
+                of_pair: false,
+            }),
+            (_, Ok(solved)) => Ok(First {
+                solved,
+                moving,
+                unknown,
+                of_pair: false,
+            }),
+            (all, Err(_)) => Ok(First {
+                solved: all?,
+                moving,
+                unknown: BTreeSet::new(),
+                of_pair: false,
+            }),
+        };
+    }
+    let nobody = BTreeSet::new();
+    let all = solve(&nobody);
+    if all.as_ref().is_ok_and(|solved| misfit(solved) < FITS) {
+        return Ok(First {
+            solved: all?,
+            moving: nobody.clone(),
+            unknown: nobody,
+            of_pair: false,
+        });
+    }
+    if let Some((solved, moving)) = only_group(seen, told) {
+        return Ok(First {
+            solved,
+            moving,
+            unknown: nobody,
+            of_pair: true,
+        });
+    }
+    // Three targets or more of which no three agree: no track.
+    let decides = |doubt: &&Doubt| !matches!(doubt, Doubt::Few { .. });
+    match sorted.doubts.into_iter().find(|doubt| decides(&doubt)) {
+        Some(doubt) => Err(TargetsError::Movers(doubt)),
+        None => Ok(First {
+            solved: all?,
+            moving: nobody.clone(),
+            unknown: nobody,
+            of_pair: false,
+        }),
+    }
+}
+
+/// Track of the only pair of targets that fits.
+fn only_group(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Option<(Solved, BTreeSet<usize>)> {
+    let names: BTreeSet<usize> = told.iter().flatten().map(|s| s.target).collect();
+    let names: Vec<usize> = names.into_iter().collect();
+    if !(3..=MAX_TRIED).contains(&names.len()) {
+        return None;
+    }
+    let mut tried = Vec::new();
+    for (i, a) in names.iter().enumerate() {
+        for b in &names[i + 1..] {
+            let left_out: BTreeSet<usize> = names
+                .iter()
+                .filter(|n| *n != a && *n != b)
+                .copied()
+                .collect();
+            if let Ok(solved) = Solved::new(seen, without(told, &left_out)) {
+                tried.push((misfit(&solved), solved, left_out));
+            }
+        }
+    }
+    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let second = tried.get(1).map_or(f64::INFINITY, |tried| tried.0);
+    let (best, solved, moving) = tried.into_iter().next()?;
+    (best < ONLY[0] && second > ONLY[1]).then_some((solved, moving))
+}
