@@ -180,8 +180,8 @@ fn unsupported_crsd_is_refused_with_a_reason() {
         ("CRSDsar/1.0", "CRSDrcv/1.0", "not the pulses"),
         ("CRSDsar/1.0", "CRSDsar/2.0", "version '2.0'"),
         (">LFM<", ">XM <", "only linear"),
-        ("<NumSamples>3072<", "<NumSamples>3073<", "do not fit"),
-        ("<NumPulses>64<", "<NumPulses>65<", "do not fit"),
+        ("<NumSamples>3072<", "<NumSamples>3073<", "does not fit"),
+        ("<NumPulses>64<", "<NumPulses>65<", "does not fit"),
         ("<Fs>125000000.0<", "<Fs>12500000.00<", "Hz"),
     ] {
         let told = told(&replaced(from, to));

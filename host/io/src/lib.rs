@@ -9,7 +9,8 @@
 //!
 //! | feature | adds | dependencies |
 //! |---|---|---|
-//! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd`; raw echoes to phase history: `receive` | `roxmltree` |
+//! | `container` | XML elements, NITF segments and bounded reads: `container` | `roxmltree` |
+//! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd`; raw echoes to phase history: `receive` (brings `container`) | |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]), and phase history of them: `arrays` | `zip`, `flate2` |
 //! | `hdf5` | phase history of arrays in HDF5 too (brings `npz`) | `hdf5-pure`, `flate2` |
@@ -23,6 +24,8 @@
 pub mod arrays;
 pub mod atomic;
 pub mod claim;
+#[cfg(feature = "container")]
+pub mod container;
 #[cfg(feature = "cphd")]
 pub mod cphd;
 #[cfg(feature = "cphd")]

@@ -189,12 +189,21 @@ fn cphd_channels<S: AsRef<str>>(
     channels: Option<&[S]>,
     options: &Options,
 ) -> OpenedChannels {
-    let opened = cphd::Cphd::open_channels(path, channels, options.memory_bytes)?;
-    let beside = opened.into_iter().map(|channel| {
-        let about = channel.channel().about();
-        (about, Box::new(channel) as Box<dyn PhaseHistory>)
+    side_by_side(cphd::Cphd::open_channels(
+        path,
+        channels,
+        options.memory_bytes,
+    )?)
+}
+
+/// Histories of one channel each, side by side.
+#[cfg(feature = "cphd")]
+fn side_by_side<T: PhaseHistory + 'static>(opened: Vec<T>) -> OpenedChannels {
+    let described = opened.into_iter().flat_map(|history| {
+        let about = history.channels().pop();
+        about.map(|about| (about, Box::new(history) as Box<dyn PhaseHistory>))
     });
-    Channels::new(beside.collect())?.without_misplaced()
+    Channels::new(described.collect())?.without_misplaced()
 }
 
 #[cfg(feature = "cphd")]
@@ -209,12 +218,11 @@ fn crsd_channels<S: AsRef<str>>(
     channels: Option<&[S]>,
     options: &Options,
 ) -> OpenedChannels {
-    let opened = crsd::Crsd::open_channels(path, channels, options.memory_bytes)?;
-    let beside = opened.into_iter().map(|channel| {
-        let about = channel.channel().about();
-        (about, Box::new(channel) as Box<dyn PhaseHistory>)
-    });
-    Channels::new(beside.collect())?.without_misplaced()
+    side_by_side(crsd::Crsd::open_channels(
+        path,
+        channels,
+        options.memory_bytes,
+    )?)
 }
 
 #[cfg(not(feature = "cphd"))]

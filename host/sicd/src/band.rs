@@ -1,8 +1,9 @@
 //! Spectrum of a SICD's samples, from its metadata; needed to interpolate between pixels.
 
+use subaperture_io::container::{self, Element};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 
-use crate::lookup::{Lookup, document};
+use crate::lookup;
 use crate::projection::of_two;
 
 /// Spectrum along one image direction.
@@ -21,15 +22,16 @@ pub struct Band([Direction; 2]);
 impl Band {
     /// Parse a SICD's XML. Without `ImpRespBW` the full sampling bandwidth is assumed. `None` if the sample spacing is missing.
     pub fn of(xml: &str) -> Option<Self> {
-        let document = document(xml, DEFAULT_MEMORY_BYTES).ok()?;
-        let root = Lookup::of(document.root_element());
+        let document = container::parse(xml, DEFAULT_MEMORY_BYTES).ok()?;
+        let root = Element::root(&document);
         let of = |axis: &str| {
-            let number = |name: &str| root.number(&["Grid", axis, name]);
+            let number = |name: &str| lookup::number(root, &["Grid", axis, name]);
             let spacing_m = number("SS").filter(|step| *step > 0.0)?;
             let width = number("ImpRespBW").map_or(1.0, |band| band * spacing_m);
             // Sgn -1: the phase of samples is exp(2 pi i K x).
             let scale = -number("Sgn").unwrap_or(-1.0).signum() * spacing_m;
-            let middle = root.polynomial(&["Grid", axis, "DeltaKCOAPoly"]);
+            let middle = root.find(&["Grid", axis, "DeltaKCOAPoly"]);
+            let middle = middle.and_then(|element| lookup::polynomial(element).ok());
             let scaled = |row: Vec<f64>| row.into_iter().map(|c| c * scale).collect();
             Some(Direction {
                 width: if width > 0.0 { width.min(1.0) } else { 1.0 },

@@ -30,7 +30,6 @@
 
 mod aperture;
 mod band;
-mod container;
 mod dates;
 mod describe;
 mod formed;
@@ -50,7 +49,9 @@ mod write;
 mod written;
 
 pub use band::Band;
-pub use container::{MAX_XML_BYTES, ReadError};
+pub use subaperture_io::container::nitf::MAX_XML_BYTES;
+pub use subaperture_model::phase_history::ReadError;
+
 pub use formed::{Formed, Georeference};
 pub use orientation::Orientation;
 pub use plane::Plane;

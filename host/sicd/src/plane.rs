@@ -1,9 +1,10 @@
 //! Image plane of a SICD as a grid about the scene centre point.
 
+use subaperture_io::container::{self, Element};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 
-use crate::lookup::{Lookup, document};
+use crate::lookup;
 
 /// Image plane: rows along the y axis (the file's `Row` direction), columns along the x axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,9 +20,10 @@ pub struct Plane {
 impl Plane {
     /// Parse the XML of an image of `rows` x `columns`; `None` if the plane is missing or invalid.
     pub(crate) fn of(xml: &str, (rows, columns): (usize, usize)) -> Option<Self> {
-        let document = document(xml, DEFAULT_MEMORY_BYTES).ok()?;
-        let root = Lookup::of(document.root_element());
-        let value = |path: &[&str]| root.number(path);
+        let document = container::parse(xml, DEFAULT_MEMORY_BYTES).ok()?;
+        let root = Element::root(&document);
+        let value = |path: &[&str]| lookup::number(root, path);
+        let vector = |path: &[&str]| root.find(path)?.xyz().ok();
         let first = |name| value(&["ImageData", name]).unwrap_or(0.0);
         let axis = |name: &str, first: f64, count| {
             let step = value(&["Grid", name, "SS"])?;
@@ -38,9 +40,9 @@ impl Plane {
             0.0,
         );
         let frame = SceneFrame::Earth {
-            origin_ecf_m: root.vector(&["GeoData", "SCP", "ECF"])?,
-            x_axis_ecf: root.vector(&["Grid", "Col", "UVectECF"])?,
-            y_axis_ecf: root.vector(&["Grid", "Row", "UVectECF"])?,
+            origin_ecf_m: vector(&["GeoData", "SCP", "ECF"])?,
+            x_axis_ecf: vector(&["Grid", "Col", "UVectECF"])?,
+            y_axis_ecf: vector(&["Grid", "Row", "UVectECF"])?,
         };
         let band = value(&["Grid", "Col", "ImpRespBW"]).map(|band| band * grid.columns.step);
         (grid.fault().is_none() && frame.is_sound()).then_some(Self {

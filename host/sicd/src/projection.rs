@@ -18,10 +18,11 @@
 //! parameters and bistatic images are not supported.
 
 use glam::{DMat3, DVec3};
+use subaperture_io::container::{Element, MetadataError};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::Geodetic;
 
-use crate::lookup::{Lookup, document};
+use crate::lookup::{self, line, polynomial, with_root};
 use crate::polynomial::Path;
 
 /// Largest number of Newton iterations.
@@ -86,60 +87,55 @@ impl Projection {
     /// # Errors
     /// [`ProjectionError`] names what is missing or not supported.
     pub fn of(xml: &str) -> Result<Self, ProjectionError> {
-        Self::parse(xml).map_err(ProjectionError)
+        with_root(xml, DEFAULT_MEMORY_BYTES, Self::parse)
+            .map_err(|error| ProjectionError(error.to_string()))
     }
 
-    fn parse(xml: &str) -> Result<Self, String> {
-        let document = document(xml, DEFAULT_MEMORY_BYTES)?;
-        let root = Lookup::of(document.root_element());
-        let missing = |path: &[&str]| format!("XML: expected numbers in {}", path.join("/"));
-        let vector = |path: &[&str]| root.vector(path).ok_or_else(|| missing(path));
-        let line = |path: &[&str]| root.line(path).ok_or_else(|| missing(path));
-        let number = |path: &[&str]| root.number(path).ok_or_else(|| missing(path));
-        let polynomial = |path: &[&str]| root.polynomial(path).ok_or_else(|| missing(path));
-        let kind = ["CollectionInfo", "CollectType"];
-        if root.text(&kind) == Some("BISTATIC") {
-            return Err("expected a monostatic image, found a bistatic one".to_owned());
+    fn parse(root: Element) -> Result<Self, MetadataError> {
+        let number = |path: &[&str]| root.at(path)?.number();
+        let vector = |path: &[&str]| root.at(path)?.xyz();
+        let kind = lookup::text(root, &["CollectionInfo", "CollectType"]);
+        if kind == "BISTATIC" {
+            return Err(root.fault("expected a monostatic image, found a bistatic one"));
         }
-        let grid = root.text(&["Grid", "Type"]).unwrap_or_default();
-        let former = root
-            .text(&["ImageFormation", "ImageFormAlgo"])
-            .unwrap_or_default();
-        let model = match (grid, former) {
+        let grid = lookup::text(root, &["Grid", "Type"]);
+        let former = lookup::text(root, &["ImageFormation", "ImageFormAlgo"]);
+        let model = match (grid.as_str(), former.as_str()) {
             ("PLANE" | "XRGYCR" | "XCTYAT", _) => Model::Plane,
             ("RGAZIM", "PFA") => Model::Polar {
-                angle: line(&["PFA", "PolarAngPoly"])?,
-                scale: line(&["PFA", "SpatialFreqSFPoly"])?,
+                angle: line(root.at(&["PFA", "PolarAngPoly"])?)?,
+                scale: line(root.at(&["PFA", "SpatialFreqSFPoly"])?)?,
             },
             ("RGAZIM", "RGAZCOMP") => Model::Cone {
                 scale: number(&["RgAzComp", "AzSF"])?,
             },
-            ("RGZERO", _) => Model::Closest {
-                range_m: number(&["RMA", "INCA", "R_CA_SCP"])?,
-                time: line(&["RMA", "INCA", "TimeCAPoly"])?,
-                rate_scale: polynomial(&["RMA", "INCA", "DRateSFPoly"])?,
-            },
+            ("RGZERO", _) => {
+                let inca = root.at(&["RMA", "INCA"])?;
+                Model::Closest {
+                    range_m: inca.child("R_CA_SCP")?.number()?,
+                    time: line(inca.child("TimeCAPoly")?)?,
+                    rate_scale: polynomial(inca.child("DRateSFPoly")?)?,
+                }
+            }
             _ => {
-                return Err(format!(
+                return Err(root.fault(format!(
                     "unsupported grid type '{grid}' of image formation algorithm '{former}'"
-                ));
+                )));
             }
         };
-        let path = ["Position", "ARPPoly"];
         let spacing_m = |name| {
-            let path = ["Grid", name, "SS"];
-            let positive = number(&path)?;
-            match positive > 0.0 {
-                true => Ok(positive),
-                false => Err(format!(
-                    "XML: expected a positive number in {}",
-                    path.join("/")
-                )),
+            let spacing = root.at(&["Grid", name, "SS"])?;
+            let spacing_m = spacing.number()?;
+            match spacing_m > 0.0 {
+                true => Ok(spacing_m),
+                false => {
+                    Err(spacing.fault(format!("expected a positive number, found {spacing_m}")))
+                }
             }
         };
         let centre = |name, first: &str| {
-            let first = root.number(&["ImageData", first]).unwrap_or(0.0);
-            Ok::<_, String>(number(&["ImageData", "SCPPixel", name])? - first)
+            let first = lookup::number(root, &["ImageData", first]).unwrap_or(0.0);
+            Ok::<_, MetadataError>(number(&["ImageData", "SCPPixel", name])? - first)
         };
         let projection = Self {
             spacings_m: [spacing_m("Row")?, spacing_m("Col")?],
@@ -147,22 +143,19 @@ impl Projection {
             scp: vector(&["GeoData", "SCP", "ECF"])?,
             row: vector(&["Grid", "Row", "UVectECF"])?,
             column: vector(&["Grid", "Col", "UVectECF"])?,
-            antenna: root.path(&path).ok_or_else(|| missing(&path))?,
-            time_coa: polynomial(&["Grid", "TimeCOAPoly"])?,
+            antenna: lookup::path(root.at(&["Position", "ARPPoly"])?)?,
+            time_coa: polynomial(root.at(&["Grid", "TimeCOAPoly"])?)?,
             model,
-        };
-        let inconsistent = || {
-            "the geometry is inconsistent: the scene centre point does not project to itself"
-                .to_owned()
         };
         let height_m = Geodetic::from_ecf_m(projection.scp).height_m;
         let centre = projection
             .on_height([0.0; 2], height_m)
-            .and_then(|place| projection.along_m(place.to_ecf_m()))
-            .ok_or_else(inconsistent)?;
-        match centre[0].hypot(centre[1]) < LOOK_M {
-            true => Ok(projection),
-            false => Err(inconsistent()),
+            .and_then(|place| projection.along_m(place.to_ecf_m()));
+        match centre {
+            Some([row_m, column_m]) if row_m.hypot(column_m) < LOOK_M => Ok(projection),
+            _ => Err(root.fault(
+                "the geometry is inconsistent: the scene centre point does not project to itself",
+            )),
         }
     }
 

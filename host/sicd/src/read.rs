@@ -14,15 +14,16 @@ use std::path::Path;
 
 use num_complex::Complex32;
 
+use subaperture_io::container::nitf::{NitfFile, PixelSegment, Pixels};
+use subaperture_io::container::{Element, MetadataError, Source};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
 };
 
-use crate::container::{Blocks, Container, Pixels, ReadError};
 use crate::header::{ImageHeader, Samples};
-use crate::lookup::{Lookup, document};
-use crate::{Band, Plane, Projection};
+use crate::lookup::{text, version, with_root};
+use crate::{Band, Plane, Projection, ReadError};
 
 /// An open SICD file.
 #[derive(Debug)]
@@ -49,11 +50,7 @@ impl SicdFile {
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
     pub fn open_within(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::of(file, path, memory_bytes)
+        Self::read_from(Source::open(path)?, memory_bytes)
     }
 
     /// As [`Self::open_within`], from an open file; `path` is for messages.
@@ -61,65 +58,56 @@ impl SicdFile {
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SICD.
     pub fn of(file: File, path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
-        let mut container = Container::open(file, path)?;
+        Self::read_from(Source::of(file, path)?, memory_bytes)
+    }
+
+    fn read_from(source: Source, memory_bytes: u64) -> Result<Self, ReadError> {
+        let file = NitfFile::read(source)?;
         let mut images: Vec<(ImageHeader, u64)> = Vec::new();
-        for segment in container.header.images.clone() {
-            let bytes = container.image_header(&segment)?;
-            let image = ImageHeader::parse(&bytes)
-                .map_err(|what| container.image_fault(&segment, &what))?;
+        for segment in &file.images {
+            let image = ImageHeader::of(file.layout(segment)?)
+                .map_err(|what| file.fault(segment, &what))?;
             if image.name.starts_with("SICD") {
                 image
-                    .check(segment.data_bytes)
-                    .map_err(|what| container.image_fault(&segment, &what))?;
-                images.push((image, segment.data));
+                    .check(segment.data.size)
+                    .map_err(|what| file.fault(segment, &what))?;
+                images.push((image, segment.data.offset));
             }
         }
         images.sort_by(|a, b| a.0.name.cmp(&b.0.name));
-        let wrong = |container: &Container, what: &str| container.fault(what.to_owned());
-        let xml = container
-            .xml("SICD", memory_bytes)?
-            .ok_or_else(|| wrong(&container, "expected SICD XML, found another NITF file"))?;
+        let xml = file.xml("SICD", memory_bytes)?;
         // All segments must lie in the file before any pixel is read.
-        let segments = container.header.images.iter();
-        for segment in segments.chain(&container.header.extensions) {
-            let end = segment.data.checked_add(segment.data_bytes);
-            if end.is_none_or(|end| end > container.length) {
-                return Err(container.fault(format!(
-                    "expected a segment of {} bytes at byte {}, found a file of {} bytes; it is truncated or damaged",
-                    segment.data_bytes, segment.data, container.length
-                )));
-            }
+        for segment in file.images.iter().chain(&file.extensions) {
+            file.check(segment)?;
         }
-        let image_data =
-            ImageData::parse(&xml, memory_bytes).map_err(|what| container.fault(what))?;
-        let Some(samples) = images.first().map(|(image, _)| image.samples) else {
-            return Err(wrong(
-                &container,
-                "expected a SICD image segment, found none",
-            ));
-        };
+        let fault = |what: String| file.source().malformed(what);
+        let image_data = with_root(&xml, memory_bytes, ImageData::parse)
+            .map_err(|error| fault(error.to_string()))?;
+        let samples = images.first().map(|(image, _)| image.samples);
+        let samples =
+            samples.ok_or_else(|| fault("expected a SICD image segment, found none".to_owned()))?;
         let mut segments = Vec::with_capacity(images.len());
         let mut first_row = 0usize;
         for (image, data) in &images {
             if image.samples != samples || image.columns != image_data.columns {
-                return Err(container.fault(format!(
+                return Err(fault(format!(
                     "segment {}: expected {} columns of {samples:?} as in XML and first segment, found {} of {:?}",
                     image.name, image_data.columns, image.columns, image.samples
                 )));
             }
-            segments.push(Blocks {
+            segments.push(PixelSegment {
                 first_row,
-                wide: image_data.columns,
-                high: image.rows.max(1),
-                across: 1,
-                data: *data,
+                block_columns: image_data.columns,
+                block_rows: image.rows.max(1),
+                blocks_per_row: 1,
+                offset: *data,
             });
             first_row = first_row
                 .checked_add(image.rows)
-                .ok_or_else(|| wrong(&container, "the number of rows overflows"))?;
+                .ok_or_else(|| fault("the number of rows overflows".to_owned()))?;
         }
         if first_row != image_data.rows || image_data.samples != samples {
-            return Err(container.fault(format!(
+            return Err(fault(format!(
                 "expected {} rows of {:?} as in the XML, found {first_row} of {samples:?}",
                 image_data.rows, image_data.samples
             )));
@@ -128,7 +116,7 @@ impl SicdFile {
         Ok(Self {
             version: image_data.version,
             amplitudes: image_data.amplitudes,
-            pixels: container.into_pixels(size, samples.bytes(), segments),
+            pixels: file.into_pixels(size, samples.bytes(), segments),
             xml,
             samples,
         })
@@ -136,7 +124,7 @@ impl SicdFile {
 
     /// Path of the file.
     pub fn path(&self) -> &Path {
-        self.pixels.path()
+        self.pixels.source().path()
     }
 
     /// Version of the standard, such as `1.3.0`.
@@ -173,9 +161,8 @@ impl SicdFile {
 
     /// Non-empty text of a metadata element.
     fn text(&self, path: &[&str]) -> Option<String> {
-        let document = document(&self.xml, DEFAULT_MEMORY_BYTES).ok()?;
-        let text = Lookup::of(document.root_element()).text(path)?.to_owned();
-        (!text.is_empty()).then_some(text)
+        let text = with_root(&self.xml, DEFAULT_MEMORY_BYTES, |root| Ok(text(root, path)));
+        text.ok().filter(|text| !text.is_empty())
     }
 
     /// Image plane; `None` if the metadata do not define one.
@@ -186,12 +173,9 @@ impl SicdFile {
     /// Projection model.
     ///
     /// # Errors
-    /// [`ReadError::Format`] if the metadata are incomplete or not supported.
+    /// [`ReadError::Malformed`] if the metadata are incomplete or not supported.
     pub fn projection(&self) -> Result<Projection, ReadError> {
-        Projection::of(&self.xml).map_err(|error| ReadError::Format {
-            path: self.path().to_owned(),
-            what: error.to_string(),
-        })
+        Projection::of(&self.xml).map_err(|error| self.pixels.source().malformed(error.to_string()))
     }
 
     /// Spectrum; `None` if the metadata do not define it.
@@ -231,73 +215,54 @@ struct ImageData {
 }
 
 impl ImageData {
-    fn parse(xml: &str, memory_bytes: u64) -> Result<Self, String> {
-        let document = document(xml, memory_bytes)?;
-        let root = document.root_element();
-        let namespace = root.tag_name().namespace().unwrap_or_default();
-        let version = namespace.strip_prefix("urn:SICD:").unwrap_or_default();
-        if root.tag_name().name() != "SICD" || version.is_empty() {
-            return Err(format!(
-                "expected SICD XML, found element '{}' in namespace '{namespace}'",
-                root.tag_name().name()
-            ));
-        }
-        let child = |node: roxmltree::Node<'_, '_>, name: &str| {
-            node.children()
-                .find(|n| n.tag_name().name() == name)
-                .map(|n| n.id())
-        };
-        let data = child(root, "ImageData")
-            .and_then(|id| document.get_node(id))
-            .ok_or("XML: expected ImageData")?;
-        let text = |name: &str| {
-            let node = child(data, name).and_then(|id| document.get_node(id));
-            let text = node.and_then(|node| node.text()).map(str::trim);
-            text.ok_or_else(|| format!("XML: expected ImageData/{name}"))
-        };
+    fn parse(root: Element) -> Result<Self, MetadataError> {
+        let version = version(root, "SICD")?;
+        let data = root.child("ImageData")?;
         let count = |name: &str| {
-            let count = text(name)?
-                .parse::<usize>()
-                .ok()
-                .filter(|n| (1..1 << 31).contains(n));
-            count
-                .ok_or_else(|| format!("XML: expected a number from 1 to 2^31 in ImageData/{name}"))
-        };
-        let amplitudes = match child(data, "AmpTable").and_then(|id| document.get_node(id)) {
-            None => None,
-            Some(table) => {
-                let mut all = vec![f32::NAN; 256];
-                for one in table.children().filter(roxmltree::Node::is_element) {
-                    let index = one.attribute("index").and_then(|n| n.parse::<usize>().ok());
-                    let value = one.text().and_then(|text| text.trim().parse().ok());
-                    let place = index.and_then(|n| all.get_mut(n));
-                    let (Some(place), Some(value)) = (place, value) else {
-                        return Err("XML: invalid Amplitude in ImageData/AmpTable".to_owned());
-                    };
-                    *place = value;
+            let element = data.child(name)?;
+            match element.count()? {
+                count @ 1..0x8000_0000 => Ok(count as usize),
+                other => {
+                    Err(element.fault(format!("expected a number from 1 to 2^31, found {other}")))
                 }
-                if all.iter().any(|value| !value.is_finite()) {
-                    return Err("XML: expected 256 amplitudes in ImageData/AmpTable".to_owned());
-                }
-                Some(all)
             }
         };
+        let amplitudes = data.optional("AmpTable").map(amplitudes).transpose()?;
+        let pixel_type = data.child("PixelType")?;
         Ok(Self {
-            version: version.to_owned(),
+            version,
             rows: count("NumRows")?,
             columns: count("NumCols")?,
-            samples: match text("PixelType")? {
+            samples: match &*pixel_type.text() {
                 "RE32F_IM32F" => Samples::Float32,
                 "RE16I_IM16I" => Samples::Int16,
                 "AMP8I_PHS8I" => Samples::AmplitudePhase,
                 other => {
-                    return Err(format!(
-                        "XML: expected ImageData/PixelType RE32F_IM32F, RE16I_IM16I or AMP8I_PHS8I, found '{other}'"
-                    ));
+                    return Err(pixel_type.fault(format!(
+                        "expected RE32F_IM32F, RE16I_IM16I or AMP8I_PHS8I, found '{other}'"
+                    )));
                 }
             },
             amplitudes,
         })
+    }
+}
+
+/// The 256 amplitudes of an `AmpTable`.
+fn amplitudes(table: Element) -> Result<Vec<f32>, MetadataError> {
+    let mut all = vec![f32::NAN; 256];
+    for one in table.elements() {
+        let index = one.attribute("index").and_then(|n| n.parse::<usize>().ok());
+        let value = one.text().parse().ok();
+        let place = index.and_then(|n| all.get_mut(n));
+        let (Some(place), Some(value)) = (place, value) else {
+            return Err(one.fault("expected a number and an index from 0 to 255"));
+        };
+        *place = value;
+    }
+    match all.iter().all(|value| value.is_finite()) {
+        true => Ok(all),
+        false => Err(table.fault("expected 256 finite amplitudes")),
     }
 }
 

@@ -20,10 +20,10 @@ impl SicdOnMap {
     /// Mapping of a SICD file.
     ///
     /// # Errors
-    /// [`ReadError::Format`] if the metadata do not locate the pixels.
+    /// [`ReadError::Malformed`] if the metadata do not locate the pixels.
     pub fn new(file: &SicdFile) -> Result<Self, ReadError> {
         let projection = file.projection()?;
-        let wrong = |what: &str| ReadError::Format {
+        let wrong = |what: &str| ReadError::Malformed {
             path: file.path().to_owned(),
             what: what.to_owned(),
         };

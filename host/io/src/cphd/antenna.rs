@@ -23,7 +23,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::xml::{Element, MetadataError};
+use crate::container::{Element, MetadataError};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{Beam, Pulse, headings};
 

@@ -38,27 +38,6 @@ impl fmt::Display for Sgn {
     }
 }
 
-/// How one sample is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SignalFormat {
-    /// Two signed bytes.
-    Ci2,
-    /// Two signed 16-bit integers.
-    Ci4,
-    /// Two float32.
-    Cf8,
-}
-
-impl fmt::Display for SignalFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ci2 => "CI2",
-            Self::Ci4 => "CI4",
-            Self::Cf8 => "CF8",
-        })
-    }
-}
-
 /// Polarisation of an antenna, by the standard's names.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Polarization {

@@ -1,22 +1,7 @@
-//! The file header: a line with the format and its version, then `KEY := value` lines up to form feed, newline. CRSD has the same.
+//! Header of a CPHD file: version and blocks.
 
-use std::collections::BTreeMap;
-
-use super::source::Source;
+use crate::container::{Block, Lines, SECTION_END, Source, lines};
 use subaperture_model::phase_history::ReadError;
-
-/// Ends the header and the XML block.
-pub(super) const SECTION_END: &[u8] = b"\x0c\n";
-
-/// Far more than the ten defined keys need; bounds the search for the header's end.
-const MAX_HEADER_BYTES: u64 = 1 << 16;
-
-/// A run of bytes that lies within the file.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Block {
-    pub(crate) offset: u64,
-    pub(crate) size: u64,
-}
 
 /// Header values that a reader needs.
 #[derive(Debug)]
@@ -32,8 +17,7 @@ pub(super) struct Header {
 impl Header {
     /// Reads the header and checks that every block it names lies within the file.
     pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
-        let bytes = first_bytes(source)?;
-        Self::parse(&bytes, source.len()).map_err(|what| source.malformed(what))
+        lines::read(source, Self::parse)
     }
 
     /// `bytes` are the first of a file of `file_len`.
@@ -58,39 +42,6 @@ impl Header {
     }
 }
 
-/// The bytes that a header lies in.
-pub(crate) fn first_bytes(source: &Source) -> Result<Vec<u8>, ReadError> {
-    let mut bytes = vec![0; source.len().min(MAX_HEADER_BYTES) as usize];
-    source.read_at(0, &mut bytes)?;
-    Ok(bytes)
-}
-
-/// The header's text, without what ends it, of a file of this format, which begins as `example` does.
-fn header_text<'h>(bytes: &'h [u8], format: &str, example: &str) -> Result<&'h str, String> {
-    if bytes.is_empty() {
-        return Err("the file is empty; copy it again".to_owned());
-    }
-    if !bytes.starts_with(format.as_bytes()) {
-        let seen: Vec<u8> = bytes[..bytes.len().min(16)].to_vec();
-        return Err(format!(
-            "byte 0: a {format} file starts with '{example}', this one with '{}'",
-            seen.escape_ascii()
-        ));
-    }
-    let end = bytes
-        .windows(SECTION_END.len())
-        .position(|w| w == SECTION_END)
-        .ok_or_else(|| {
-            format!(
-                "byte 0: no end of the header (form feed, newline) within {} bytes: the file \
-                 is cut short or not {format}; copy it again",
-                bytes.len()
-            )
-        })?;
-    std::str::from_utf8(&bytes[..end])
-        .map_err(|e| format!("byte {}: the header is not text", e.valid_up_to()))
-}
-
 /// The version of the first line, if it is one of those read here.
 fn version(first_line: &str) -> Result<&str, String> {
     let version = first_line.strip_prefix("CPHD/").unwrap_or_default().trim();
@@ -105,96 +56,6 @@ fn version(first_line: &str) -> Result<&str, String> {
         ));
     }
     Ok(version)
-}
-
-/// Keys and values of the lines after the first.
-fn keys(text: &str) -> Result<BTreeMap<&str, &str>, String> {
-    let mut keys = BTreeMap::new();
-    let mut at = 0;
-    for line in text.split('\n') {
-        if at > 0 && !line.is_empty() {
-            let (key, value) = line
-                .split_once(":=")
-                .ok_or_else(|| format!("byte {at}: header line '{line}' is not 'KEY := value'"))?;
-            if keys.insert(key.trim(), value.trim()).is_some() {
-                return Err(format!(
-                    "byte {at}: header key {} is given twice",
-                    key.trim()
-                ));
-            }
-        }
-        at += line.len() + 1;
-    }
-    Ok(keys)
-}
-
-/// A header's lines: where blocks lie by its keys, and between what they may.
-pub(crate) struct Lines<'h> {
-    /// The format and its version.
-    pub(crate) first: &'h str,
-    keys: BTreeMap<&'h str, &'h str>,
-    header_len: u64,
-    file_len: u64,
-}
-
-impl<'h> Lines<'h> {
-    /// `bytes` are the first of a file of `file_len`, whose format begins its first line, as in `example`.
-    pub(crate) fn of(
-        bytes: &'h [u8],
-        file_len: u64,
-        format: &str,
-        example: &str,
-    ) -> Result<Self, String> {
-        let text = header_text(bytes, format, example)?;
-        Ok(Self {
-            first: text.split('\n').next().unwrap_or_default(),
-            keys: keys(text)?,
-            header_len: (text.len() + SECTION_END.len()) as u64,
-            file_len,
-        })
-    }
-
-    /// Value of a header key.
-    pub(crate) fn value(&self, key: &str) -> Option<&'h str> {
-        self.keys.get(key).copied()
-    }
-
-    fn number(&self, key: &str) -> Result<u64, String> {
-        let text = self
-            .value(key)
-            .ok_or_else(|| format!("header: no {key}; the file cannot be read without"))?;
-        text.parse()
-            .map_err(|_| format!("header: {key} is '{text}', not a number of bytes"))
-    }
-
-    /// The block of this name, if it lies between the header and the end of the file.
-    pub(crate) fn block(&self, name: &str) -> Result<Block, String> {
-        let Self {
-            header_len,
-            file_len,
-            ..
-        } = self;
-        let size = self.number(&format!("{name}_BLOCK_SIZE"))?;
-        let offset = self.number(&format!("{name}_BLOCK_BYTE_OFFSET"))?;
-        if size == 0 {
-            return Err(format!(
-                "header: {name}_BLOCK_SIZE is 0: the block is empty"
-            ));
-        }
-        if offset < *header_len {
-            return Err(format!(
-                "header: {name}_BLOCK_BYTE_OFFSET {offset} lies within the header, which ends \
-                 at byte {header_len}"
-            ));
-        }
-        match offset.checked_add(size) {
-            Some(end) if end <= *file_len => Ok(Block { offset, size }),
-            _ => Err(format!(
-                "header: the {name} block takes {size} bytes from byte {offset} on, but the \
-                 file ends at byte {file_len}: it is cut short; copy it again"
-            )),
-        }
-    }
 }
 
 /// Sizes of the blocks of a file to be written.

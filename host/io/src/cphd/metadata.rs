@@ -5,12 +5,13 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::antenna::{AntennaIds, Antennas};
-use super::conventions::{Domain, Sgn, SignalFormat};
+use super::conventions::{Domain, Sgn};
 use super::pvp::Layout;
-use super::xml::{Element, MetadataError};
-use crate::xml::{DEFAULT_MEMORY_BYTES, check};
+use crate::container::channels::{Arrays, parameters};
+use crate::container::{self, Element, MetadataError, SignalFormat};
+use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
-use subaperture_model::phase_history::{Beam, Channel, ChannelError, Pulse, which_channel};
+use subaperture_model::phase_history::{Beam, Channel, Pulse};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +43,7 @@ pub struct ChannelInfo {
     pub fx_bw_hz: Option<f64>,
     /// Whether all vectors share one SRP.
     pub srp_fixed: Option<bool>,
-    /// Bytes from the beginning of the PVP block.
-    pub(super) pvp_offset: u64,
-    /// Bytes from the beginning of the signal block.
-    pub(super) signal_offset: u64,
+    pub(super) arrays: Arrays,
     /// Antennas of the channel.
     pub(super) antennas: Option<AntennaIds>,
 }
@@ -145,21 +143,6 @@ impl CphdInfo {
             channel.id
         ))
     }
-
-    /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
-    /// channel for `None`.
-    pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
-        let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();
-        match id {
-            Some(id) => which_channel(&names, id).map_err(|error| error.to_string()),
-            None => (names.iter().position(|name| *name == self.ref_channel)).ok_or_else(|| {
-                let wanted = self.ref_channel.clone();
-                let names = names.iter().map(|name| (*name).to_owned()).collect();
-                let what = ChannelError::Unknown { wanted, names };
-                format!("CPHD/Channel/RefChId: {what}")
-            }),
-        }
-    }
 }
 
 /// The metadata and where each per-vector parameter lies.
@@ -167,10 +150,8 @@ pub(super) fn parse(
     xml: &str,
     memory_bytes: u64,
 ) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
-    check(xml, memory_bytes).map_err(|fault| MetadataError(fault.to_string()))?;
-    let document = roxmltree::Document::parse(xml)
-        .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
-    let root = Element::root(document.root_element());
+    let document = container::parse(xml, memory_bytes)?;
+    let root = Element::root(&document);
     if root.name() != "CPHD" {
         return Err(root.fault("the root element of a CPHD file is CPHD"));
     }
@@ -191,9 +172,9 @@ pub(super) fn parse(
     let image_area = image_area(&scene.child("ImageArea")?)?;
 
     let data = root.child("Data")?;
-    let signal_format = signal_format(&data)?;
+    let signal_format = SignalFormat::of(&data)?;
     let channel_node = root.child("Channel")?;
-    let channels = channel_infos(&data, &channel_node)?;
+    let channels = channel_infos(data, channel_node)?;
 
     let collection = root.optional("CollectionID");
     let of_collection = |name| collection.as_ref().and_then(|c| c.optional_text(name));
@@ -248,28 +229,9 @@ fn sgn(global: &Element) -> Result<Sgn, MetadataError> {
     }
 }
 
-pub(crate) fn signal_format(data: &Element) -> Result<SignalFormat, MetadataError> {
-    let format = data.child("SignalArrayFormat")?;
-    match &*format.text() {
-        "CI2" => Ok(SignalFormat::Ci2),
-        "CI4" => Ok(SignalFormat::Ci4),
-        "CF8" => Ok(SignalFormat::Cf8),
-        other => Err(format.fault(format!("expected CI2, CI4 or CF8, found '{other}'"))),
-    }
-}
-
 /// All channels of the file, at least one.
-fn channel_infos(
-    data: &Element,
-    channel_node: &Element,
-) -> Result<Vec<ChannelInfo>, MetadataError> {
-    // By identifier, the first of each: a search for every channel would be quadratic in them.
-    let mut parameters: HashMap<String, Element> = HashMap::new();
-    for entry in channel_node.children("Parameters") {
-        if let Some(id) = entry.optional_text("Identifier") {
-            parameters.entry(id).or_insert(entry);
-        }
-    }
+fn channel_infos(data: Element, channel_node: Element) -> Result<Vec<ChannelInfo>, MetadataError> {
+    let parameters = parameters(channel_node);
     let channels: Vec<ChannelInfo> = data
         .children("Channel")
         .map(|entry| channel_info(&entry, &parameters))
@@ -292,16 +254,10 @@ fn channel_info(
     };
     let polarization = parameters.and_then(|p| p.optional("Polarization"));
     let of_polarization = |name| polarization.as_ref().and_then(|p| p.optional_text(name));
-    let positive = |name| -> Result<u64, MetadataError> {
-        let element = entry.child(name)?;
-        match element.count()? {
-            0 => Err(element.fault("0: the channel is empty")),
-            n => Ok(n),
-        }
-    };
+    let arrays = Arrays::of(*entry)?;
     Ok(ChannelInfo {
-        num_vectors: positive("NumVectors")?,
-        num_samples: positive("NumSamples")?,
+        num_vectors: arrays.num_vectors,
+        num_samples: arrays.num_samples,
         tx_polarization: of_polarization("TxPol"),
         rcv_polarization: of_polarization("RcvPol"),
         fx_c_hz: number("FxC")?,
@@ -309,8 +265,7 @@ fn channel_info(
         srp_fixed: parameters
             .and_then(|p| p.optional("SRPFixed"))
             .map(|e| matches!(&*e.text(), "true" | "1")),
-        pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
-        signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        arrays,
         antennas: parameters.and_then(AntennaIds::of),
         id,
     })

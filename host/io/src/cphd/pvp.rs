@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use super::conventions::Domain;
-use super::record::{Field, INTEGER, POSITION, SCALAR, Words, record_width};
-use super::xml::{Element, MetadataError};
+use crate::container::record::{Field, INTEGER, POSITION, SCALAR, Words, record_width};
+use crate::container::{Element, MetadataError};
 use crate::xml::Writer;
 
 /// Places of the parameters that this reader uses.
@@ -69,12 +69,7 @@ impl Layout {
         };
         let [transmitter, receiver] = TRUE_ANTENNAS;
         let true_antennas = added(transmitter)?.zip(added(receiver)?);
-        let required = |name, format| -> Result<Field, MetadataError> {
-            match field(name, format)? {
-                Some(found) => Ok(found),
-                None => Err(pvp.child(name).err().expect("field found none")),
-            }
-        };
+        let required = |name: &'static str, format| place(&pvp.child(name)?, name, format);
         Ok(Self {
             num_bytes: bytes,
             tx_time: required("TxTime", SCALAR)?,

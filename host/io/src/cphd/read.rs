@@ -9,15 +9,15 @@ use num_complex::Complex32;
 use subaperture_fft::{Fft, Transforms};
 
 use super::conventions::{Domain, Sgn};
-use super::header::{Block, Header};
+use super::header::Header;
 use super::metadata::{ChannelInfo, CphdInfo};
-use super::preamble::{Preamble, in_xml};
+use super::preamble::Preamble;
 use super::pvp::Layout;
-use super::side_by_side;
-use super::source::{CHUNK_BYTES, Source};
-use super::start;
 use super::toa::{Bins, Transform};
 use super::vectors::{Missing, Vectors};
+use crate::container::channels::{check_compression, history_name, open_one, open_several};
+use crate::container::lines::in_xml;
+use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use subaperture_model::phase_history::{
     Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
     Pulse, ReadError, check_finite, misplaced, named_pulses,
@@ -74,23 +74,22 @@ pub struct Cphd {
 }
 
 /// State shared by the channels of a file.
-struct Container {
+pub(crate) struct Container {
     source: Source,
     header: Header,
     info: CphdInfo,
     layout: Layout,
 }
 
-impl Container {
+impl ChannelFile for Container {
     fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let source = Source::open(path)?;
         let Preamble {
             header,
             info,
             layout,
-            xml_offset,
         } = Preamble::read(&source, memory_bytes)?;
-        let layout = layout.map_err(|e| source.malformed(in_xml(&e, xml_offset)))?;
+        let layout = layout.map_err(|error| in_xml(&source, header.xml, &error))?;
         Ok(Self {
             source,
             header,
@@ -99,9 +98,35 @@ impl Container {
         })
     }
 
-    fn check_readable(&self) -> Result<(), ReadError> {
-        check_readable(&self.info, &self.layout, &self.header)
-            .map_err(|what| self.source.malformed(what))
+    fn source(&self) -> &Source {
+        &self.source
+    }
+
+    fn ids(&self) -> Vec<&str> {
+        let channels = self.info.channels.iter();
+        channels.map(|channel| channel.id.as_str()).collect()
+    }
+
+    fn reference(&self) -> (&str, &'static str) {
+        (&self.info.ref_channel, "CPHD/Channel/RefChId")
+    }
+
+    fn check(&self) -> Result<(), ReadError> {
+        let Self {
+            source,
+            header,
+            info,
+            layout,
+        } = self;
+        let blocks = [&header.pvp, &header.signal];
+        let sample_bytes = info.signal_format.sample_bytes();
+        let check = |channel: &ChannelInfo| {
+            let arrays = &channel.arrays;
+            arrays.check(&channel.id, layout.num_bytes, sample_bytes, blocks)
+        };
+        check_compression(info.compression.as_deref())
+            .and_then(|()| info.channels.iter().try_for_each(check))
+            .map_err(|what| source.malformed(what))
     }
 }
 
@@ -125,11 +150,7 @@ impl Cphd {
         channel: Option<&str>,
         memory_bytes: u64,
     ) -> Result<Self, ReadError> {
-        let container = Container::open(path.as_ref(), memory_bytes)?;
-        let chosen = container.info.channel(channel);
-        let chosen = chosen.map_err(|what| container.source.malformed(what))?;
-        container.check_readable()?;
-        let mut opened = Self::of(Arc::new(container), chosen, memory_bytes)?;
+        let mut opened: Self = open_one(path.as_ref(), channel, memory_bytes)?;
         let misplaced = opened.misplaced();
         opened.leave_out(&misplaced);
         match opened.collection.pulses.is_empty() && !misplaced.is_empty() {
@@ -148,13 +169,7 @@ impl Cphd {
         channels: Option<&[S]>,
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
-        let container = Arc::new(Container::open(path.as_ref(), memory_bytes)?);
-        let infos = &container.info.channels;
-        let ids: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
-        let chosen = side_by_side::chosen(&ids, channels)?;
-        container.check_readable()?;
-        let open = |channel, left_bytes| Self::of(Arc::clone(&container), channel, left_bytes);
-        let mut opened = side_by_side::opened(chosen, memory_bytes, open, |one| one.held_bytes)?;
+        let mut opened: Vec<Self> = open_several(path.as_ref(), channels, memory_bytes)?;
         // What is left out of one is left out of all, so that they stay side by side.
         let vectors = |one: &Self| one.channel().num_vectors;
         let shared = opened
@@ -248,90 +263,6 @@ impl Cphd {
         missing.dedup();
     }
 
-    fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
-        let Container {
-            source,
-            header,
-            info,
-            layout,
-            ..
-        } = &*container;
-        let chosen = &info.channels[channel];
-        let pvp_offset = header.pvp.offset + chosen.pvp_offset;
-        let signal_offset = header.signal.offset + chosen.signal_offset;
-        let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
-        let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
-        let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
-
-        let held_bytes = held_bytes(chosen, info.domain, layout);
-        let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
-        source.check_memory(
-            held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
-            memory_bytes,
-        )?;
-
-        let mut vectors = Vectors::to_be_read(info, stored_samples);
-        vectors
-            .reserve(num_vectors, layout)
-            .map_err(|_| too_large())?;
-        let width = usize::try_from(layout.num_bytes).map_err(|_| too_large())?;
-        source.read_records(
-            "PVP",
-            pvp_offset,
-            num_vectors,
-            width,
-            |index, record| match layout.decode(index, record, info.domain)? {
-                Some(vector) => vectors.push(index, &vector),
-                None => {
-                    vectors.missing.0.push(index as usize);
-                    Ok(())
-                }
-            },
-        )?;
-        let missing = std::mem::take(&mut vectors.missing);
-        if vectors.pulses.is_empty() && num_vectors > 0 {
-            return Err(source.malformed(format!(
-                "channel '{}': SIGNAL is 1 in none of its {num_vectors} vectors, so that none holds an echo of the scene",
-                chosen.id
-            )));
-        }
-        vectors.set_accelerations();
-
-        let arrival = vectors.bins.map(|bins| Arrival {
-            bins,
-            fft: Transforms::Portable.forward(stored_samples),
-            shifts: vectors.shifts,
-        });
-        let collection = Collection {
-            name: collection_name(info, chosen, source.path()),
-            num_samples: vectors.bins.map_or(stored_samples, |b| b.count),
-            pulses: vectors.pulses,
-            frame: info.frame,
-            extent: Some(info.image_area),
-            timed: true,
-        };
-        Ok(Self {
-            channel,
-            collection,
-            signal_offset,
-            stored_samples,
-            amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
-            warnings: no_signal(
-                &collection_name(info, chosen, source.path()),
-                &missing,
-                num_vectors,
-            )
-            .into_iter()
-            .chain(info.unused_patterns(chosen))
-            .collect(),
-            missing,
-            arrival,
-            true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
-            held_bytes,
-            container,
-        })
-    }
-
     /// The metadata of the file.
     pub fn info(&self) -> &CphdInfo {
         &self.container.info
@@ -381,6 +312,100 @@ impl Cphd {
             width,
             samples,
         )
+    }
+}
+
+impl FileChannel for Cphd {
+    type File = Container;
+
+    fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
+        let Container {
+            source,
+            header,
+            info,
+            layout,
+            ..
+        } = &*container;
+        let chosen = &info.channels[channel];
+        let pvp_offset = header.pvp.offset + chosen.arrays.pvp_offset;
+        let signal_offset = header.signal.offset + chosen.arrays.signal_offset;
+        let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
+        let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
+        let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
+
+        let held_bytes = held_bytes(chosen, info.domain, layout);
+        let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
+        source.check_memory(
+            held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
+            memory_bytes,
+        )?;
+
+        let mut vectors = Vectors::to_be_read(info, stored_samples);
+        vectors
+            .reserve(num_vectors, layout)
+            .map_err(|_| too_large())?;
+        let width = usize::try_from(layout.num_bytes).map_err(|_| too_large())?;
+        source.read_records(
+            "PVP",
+            pvp_offset,
+            num_vectors,
+            width,
+            |index, record| match layout.decode(index, record, info.domain)? {
+                Some(vector) => vectors.push(index, &vector),
+                None => {
+                    vectors.missing.0.push(index as usize);
+                    Ok(())
+                }
+            },
+        )?;
+        let missing = std::mem::take(&mut vectors.missing);
+        if vectors.pulses.is_empty() && num_vectors > 0 {
+            return Err(source.malformed(format!(
+                "channel '{}': SIGNAL is 1 in none of its {num_vectors} vectors, so that none holds an echo of the scene",
+                chosen.id
+            )));
+        }
+        vectors.set_accelerations();
+
+        let arrival = vectors.bins.map(|bins| Arrival {
+            bins,
+            fft: Transforms::Portable.forward(stored_samples),
+            shifts: vectors.shifts,
+        });
+        let name = history_name(
+            info.core_name.as_deref(),
+            source.path(),
+            &chosen.id,
+            info.channels.len(),
+        );
+        let collection = Collection {
+            name: name.clone(),
+            num_samples: vectors.bins.map_or(stored_samples, |b| b.count),
+            pulses: vectors.pulses,
+            frame: info.frame,
+            extent: Some(info.image_area),
+            timed: true,
+        };
+        Ok(Self {
+            channel,
+            collection,
+            signal_offset,
+            stored_samples,
+            amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
+            warnings: no_signal(&name, &missing, num_vectors)
+                .into_iter()
+                .chain(info.unused_patterns(chosen))
+                .collect(),
+            missing,
+            arrival,
+            true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
+            held_bytes,
+            container,
+        })
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held_bytes
     }
 }
 
@@ -446,7 +471,7 @@ impl PhaseHistory for Cphd {
     }
 
     fn start_ns(&self) -> Option<i64> {
-        start::nanoseconds(self.info().collection_start.as_deref()?)
+        date::nanoseconds(self.info().collection_start.as_deref()?)
     }
 
     fn channels(&self) -> Vec<Channel> {
@@ -500,20 +525,6 @@ fn no_signal(name: &str, missing: &Missing, count: usize) -> Vec<String> {
     )]
 }
 
-/// Checks that the samples of all channels can be read and lie within their blocks.
-fn check_readable(info: &CphdInfo, layout: &Layout, header: &Header) -> Result<(), String> {
-    if let Some(name) = &info.compression {
-        return Err(format!(
-            "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 \
-             are read: decompress the file with its producer's tool"
-        ));
-    }
-    for entry in &info.channels {
-        check_extent(info, entry, layout, &header.pvp, &header.signal)?;
-    }
-    Ok(())
-}
-
 /// Bytes that a channel holds while it is open.
 fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout) -> u64 {
     let transformed = match domain {
@@ -528,57 +539,4 @@ fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout) -> u64 {
     (channel.num_vectors)
         .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes)
         .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES))
-}
-
-/// Whether a channel's arrays lie within their blocks, without overflow.
-fn check_extent(
-    info: &CphdInfo,
-    channel: &ChannelInfo,
-    layout: &Layout,
-    pvp: &Block,
-    signal: &Block,
-) -> Result<(), String> {
-    let check = |name: &str, element: &str, offset: u64, size: Option<u64>, block: &Block| {
-        let end = size.and_then(|size| offset.checked_add(size));
-        match end {
-            Some(end) if end <= block.size => Ok(()),
-            _ => Err(format!(
-                "channel '{}': its {name} array ({} vectors of {} samples, CPHD/Data/Channel/\
-                 {element} {offset}) does not fit the {name} block of {} bytes at byte {}; the \
-                 XML is damaged",
-                channel.id, channel.num_vectors, channel.num_samples, block.size, block.offset
-            )),
-        }
-    };
-    let pvp_size = channel.num_vectors.checked_mul(layout.num_bytes);
-    check(
-        "PVP",
-        "PVPArrayByteOffset",
-        channel.pvp_offset,
-        pvp_size,
-        pvp,
-    )?;
-    let signal_size = channel
-        .num_vectors
-        .checked_mul(channel.num_samples)
-        .and_then(|n| n.checked_mul(info.signal_format.sample_bytes() as u64));
-    check(
-        "signal",
-        "SignalArrayByteOffset",
-        channel.signal_offset,
-        signal_size,
-        signal,
-    )
-}
-
-/// CoreName, or else the file's name; with the channel where there are several.
-fn collection_name(info: &CphdInfo, channel: &ChannelInfo, path: &Path) -> String {
-    let file = || path.file_name().map(|n| n.to_string_lossy().into_owned());
-    let name = info.core_name.clone().filter(|n| !n.is_empty());
-    let name = name.or_else(file).unwrap_or_default();
-    if info.channels.len() > 1 {
-        format!("{name} channel {}", channel.id)
-    } else {
-        name
-    }
 }

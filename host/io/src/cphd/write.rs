@@ -13,14 +13,13 @@ use super::antenna_fit::Described;
 use super::conventions::{Domain, Sgn};
 use super::describe;
 use super::entry::Entry;
-use super::header::{self, SECTION_END, Sizes};
+use super::header::{self, Sizes};
 use super::prepare::Prepared;
 use super::pvp::record_bytes;
-use super::signal;
-use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use super::write_options::{Channel, WriteError, WriteOptions};
 use crate::atomic::{self, AtomicFile};
+use crate::container::{CHUNK_BYTES, SECTION_END, encode};
 use crate::together::FileSet;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::check_finite;
@@ -338,7 +337,7 @@ fn write_signal(
         match &mut transform {
             None => {
                 conjugate_if(options.sgn, samples);
-                signal::encode(samples, &mut bytes);
+                encode(samples, &mut bytes);
             }
             Some(transform) => {
                 for (pulse, fx) in pulses.clone().zip(samples.chunks_exact(width)) {
@@ -347,7 +346,7 @@ fn write_signal(
                     transform.arrival(fx, shift, &mut arrivals);
                     conjugate_if(options.sgn, &mut arrivals);
                     check_finite(&collection.name, pulse, stored, &arrivals)?;
-                    signal::encode(&arrivals, &mut bytes);
+                    encode(&arrivals, &mut bytes);
                 }
             }
         }

@@ -1,7 +1,6 @@
 //! The header: which of three kinds a file is, and where its blocks lie.
 
-use crate::cphd::header::{Block, Lines, first_bytes};
-use crate::cphd::source::Source;
+use crate::container::{Block, Lines, Source, lines};
 use subaperture_model::phase_history::ReadError;
 
 /// Kinds of files.
@@ -55,8 +54,7 @@ pub(super) struct Header {
 impl Header {
     /// Reads the header and checks that every block it names lies within the file.
     pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
-        let bytes = first_bytes(source)?;
-        Self::parse(&bytes, source.len()).map_err(|what| source.malformed(what))
+        lines::read(source, Self::parse)
     }
 
     /// `bytes` are the first of a file of `file_len`.

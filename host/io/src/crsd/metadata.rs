@@ -5,13 +5,12 @@ use std::collections::HashMap;
 use super::header::Kind;
 use super::pulses;
 use super::vectors;
-use crate::cphd::SignalFormat;
-use crate::cphd::metadata::{image_area, scene_frame, signal_format};
-use crate::cphd::xml::{Element, MetadataError};
-use crate::xml::check;
+use crate::container::channels::{Arrays, parameters};
+use crate::container::{self, Element, MetadataError, SignalFormat};
+use crate::cphd::metadata::{image_area, scene_frame};
 use glam::DVec3;
 use subaperture_model::geometry::{Extent, SceneFrame};
-use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
+use subaperture_model::phase_history::Channel;
 
 /// One channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,10 +29,7 @@ pub struct CrsdChannel {
     pub sample_rate_hz: f64,
     /// The transmit sequence whose pulses it is of.
     pub tx_id: String,
-    /// Bytes from the beginning of the PVP block.
-    pub(super) pvp_offset: u64,
-    /// Bytes from the beginning of the signal block.
-    pub(super) signal_offset: u64,
+    pub(super) arrays: Arrays,
     /// The transmit sequence, by its place in the list.
     pub(super) sequence: usize,
 }
@@ -91,26 +87,6 @@ pub struct CrsdInfo {
     pub(super) sequences: Vec<Sequence>,
 }
 
-impl CrsdInfo {
-    /// Index of the channel with this identifier, or else with this number, counted from 1; of the reference
-    /// channel for `None`.
-    pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
-        let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();
-        let wanted = id.unwrap_or(&self.ref_channel);
-        let found = match id {
-            Some(id) => which_channel(&names, id),
-            None => names
-                .iter()
-                .position(|name| *name == wanted)
-                .ok_or_else(|| ChannelError::Unknown {
-                    wanted: wanted.to_owned(),
-                    names: names.iter().map(|name| (*name).to_owned()).collect(),
-                }),
-        };
-        found.map_err(|error| error.to_string())
-    }
-}
-
 /// The metadata, and where each parameter of pulses and vectors lies.
 pub(super) struct Parsed {
     pub(super) info: CrsdInfo,
@@ -120,10 +96,8 @@ pub(super) struct Parsed {
 
 /// Parses the XML block.
 pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parsed, MetadataError> {
-    check(xml, memory_bytes).map_err(|fault| MetadataError(fault.to_string()))?;
-    let document = roxmltree::Document::parse(xml)
-        .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
-    let root = Element::root(document.root_element());
+    let document = container::parse(xml, memory_bytes)?;
+    let root = Element::root(&document);
     if Kind::of(root.name()) != Some(Kind::Sar) {
         return Err(root.fault("the root element of a CRSDsar file is CRSDsar"));
     }
@@ -170,7 +144,7 @@ pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parse
         frame,
         image_area: image_area(&scene.child("ImageArea")?)?,
         reference_m: frame.from_ecf_m(reference.child("ECF")?.xyz()?),
-        signal_format: signal_format(&received)?,
+        signal_format: SignalFormat::of(&received)?,
         ref_channel: channel_node.child("RefChId")?.text().into_owned(),
         channels,
         num_antenna_patterns: root
@@ -193,22 +167,15 @@ pub(super) fn parse(xml: &str, version: &str, memory_bytes: u64) -> Result<Parse
 
 /// What channels refer to by name: a search for every one of them would be quadratic in their number.
 struct Named<'s, 'a, 'i> {
-    /// The first of each identifier.
     parameters: HashMap<String, Element<'a, 'i>>,
     sequences: HashMap<&'s str, usize>,
 }
 
 impl<'s, 'a, 'i> Named<'s, 'a, 'i> {
     fn of(channels: &Element<'a, 'i>, sequences: &'s [Sequence]) -> Self {
-        let mut parameters = HashMap::new();
-        for entry in channels.children("Parameters") {
-            if let Some(id) = entry.optional_text("Identifier") {
-                parameters.entry(id).or_insert(entry);
-            }
-        }
         let numbered = sequences.iter().enumerate();
         Self {
-            parameters,
+            parameters: parameters(*channels),
             sequences: numbered
                 .map(|(n, sequence)| (sequence.id.as_str(), n))
                 .collect(),
@@ -230,27 +197,20 @@ fn channel(entry: &Element, all: &Element, named: &Named) -> Result<CrsdChannel,
         .sequences
         .get(tx_id.as_str())
         .ok_or_else(|| tx.fault(format!("there is no transmit sequence '{tx_id}'")))?;
-    let positive = |name| -> Result<u64, MetadataError> {
-        let element = entry.child(name)?;
-        match element.count()? {
-            0 => Err(element.fault("0: the channel is empty")),
-            n => Ok(n),
-        }
-    };
+    let arrays = Arrays::of(*entry)?;
     let rate = parameters.child("Fs")?;
     let sample_rate_hz = rate.number()?;
     if sample_rate_hz <= 0.0 {
         return Err(rate.fault(format!("{sample_rate_hz:?} Hz is no sampling rate")));
     }
     Ok(CrsdChannel {
-        num_vectors: positive("NumVectors")?,
-        num_samples: positive("NumSamples")?,
+        num_vectors: arrays.num_vectors,
+        num_samples: arrays.num_samples,
         tx_polarization: polarization(imaging.optional("TxPolarization")),
         rcv_polarization: polarization(parameters.optional("RcvPolarization")),
         sample_rate_hz,
         tx_id,
-        pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
-        signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        arrays,
         sequence,
         id,
     })

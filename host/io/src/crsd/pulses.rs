@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::cphd::record::{Field, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width};
-use crate::cphd::xml::{Element, MetadataError};
+use crate::container::record::{Field, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width};
+use crate::container::{Element, MetadataError};
 
 /// Places of the parameters that this reader uses.
 #[derive(Clone, Debug)]

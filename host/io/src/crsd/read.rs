@@ -11,11 +11,9 @@ use super::header::Header;
 use super::metadata::{CrsdChannel, CrsdInfo, Parsed, Sequence, parse};
 use super::pulses::Sent;
 use super::{pulses, vectors};
-use crate::cphd::header::Block;
-use crate::cphd::preamble::{in_xml, read_text};
-use crate::cphd::side_by_side;
-use crate::cphd::source::{CHUNK_BYTES, Source};
-use crate::cphd::start;
+use crate::container::channels::{check_compression, history_name, open_one, open_several};
+use crate::container::lines::{in_xml, read_xml};
+use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use crate::receive::{Compressed, Filter};
 use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::phase_history::{
@@ -39,7 +37,7 @@ pub struct Crsd {
 }
 
 /// State shared by the channels of a file.
-struct Container {
+pub(crate) struct Container {
     source: Arc<Source>,
     header: Header,
     info: CrsdInfo,
@@ -58,17 +56,17 @@ impl CrsdInfo {
     }
 }
 
-impl Container {
+impl ChannelFile for Container {
     fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let source = Source::open(path)?;
         let header = Header::read(&source)?;
-        let xml = read_text(&source, header.xml, memory_bytes)?;
+        let xml = read_xml(&source, header.xml, memory_bytes)?;
         let Parsed {
             info,
             pulses,
             vectors,
         } = parse(&xml, &header.version, memory_bytes)
-            .map_err(|e| source.malformed(in_xml(&e, header.xml.offset)))?;
+            .map_err(|error| in_xml(&source, header.xml, &error))?;
         Ok(Self {
             source: Arc::new(source),
             header,
@@ -78,70 +76,52 @@ impl Container {
         })
     }
 
-    /// Checks that what the file holds is what can be read, and lies within its blocks.
-    fn check(&self) -> Result<(), ReadError> {
-        self.fault()
-            .map_or(Ok(()), |what| Err(self.source.malformed(what)))
+    fn source(&self) -> &Source {
+        &self.source
     }
 
-    fn fault(&self) -> Option<String> {
-        let info = &self.info;
-        if let Some(name) = &info.compression {
-            return Some(format!(
-                "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 are read: decompress the file with its \
-                 producer's tool"
-            ));
-        }
+    fn ids(&self) -> Vec<&str> {
+        let channels = self.info.channels.iter();
+        channels.map(|channel| channel.id.as_str()).collect()
+    }
+
+    fn reference(&self) -> (&str, &'static str) {
+        (&self.info.ref_channel, "CRSDsar/Channel/RefChId")
+    }
+
+    fn check(&self) -> Result<(), ReadError> {
+        self.check_arrays()
+            .map_err(|what| self.source.malformed(what))
+    }
+}
+
+impl Container {
+    fn check_arrays(&self) -> Result<(), String> {
+        let Self { header, info, .. } = self;
+        check_compression(info.compression.as_deref())?;
         if info.waveform != "LFM" {
-            return Some(format!(
+            return Err(format!(
                 "its pulses are '{}' (TxSequence/TxWFType); only linear frequency modulation, 'LFM', is read: convert the file to CPHD 1.1 with \
                  its producer's tool",
                 info.waveform
             ));
         }
-        let outside = |what: &str, named: &str, offset: u64, bytes: Option<u64>, block: &Block| {
-            let end = bytes.and_then(|bytes| offset.checked_add(bytes));
-            end.is_none_or(|end| end > block.size).then(|| {
-                format!(
-                    "the {what} of '{named}' do not fit their block of {} bytes at byte {}; the XML is damaged",
-                    block.size, block.offset
-                )
-            })
-        };
-        let header = &self.header;
-        let of_sequence = |Sequence {
-                               id,
-                               num_pulses,
-                               offset,
-                           }: &Sequence| {
+        for Sequence {
+            id,
+            num_pulses,
+            offset,
+        } in &info.sequences
+        {
             let bytes = num_pulses.checked_mul(self.pulses.num_bytes);
-            outside("pulses (PPP)", id, *offset, bytes, &header.ppp)
-        };
-        let of_channel = |channel: &CrsdChannel| {
-            let vectors = channel.num_vectors;
-            let records = vectors.checked_mul(self.vectors.num_bytes);
-            let samples = vectors
-                .checked_mul(channel.num_samples)
-                .and_then(|n| n.checked_mul(info.signal_format.sample_bytes() as u64));
-            outside(
-                "vectors (PVP)",
-                &channel.id,
-                channel.pvp_offset,
-                records,
-                &header.pvp,
-            )
-            .or_else(|| {
-                outside(
-                    "samples",
-                    &channel.id,
-                    channel.signal_offset,
-                    samples,
-                    &header.signal,
-                )
-            })
-        };
-        let sequences = info.sequences.iter().find_map(of_sequence);
-        sequences.or_else(|| info.channels.iter().find_map(of_channel))
+            let what = || format!("transmit sequence '{id}': its PPP array of {num_pulses} pulses");
+            header.ppp.check_array("PPP", *offset, bytes, what)?;
+        }
+        let sample_bytes = info.signal_format.sample_bytes();
+        let blocks = [&header.pvp, &header.signal];
+        info.channels.iter().try_for_each(|channel| {
+            let arrays = &channel.arrays;
+            arrays.check(&channel.id, self.vectors.num_bytes, sample_bytes, blocks)
+        })
     }
 
     /// The pulses of a sequence.
@@ -177,11 +157,7 @@ impl Crsd {
         channel: Option<&str>,
         memory_bytes: u64,
     ) -> Result<Self, ReadError> {
-        let container = Container::open(path.as_ref(), memory_bytes)?;
-        let chosen = container.info.channel(channel);
-        let chosen = chosen.map_err(|what| container.source.malformed(what))?;
-        container.check()?;
-        Self::of(Arc::new(container), chosen, memory_bytes)
+        open_one(path.as_ref(), channel, memory_bytes)
     }
 
     /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
@@ -194,14 +170,22 @@ impl Crsd {
         channels: Option<&[S]>,
         memory_bytes: u64,
     ) -> Result<Vec<Self>, ReadError> {
-        let container = Arc::new(Container::open(path.as_ref(), memory_bytes)?);
-        let infos = &container.info.channels;
-        let ids: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
-        let chosen = side_by_side::chosen(&ids, channels)?;
-        container.check()?;
-        let open = |channel, left_bytes| Self::of(Arc::clone(&container), channel, left_bytes);
-        side_by_side::opened(chosen, memory_bytes, open, |one| one.held_bytes)
+        open_several(path.as_ref(), channels, memory_bytes)
     }
+
+    /// The metadata of the file.
+    pub fn info(&self) -> &CrsdInfo {
+        &self.container.info
+    }
+
+    /// The channel that was opened.
+    pub fn channel(&self) -> &CrsdChannel {
+        &self.info().channels[self.channel]
+    }
+}
+
+impl FileChannel for Crsd {
+    type File = Container;
 
     fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
         let (source, info) = (&container.source, &container.info);
@@ -221,14 +205,20 @@ impl Crsd {
         let stored = Stored {
             source: Arc::clone(source),
             format: info.signal_format,
-            offset: container.header.signal.offset + chosen.signal_offset,
+            offset: container.header.signal.offset + chosen.arrays.signal_offset,
             num_samples,
             sample_rate_hz: chosen.sample_rate_hz,
         };
-        let mut echoes = Vectors::to_be_read(info, stored, name(info, chosen, source.path()));
+        let name = history_name(
+            info.product_name.as_deref(),
+            source.path(),
+            &chosen.id,
+            info.channels.len(),
+        );
+        let mut echoes = Vectors::to_be_read(info, stored, name);
         echoes.reserve(num_vectors).map_err(|_| too_large())?;
         let layout = &container.vectors;
-        let offset = container.header.pvp.offset + chosen.pvp_offset;
+        let offset = container.header.pvp.offset + chosen.arrays.pvp_offset;
         let width = layout.num_bytes as usize;
         source.read_records("PVP", offset, num_vectors, width, |index, record| {
             let Some(received) = layout.decode(index, record)? else {
@@ -272,25 +262,8 @@ impl Crsd {
         })
     }
 
-    /// The metadata of the file.
-    pub fn info(&self) -> &CrsdInfo {
-        &self.container.info
-    }
-
-    /// The channel that was opened.
-    pub fn channel(&self) -> &CrsdChannel {
-        &self.info().channels[self.channel]
-    }
-}
-
-/// The product's name, or else the file's; with the channel where there are several.
-fn name(info: &CrsdInfo, channel: &CrsdChannel, path: &Path) -> String {
-    let file = || path.file_name().map(|n| n.to_string_lossy().into_owned());
-    let name = info.product_name.clone().filter(|n| !n.is_empty());
-    let name = name.or_else(file).unwrap_or_default();
-    match info.channels.len() {
-        1 => name,
-        _ => format!("{name} channel {}", channel.id),
+    fn held_bytes(&self) -> u64 {
+        self.held_bytes
     }
 }
 
@@ -322,7 +295,7 @@ impl PhaseHistory for Crsd {
     }
 
     fn start_ns(&self) -> Option<i64> {
-        start::nanoseconds(self.info().collection_start.as_deref()?)
+        date::nanoseconds(self.info().collection_start.as_deref()?)
     }
 
     fn channels(&self) -> Vec<Channel> {

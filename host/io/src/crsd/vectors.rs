@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use crate::cphd::record::{
+use crate::container::record::{
     Field, INTEGER, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width,
 };
+use crate::container::{Element, MetadataError};
 use crate::cphd::vectors::scale_fault;
-use crate::cphd::xml::{Element, MetadataError};
 
 /// Places of the parameters that this reader uses.
 #[derive(Clone, Debug)]

@@ -3,21 +3,20 @@
 //! A pixel's value is its grey, or the amplitude where the file states the levels of black and white (files written by [`Sidd`](crate::Sidd) do). Rows and columns are
 //! those of the file. Of several products, the first is read. **Memory** one window, and the XML.
 
-use std::fs::File;
 use std::path::Path;
 
 use num_complex::Complex32;
 
+use subaperture_io::container::nitf::{Layout, NitfFile, PixelSegment, Pixels, Segment};
+use subaperture_io::container::{Element, MetadataError, Source};
 use subaperture_io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
 };
 
-use crate::Plane;
-use crate::container::{Blocks, Container, Pixels, ReadError};
-use crate::header::Layout;
-use crate::lookup::{Lookup, document};
+use crate::lookup::{self, text, version, with_root};
+use crate::{Plane, ReadError};
 
 /// An open SIDD file.
 #[derive(Debug)]
@@ -38,12 +37,11 @@ struct Metadata {
 
 /// Whether the first image segment of a NITF file is that of a SIDD; `false` if its headers cannot be read.
 pub fn is_sidd(path: &Path) -> bool {
-    let first = || -> Option<Vec<u8>> {
-        let mut container = Container::open(File::open(path).ok()?, path).ok()?;
-        let at = container.header.images.first()?.header;
-        container.bytes(at, 12, "an image header").ok()
+    let first = || {
+        let file = NitfFile::read(Source::open(path).ok()?).ok()?;
+        file.name(file.images.first()?).ok()
     };
-    first().is_some_and(|name| name[2..].starts_with(b"SIDD"))
+    first().is_some_and(|name| name.starts_with("SIDD"))
 }
 
 impl SiddFile {
@@ -60,62 +58,52 @@ impl SiddFile {
     /// # Errors
     /// [`ReadError`] if the file cannot be read, is damaged, or is not a supported SIDD.
     pub fn open_within(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let mut container = Container::open(file, path)?;
-        let mut images: Vec<(Layout, u64, u64)> = Vec::new();
-        for segment in container.header.images.clone() {
-            let bytes = container.image_header(&segment)?;
+        let file = NitfFile::read(Source::open(path)?)?;
+        let mut images: Vec<(Layout, Segment)> = Vec::new();
+        for segment in &file.images {
             // Legends and other images of the file are skipped.
-            if !String::from_utf8_lossy(bytes.get(2..12).unwrap_or_default()).starts_with("SIDD") {
-                continue;
+            if file.name(segment)?.starts_with("SIDD") {
+                images.push((file.layout(segment)?, *segment));
             }
-            let layout =
-                Layout::parse(&bytes).map_err(|what| container.image_fault(&segment, &what))?;
-            images.push((layout, segment.data, segment.data_bytes));
         }
         images.sort_by(|a, b| a.0.name.cmp(&b.0.name));
-        let wrong = |container: &Container, what: &str| container.fault(what.to_owned());
-        let xml = container
-            .xml("SIDD", memory_bytes)?
-            .ok_or_else(|| wrong(&container, "expected SIDD XML, found another NITF file"))?;
-        let Some(product) = images.first().map(|(layout, ..)| layout.name.clone()) else {
-            return Err(wrong(
-                &container,
-                "expected a SIDD image segment, found none",
-            ));
-        };
+        let fault = |what: String| file.source().malformed(what);
+        let xml = file.xml("SIDD", memory_bytes)?;
+        let product = images.first().map(|(layout, _)| layout.name.clone());
+        let product =
+            product.ok_or_else(|| fault("expected a SIDD image segment, found none".to_owned()))?;
         let product = product.get(..7).unwrap_or(&product).to_owned();
-        images.retain(|(layout, ..)| layout.name.starts_with(&product));
-        let pixel_bytes = check(&images, container.length).map_err(|what| container.fault(what))?;
+        images.retain(|(layout, _)| layout.name.starts_with(&product));
+        let pixel_bytes = check(&images).map_err(fault)?;
+        for (_, segment) in &images {
+            file.check(segment)?;
+        }
         let columns = images[0].0.columns;
         let mut segments = Vec::with_capacity(images.len());
         let mut rows = 0usize;
-        for (layout, data, _) in images {
-            let [wide, high] = layout.block_size();
-            segments.push(Blocks {
+        for (layout, segment) in images {
+            let [block_columns, block_rows] = layout.block_size();
+            segments.push(PixelSegment {
                 first_row: rows,
-                wide,
-                high,
-                across: layout.blocks[0],
-                data,
+                block_columns,
+                block_rows,
+                blocks_per_row: layout.blocks[0],
+                offset: segment.data.offset,
             });
             rows += layout.rows;
         }
         let size = (rows, columns);
-        let metadata =
-            Metadata::parse(&xml, size, memory_bytes).map_err(|what| container.fault(what))?;
+        let metadata = with_root(&xml, memory_bytes, |root| Metadata::parse(root, size))
+            .map_err(|error| fault(error.to_string()))?;
         Ok(Self {
-            pixels: container.into_pixels(size, pixel_bytes, segments),
+            pixels: file.into_pixels(size, pixel_bytes, segments),
             metadata,
         })
     }
 
     /// Path of the file.
     pub fn path(&self) -> &Path {
-        self.pixels.path()
+        self.pixels.source().path()
     }
 
     /// Version of the standard, such as `3.0.0`.
@@ -160,20 +148,9 @@ impl SiddFile {
     }
 }
 
-impl Layout {
-    /// Columns and rows of a block, pixels.
-    fn block_size(&self) -> [usize; 2] {
-        let side = |block: usize, whole: usize| if block == 0 { whole } else { block };
-        [
-            side(self.block[0], self.columns),
-            side(self.block[1], self.rows),
-        ]
-    }
-}
-
-/// Check segments against each other and against the file size; returns the size of a pixel in bytes.
-fn check(images: &[(Layout, u64, u64)], length: u64) -> Result<usize, String> {
-    let (first, ..) = &images[0];
+/// Check segments against each other and their stated lengths; returns the size of a pixel in bytes.
+fn check(images: &[(Layout, Segment)]) -> Result<usize, String> {
+    let (first, _) = &images[0];
     let bytes = match (first.kind.as_str(), first.bits, first.bands) {
         ("INT", 8, 1) => 1usize,
         ("INT", 16, 1) => 2,
@@ -183,7 +160,7 @@ fn check(images: &[(Layout, u64, u64)], length: u64) -> Result<usize, String> {
             ));
         }
     };
-    for (layout, data, data_bytes) in images {
+    for (layout, segment) in images {
         let alike = layout.columns == first.columns
             && layout.bits == first.bits
             && layout.bands == first.bands
@@ -204,11 +181,10 @@ fn check(images: &[(Layout, u64, u64)], length: u64) -> Result<usize, String> {
         }
         // Four digits per factor: no overflow of 64 bits for one side; the product may need 128.
         let needed = u128::from(covers[0]) * u128::from(covers[1]) * bytes as u128;
-        let end = data.checked_add(*data_bytes);
-        if needed != u128::from(*data_bytes) || end.is_none_or(|end| end > length) {
+        if needed != u128::from(segment.data.size) {
             return Err(format!(
-                "segment {}: expected {needed} bytes at byte {data}, found a stated length of {data_bytes} in a file of {length} bytes; it is truncated or damaged",
-                layout.name
+                "segment {}: expected {needed} bytes at byte {}, found a stated length of {}; the file is damaged",
+                layout.name, segment.data.offset, segment.data.size
             ));
         }
     }
@@ -216,25 +192,15 @@ fn check(images: &[(Layout, u64, u64)], length: u64) -> Result<usize, String> {
 }
 
 impl Metadata {
-    fn parse(xml: &str, size: (usize, usize), memory_bytes: u64) -> Result<Self, String> {
-        let document = document(xml, memory_bytes)?;
-        let node = document.root_element();
-        let namespace = node.tag_name().namespace().unwrap_or_default();
-        let version = namespace.strip_prefix("urn:SIDD:").unwrap_or_default();
-        if node.tag_name().name() != "SIDD" || version.is_empty() {
-            return Err(format!(
-                "expected SIDD XML, found element '{}' in namespace '{namespace}'",
-                node.tag_name().name()
-            ));
-        }
-        let root = Lookup::of(node);
-        let kind = root.text(&["Display", "PixelType"]).unwrap_or_default();
-        if !["MONO8I", "MONO16I"].contains(&kind) {
-            return Err(format!(
+    fn parse(root: Element, size: (usize, usize)) -> Result<Self, MetadataError> {
+        let version = version(root, "SIDD")?;
+        let kind = text(root, &["Display", "PixelType"]);
+        if !["MONO8I", "MONO16I"].contains(&kind.as_str()) {
+            return Err(root.fault(format!(
                 "expected Display/PixelType MONO8I or MONO16I, found '{kind}'"
-            ));
+            )));
         }
-        let remap = root.text(&[
+        let remap = root.find(&[
             "Display",
             "NonInteractiveProcessing",
             "ProductGenerationOptions",
@@ -242,16 +208,15 @@ impl Metadata {
             "LUTName",
         ]);
         let parameter = |name: &str| {
-            let own = |node: &roxmltree::Node<'_, '_>| {
-                node.tag_name().name() == "ModuleParameter" && node.attribute("name") == Some(name)
+            let own = |element: &Element| {
+                element.name() == "ModuleParameter" && element.attribute("name") == Some(name)
             };
-            let value: f64 = node.descendants().find(own)?.text()?.trim().parse().ok()?;
-            value.is_finite().then_some(value)
+            root.descendants().find(own)?.number().ok()
         };
         let levels_db = parameter("black_db").zip(parameter("white_db"));
         Ok(Self {
-            version: version.to_owned(),
-            remap: remap.map(str::to_owned),
+            version,
+            remap: remap.map(|name| name.text().into_owned()),
             levels_db: levels_db
                 .map(|(black, white)| [black, white])
                 .filter(|[black, white]| white > black),
@@ -261,11 +226,9 @@ impl Metadata {
 }
 
 /// Image plane of a `PlaneProjection`.
-fn plane(root: Lookup, (rows, columns): (usize, usize)) -> Option<Plane> {
-    let number = |path: &[&str]| {
-        root.number(&[&["Measurement", "PlaneProjection"], path].concat())
-            .filter(|value| value.is_finite())
-    };
+fn plane(root: Element, (rows, columns): (usize, usize)) -> Option<Plane> {
+    let projection = root.find(&["Measurement", "PlaneProjection"])?;
+    let number = |path: &[&str]| lookup::number(projection, path);
     let axis = |name: &str, count: usize| {
         let step = number(&["SampleSpacing", name])?;
         Some(Axis {
@@ -274,7 +237,7 @@ fn plane(root: Lookup, (rows, columns): (usize, usize)) -> Option<Plane> {
             count,
         })
     };
-    let vector = |path: &[&str]| root.vector(&[&["Measurement", "PlaneProjection"], path].concat());
+    let vector = |path: &[&str]| projection.find(path)?.xyz().ok();
     let grid = ImageGrid::horizontal(axis("Col", columns)?, axis("Row", rows)?, 0.0);
     let frame = SceneFrame::Earth {
         origin_ecf_m: vector(&["ReferencePoint", "ECEF"])?,

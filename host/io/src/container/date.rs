@@ -1,7 +1,7 @@
-//! The moment at which a collection starts: `Global/Timeline/CollectionStart`, `YYYY-MM-DDThh:mm:ss.ssssssZ`.
+//! UTC dates of CPHD and CRSD, `YYYY-MM-DDThh:mm:ss.ssssssZ`.
 
-/// Nanoseconds since the beginning of 1970, without leap seconds, as UTC counts; `None` for other text. Digits
-/// beyond the ninth of a second are left out.
+/// Nanoseconds since the beginning of 1970, without leap seconds; `None` for other text. Digits after the ninth of a second are
+/// ignored.
 pub(crate) fn nanoseconds(text: &str) -> Option<i64> {
     let (date, time) = text.trim().strip_suffix('Z')?.split_once('T')?;
     let [year, month, day] = numbers(date, '-')?;

@@ -1,8 +1,8 @@
-//! Records of parameters: where each parameter lies in a record of 8-byte words, big endian, and what it is.
+//! Binary records of CPHD and CRSD parameters: positions and formats of parameters in records of 8-byte big-endian words.
 
 use glam::DVec3;
 
-use super::xml::{Element, MetadataError};
+use super::{Element, MetadataError};
 
 /// Some thousand times the size of a record of all the standards' parameters.
 const MAX_RECORD_BYTES: u64 = 1 << 20;
@@ -10,13 +10,13 @@ const MAX_RECORD_BYTES: u64 = 1 << 20;
 /// A float64.
 pub(crate) const SCALAR: &str = "F8";
 
-/// Three of them.
+/// Three float64.
 pub(crate) const POSITION: &str = "X=F8;Y=F8;Z=F8;";
 
 /// A signed integer.
 pub(crate) const INTEGER: &str = "I8";
 
-/// A whole number and its fraction.
+/// Integer and fraction.
 pub(crate) const WHOLE_AND_FRACTION: &str = "Int=I8;Frac=F8;";
 
 /// A parameter's place in the record.
@@ -27,7 +27,7 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// The parameter.
+    /// Name of the parameter.
     pub(crate) fn name(&self) -> &'static str {
         self.name
     }
@@ -45,7 +45,8 @@ pub(crate) fn record_width(num_bytes: &Element) -> Result<u64, MetadataError> {
 }
 
 impl Field {
-    /// The place that the element `node` gives, if it is of this format and within a record of `record_bytes`, which `stated_at` says.
+    /// Position stated by the element `node`, which must have this format and lie within a record of `record_bytes`; `stated_at` is the path of the record's
+    /// size.
     pub(crate) fn parse(
         node: &Element,
         name: &'static str,
@@ -77,12 +78,12 @@ impl Field {
     }
 }
 
-/// One record.
+/// A record.
 #[derive(Clone, Copy)]
 pub(crate) struct Words<'b> {
     /// Owner of the record: a vector or a pulse.
     pub(crate) kind: &'static str,
-    /// Its number.
+    /// Index of the record.
     pub(crate) index: u64,
     pub(crate) bytes: &'b [u8],
 }
@@ -100,7 +101,7 @@ impl Words<'_> {
         word
     }
 
-    /// A number, of any kind.
+    /// Number that may be NaN or infinite.
     pub(crate) fn number(&self, field: Field) -> f64 {
         f64::from_be_bytes(self.word(field.byte))
     }

@@ -1,0 +1,208 @@
+//! Channels of a CPHD or CRSD file: selection, opening and the arrays that they state.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::{Block, Element, MetadataError, Source};
+use subaperture_model::phase_history::{ChannelError, ReadError, which_channel};
+
+/// An open file with channels.
+pub(crate) trait ChannelFile: Sized {
+    /// Read header and XML, within `memory_bytes`.
+    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError>;
+
+    fn source(&self) -> &Source;
+
+    /// Identifiers of the channels, in the order of the file.
+    fn ids(&self) -> Vec<&str>;
+
+    /// Identifier of the reference channel, and the path of the element that states it.
+    fn reference(&self) -> (&str, &'static str);
+
+    /// Check that the arrays of all channels can be read and lie within their blocks.
+    fn check(&self) -> Result<(), ReadError>;
+}
+
+/// An open channel.
+pub(crate) trait FileChannel: Sized {
+    /// File of the channel.
+    type File: ChannelFile;
+
+    /// Open a channel, by its index.
+    fn of(file: Arc<Self::File>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError>;
+
+    /// Memory held, bytes.
+    fn held_bytes(&self) -> u64;
+}
+
+/// Open a channel by its identifier or its number from 1; the reference channel for `None`.
+pub(crate) fn open_one<T: FileChannel>(
+    path: &Path,
+    channel: Option<&str>,
+    memory_bytes: u64,
+) -> Result<T, ReadError> {
+    let file = T::File::open(path, memory_bytes)?;
+    let chosen = index(&file, channel).map_err(|what| file.source().malformed(what))?;
+    file.check()?;
+    T::of(Arc::new(file), chosen, memory_bytes)
+}
+
+/// Index of the channel of this identifier or number; of the reference channel for `None`.
+fn index(file: &impl ChannelFile, channel: Option<&str>) -> Result<usize, String> {
+    let ids = file.ids();
+    if let Some(id) = channel {
+        return which_channel(&ids, id).map_err(|error| error.to_string());
+    }
+    let (reference, stated_at) = file.reference();
+    let found = ids.iter().position(|id| *id == reference);
+    found.ok_or_else(|| {
+        let unknown = ChannelError::Unknown {
+            wanted: reference.to_owned(),
+            names: ids.iter().map(|id| (*id).to_owned()).collect(),
+        };
+        format!("{stated_at}: {unknown}")
+    })
+}
+
+/// Open channels, each by its identifier or its number from 1; all for `None`. The file is opened once; the channels share its memory.
+pub(crate) fn open_several<T: FileChannel, S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    memory_bytes: u64,
+) -> Result<Vec<T>, ReadError> {
+    let file = Arc::new(T::File::open(path, memory_bytes)?);
+    let ids = file.ids();
+    let chosen: Vec<usize> = match channels {
+        None => (0..ids.len()).collect(),
+        Some(wanted) => {
+            let places = wanted.iter().map(|id| which_channel(&ids, id.as_ref()));
+            places.collect::<Result<_, _>>()?
+        }
+    };
+    file.check()?;
+    let mut left_bytes = memory_bytes;
+    let mut opened = Vec::new();
+    for channel in chosen {
+        let next = T::of(Arc::clone(&file), channel, left_bytes)?;
+        left_bytes -= next.held_bytes();
+        opened.push(next);
+    }
+    Ok(opened)
+}
+
+/// Name of a channel's phase history: that of the collection, else of the file; with the identifier where there are several channels.
+pub(crate) fn history_name(
+    collection: Option<&str>,
+    path: &Path,
+    id: &str,
+    channels: usize,
+) -> String {
+    let file = || path.file_name().map(|n| n.to_string_lossy().into_owned());
+    let name = collection.filter(|n| !n.is_empty()).map(str::to_owned);
+    let name = name.or_else(file).unwrap_or_default();
+    match channels {
+        1 => name,
+        _ => format!("{name} channel {id}"),
+    }
+}
+
+/// Elements `Parameters` by `Identifier`, the first of each: a search for every channel would be quadratic in their number.
+pub(crate) fn parameters<'a, 'i>(
+    channel_node: Element<'a, 'i>,
+) -> HashMap<String, Element<'a, 'i>> {
+    let mut by_id = HashMap::new();
+    for entry in channel_node.children("Parameters") {
+        if let Some(id) = entry.optional_text("Identifier") {
+            by_id.entry(id).or_insert(entry);
+        }
+    }
+    by_id
+}
+
+/// Arrays of a channel as stated by its element in `Data`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Arrays {
+    /// Number of vectors, at least 1.
+    pub(crate) num_vectors: u64,
+    /// Samples of a vector, at least 1.
+    pub(crate) num_samples: u64,
+    /// Bytes from the beginning of the PVP block.
+    pub(crate) pvp_offset: u64,
+    /// Bytes from the beginning of the signal block.
+    pub(crate) signal_offset: u64,
+}
+
+impl Arrays {
+    pub(crate) fn of(entry: Element) -> Result<Self, MetadataError> {
+        let positive = |name| -> Result<u64, MetadataError> {
+            let element = entry.child(name)?;
+            match element.count()? {
+                0 => Err(element.fault("0: the channel is empty")),
+                n => Ok(n),
+            }
+        };
+        Ok(Self {
+            num_vectors: positive("NumVectors")?,
+            num_samples: positive("NumSamples")?,
+            pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
+            signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        })
+    }
+
+    /// Check that the arrays lie within their blocks; a PVP record has `record_bytes`.
+    pub(crate) fn check(
+        &self,
+        id: &str,
+        record_bytes: u64,
+        sample_bytes: usize,
+        [pvp, signal]: [&Block; 2],
+    ) -> Result<(), String> {
+        let what = |array: &str, element: &str| {
+            format!(
+                "channel '{id}': its {array} array ({} vectors of {} samples, {element})",
+                self.num_vectors, self.num_samples
+            )
+        };
+        let samples = self.num_vectors.checked_mul(self.num_samples);
+        let records = self.num_vectors.checked_mul(record_bytes);
+        pvp.check_array("PVP", self.pvp_offset, records, || {
+            what("PVP", "PVPArrayByteOffset")
+        })?;
+        let bytes = samples.and_then(|n| n.checked_mul(sample_bytes as u64));
+        signal.check_array("signal", self.signal_offset, bytes, || {
+            what("signal", "SignalArrayByteOffset")
+        })
+    }
+}
+
+impl Block {
+    /// Check that an array lies within this block; `bytes` is `None` if its size overflows, `what` describes it.
+    pub(crate) fn check_array(
+        &self,
+        name: &str,
+        offset: u64,
+        bytes: Option<u64>,
+        what: impl FnOnce() -> String,
+    ) -> Result<(), String> {
+        match bytes.and_then(|bytes| offset.checked_add(bytes)) {
+            Some(end) if end <= self.size => Ok(()),
+            _ => Err(format!(
+                "{} at offset {offset} does not fit the {name} block of {} bytes at byte {}; the XML is damaged",
+                what(),
+                self.size,
+                self.offset
+            )),
+        }
+    }
+}
+
+/// Refuse compressed signal arrays.
+pub(crate) fn check_compression(name: Option<&str>) -> Result<(), String> {
+    name.map_or(Ok(()), |name| {
+        Err(format!(
+            "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 are read: decompress the file with its \
+             producer's tool"
+        ))
+    })
+}

@@ -1,0 +1,260 @@
+//! An open file, read at given positions within the length found at opening.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use crate::input::Stamp;
+use crate::xml::parsed_bytes;
+use subaperture_model::phase_history::{InputFile, ReadError};
+
+/// Size of a read of records, bytes; also of its buffer.
+pub(crate) const CHUNK_BYTES: usize = 1 << 20;
+
+/// Range of bytes that lies within the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// First byte, from the beginning of the file.
+    pub offset: u64,
+    /// Number of bytes.
+    pub size: u64,
+}
+
+/// An open file with its path for errors.
+#[derive(Debug)]
+pub struct Source {
+    file: File,
+    path: PathBuf,
+    len: u64,
+    stamp: Stamp,
+    /// CRC-32 of the whole file, once computed.
+    checksum: OnceLock<u32>,
+}
+
+impl Source {
+    /// Open a file.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`] if the system refuses, or it is a folder.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let file = File::open(path).map_err(|source| ReadError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::of(file, path)
+    }
+
+    /// An open file; `path` is for errors.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn of(file: File, path: &Path) -> Result<Self, ReadError> {
+        let io = |source| ReadError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let metadata = file.metadata().map_err(io)?;
+        if metadata.is_dir() {
+            return Err(io(io::Error::from(io::ErrorKind::IsADirectory)));
+        }
+        Ok(Self {
+            stamp: Stamp::of(&file).map_err(io)?,
+            file,
+            path: path.to_owned(),
+            len: metadata.len(),
+            checksum: OnceLock::new(),
+        })
+    }
+
+    /// Path of the file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Path as text.
+    #[cfg(feature = "cphd")]
+    pub(crate) fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+
+    /// Length of the file when it was opened, bytes.
+    #[expect(clippy::len_without_is_empty, reason = "a file, not a collection")]
+    pub fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Compare the file with its state at opening.
+    ///
+    /// # Errors
+    /// [`ReadError::Changed`] if it was written to since.
+    pub fn check_unchanged(&self) -> Result<(), ReadError> {
+        self.stamp.check(&self.file, &self.path)
+    }
+
+    /// Path, size and CRC-32 of the file, computed once.
+    ///
+    /// # Errors
+    /// [`ReadError::Changed`] if the file was written to since it was opened; [`ReadError::Io`].
+    pub fn input(&self) -> Result<InputFile, ReadError> {
+        let checksum = match self.checksum.get() {
+            Some(&known) => known,
+            None => {
+                let mut hasher = crc32fast::Hasher::new();
+                let mut bytes = vec![0; CHUNK_BYTES];
+                let mut at = 0;
+                while at < self.len {
+                    let count = (self.len - at).min(CHUNK_BYTES as u64) as usize;
+                    self.read_at(at, &mut bytes[..count])?;
+                    hasher.update(&bytes[..count]);
+                    at += count as u64;
+                }
+                *self.checksum.get_or_init(|| hasher.finalize())
+            }
+        };
+        self.check_unchanged()?;
+        Ok(InputFile {
+            path: self.path.clone(),
+            bytes: self.len,
+            crc32: format!("{checksum:08x}"),
+        })
+    }
+
+    /// Read `count` records of `width` bytes from `offset` on, in chunks, and pass each to `take` with its index; `block` names
+    /// them in errors.
+    #[cfg(feature = "cphd")]
+    pub(crate) fn read_records(
+        &self,
+        block: &str,
+        offset: u64,
+        count: usize,
+        width: usize,
+        mut take: impl FnMut(u64, &[u8]) -> Result<(), String>,
+    ) -> Result<(), ReadError> {
+        let at_once = (CHUNK_BYTES / width).max(1);
+        let mut bytes = vec![0; width * at_once.min(count)];
+        let place = |index: usize| offset + index as u64 * width as u64;
+        let mut index = 0;
+        while index < count {
+            let n = at_once.min(count - index);
+            self.read_at(place(index), &mut bytes[..n * width])?;
+            for record in bytes[..n * width].chunks_exact(width) {
+                take(index as u64, record).map_err(|what| {
+                    self.malformed(format!("{what} ({block} at byte {})", place(index)))
+                })?;
+                index += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// [`ReadError::Malformed`] about this file.
+    pub fn malformed(&self, what: impl Into<String>) -> ReadError {
+        ReadError::Malformed {
+            path: self.path.clone(),
+            what: what.into(),
+        }
+    }
+
+    /// Compare memory needed with the limit.
+    ///
+    /// # Errors
+    /// [`ReadError::Memory`] if `needed_bytes` exceeds `allowed_bytes`.
+    pub fn check_memory(&self, needed_bytes: u64, allowed_bytes: u64) -> Result<(), ReadError> {
+        if needed_bytes <= allowed_bytes {
+            return Ok(());
+        }
+        Err(ReadError::Memory {
+            path: self.path.clone(),
+            needed_bytes,
+            allowed_bytes,
+        })
+    }
+
+    /// Check that a range lies within the file; `what` names it in the error.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`] if it does not.
+    pub fn check_range(&self, offset: u64, size: u64, what: &str) -> Result<(), ReadError> {
+        match offset.checked_add(size) {
+            Some(end) if end <= self.len => Ok(()),
+            _ => Err(self.malformed(format!(
+                "expected {what} of {size} bytes at byte {offset}, found a file of {} bytes; it is truncated or damaged",
+                self.len
+            ))),
+        }
+    }
+
+    /// Read the bytes of a range; `what` names them in the error. The range is compared with the file's length before memory is allocated.
+    ///
+    /// # Errors
+    /// As [`Self::check_range`]; [`ReadError::Io`].
+    pub fn bytes(&self, offset: u64, size: u64, what: &str) -> Result<Vec<u8>, ReadError> {
+        self.check_range(offset, size, what)?;
+        let mut bytes = vec![0; size as usize];
+        self.read_at(offset, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Read XML that takes at most `memory_bytes` once parsed. The caller has limited the size of the block.
+    ///
+    /// # Errors
+    /// As [`Self::bytes`]; [`ReadError::Malformed`] if it is not UTF-8; [`ReadError::Memory`].
+    pub fn xml(&self, block: Block, memory_bytes: u64) -> Result<String, ReadError> {
+        self.check_memory(block.size, memory_bytes)?;
+        let bytes = self.bytes(block.offset, block.size, "the XML")?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            self.malformed(format!(
+                "byte {}: the XML block is not UTF-8 text; copy the file again",
+                block.offset + e.utf8_error().valid_up_to() as u64
+            ))
+        })?;
+        self.check_memory(parsed_bytes(&text), memory_bytes)?;
+        Ok(text)
+    }
+
+    /// Fill `bytes` from `offset` on. The caller has checked the range against [`Self::len`], so an
+    /// early end means that the file has been shortened since.
+    ///
+    /// # Errors
+    /// [`ReadError::Malformed`] if the file was shortened; [`ReadError::Io`].
+    pub fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<(), ReadError> {
+        read_exact_at(&self.file, offset, bytes).map_err(|source| {
+            if source.kind() == io::ErrorKind::UnexpectedEof {
+                self.malformed(format!(
+                    "bytes {offset} to {} are gone: the file had {} bytes when it was opened and \
+                     has been shortened since; copy it again",
+                    offset + bytes.len() as u64,
+                    self.len
+                ))
+            } else {
+                ReadError::Io {
+                    path: self.path.clone(),
+                    source,
+                }
+            }
+        })
+    }
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, offset: u64, bytes: &mut [u8]) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut offset: u64, mut bytes: &mut [u8]) -> io::Result<()> {
+    use std::os::windows::fs::FileExt;
+    while !bytes.is_empty() {
+        match file.seek_read(bytes, offset) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(n) => {
+                bytes = &mut bytes[n..];
+                offset += n as u64;
+            }
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(())
+}
