@@ -6,11 +6,11 @@
 //!
 //! **Memory** as much as is allowed, and a buffer; of the file [`MAX_BYTES`] are read. **Errors** say at which feature.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::Value;
 
+use super::ReadError;
 use super::input::open_file;
 use super::json::{self, JsonError, Limits};
 
@@ -23,28 +23,6 @@ const FARTHEST: f64 = 1e9;
 /// Properties of a feature that are kept, and letters of each.
 const MAX_PROPERTIES: usize = 24;
 const MAX_LETTERS: usize = 200;
-
-/// Why a file was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum GeoJsonError {
-    /// The operating system reported an error.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// It is no GeoJSON, or not sound.
-    #[error("{}: {what}", path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        what: String,
-    },
-}
 
 /// How positions hang together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,17 +59,11 @@ pub struct Feature {
 /// Read a file, holding at most `memory_bytes`.
 ///
 /// # Errors
-/// [`GeoJsonError`].
-pub fn read(path: &Path, memory_bytes: u64) -> Result<Vec<Feature>, GeoJsonError> {
-    let io = |source| GeoJsonError::Io {
-        path: path.to_owned(),
-        source,
-    };
-    let file = open_file(path).map_err(io)?;
-    let format = |what| GeoJsonError::Format {
-        path: path.to_owned(),
-        what,
-    };
+/// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not GeoJSON or takes more memory.
+pub fn read(path: &Path, memory_bytes: u64) -> Result<Vec<Feature>, ReadError> {
+    let io = ReadError::io(path);
+    let file = open_file(path).map_err(&io)?;
+    let format = |what| ReadError::malformed(path, what);
     // Features take a half of what their values do, at the most: a position 32 bytes, doubled while a list grows, for a list of numbers.
     let root = json::value(file, limits(memory_bytes / 3 * 2)).map_err(|error| match error {
         JsonError::Io(source) => io(source),

@@ -72,3 +72,5 @@ pub mod unfinished;
 mod write_error;
 pub mod xml;
 pub mod zarr;
+
+pub use subaperture_model::phase_history::ReadError;

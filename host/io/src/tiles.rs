@@ -29,6 +29,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use self::array::{Array, tile_bytes};
+use super::ReadError;
 use super::atomic::{WriteError, check_room, put_in_place, sync_folder};
 use super::input::{Stamp, open_file};
 use super::json::{self, JsonError, Limits};
@@ -68,22 +69,9 @@ pub fn disk_bytes(tiling: &Tiling) -> u64 {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The operating system reported an error.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// It is no store of ours.
-    #[error("{}: {what}", path.display())]
-    Format {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// What is wrong with it.
-        what: String,
-    },
+    /// A file cannot be read, or is not part of a store.
+    #[error(transparent)]
+    File(#[from] ReadError),
     /// A tile is not what its mark says.
     #[error("{}: {what}", path.display())]
     Damaged {
@@ -200,10 +188,10 @@ impl TileStore {
         let array: Result<Array, _> = json::typed(open(&path)?, array::LIMITS);
         let tiling = match array {
             Ok(array) => array.tiling(),
-            Err(JsonError::Io(source)) => return Err(StoreError::Io { path, source }),
+            Err(JsonError::Io(source)) => return Err(ReadError::Io { path, source }.into()),
             Err(error) => Err(error.to_string()),
         };
-        let tiling = tiling.map_err(|what| StoreError::Format {
+        let tiling = tiling.map_err(|what| ReadError::Malformed {
             path,
             what: format!("this is no image of complex64 in plain tiles: {what}"),
         })?;
@@ -291,7 +279,7 @@ impl TileStore {
     /// [`StoreError`].
     pub fn present(&self) -> Result<Vec<usize>, StoreError> {
         let path = self.folder.join(MARKS);
-        let failed = |source| StoreError::Io {
+        let failed = |source| ReadError::Io {
             path: path.clone(),
             source,
         };
@@ -397,31 +385,25 @@ pub struct Claimed {
     _place: OutputPlace,
 }
 
-fn open(path: &Path) -> Result<File, StoreError> {
-    open_file(path).map_err(|source| StoreError::Io {
-        path: path.to_owned(),
-        source,
-    })
+fn open(path: &Path) -> Result<File, ReadError> {
+    open_file(path).map_err(ReadError::io(path))
 }
 
-fn read_plan(path: &Path) -> Result<String, StoreError> {
+fn read_plan(path: &Path) -> Result<String, ReadError> {
     let mut text = String::new();
     let read = open(path)?
         .take(PLAN_LIMITS.bytes + 1)
         .read_to_string(&mut text);
     match read {
-        Ok(count) if count as u64 > PLAN_LIMITS.bytes => Err(StoreError::Format {
-            path: path.to_owned(),
-            what: format!(
+        Ok(count) if count as u64 > PLAN_LIMITS.bytes => Err(ReadError::malformed(
+            path,
+            format!(
                 "expected a plan of at most {} bytes, found more",
                 PLAN_LIMITS.bytes
             ),
-        }),
+        )),
         Ok(_) => Ok(text),
-        Err(source) => Err(StoreError::Io {
-            path: path.to_owned(),
-            source,
-        }),
+        Err(source) => Err(ReadError::io(path)(source)),
     }
 }
 

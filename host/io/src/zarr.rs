@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use num_complex::Complex32;
 use serde_json::Value;
 
+use crate::ReadError;
 use crate::input::open_file;
 use crate::json::{self, JsonError, Limits};
 
@@ -30,28 +31,6 @@ const LIMITS: Limits = Limits {
 /// Most rows or columns, and most pixels: half a terabyte. Chunks may be absent, so that a file's bytes bound nothing.
 const LONGEST: u64 = 1_000_000_000;
 const MAX_PIXELS: u128 = 1 << 36;
-
-/// Why a Zarr image was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ZarrError {
-    /// The operating system reported an error.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// It is not an image of this kind, or it is damaged.
-    #[error("{}: {what}", path.display())]
-    Format {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// What was expected, and what was found.
-        what: String,
-    },
-}
 
 /// A complex image in a Zarr array.
 #[derive(Debug)]
@@ -78,8 +57,8 @@ impl ZarrImage {
     /// Opens a group or an array; `layer` is the number of an image among several, from 0.
     ///
     /// # Errors
-    /// [`ZarrError`], also if there are several images and `layer` is not given.
-    pub fn open(folder: &Path, layer: Option<usize>) -> Result<Self, ZarrError> {
+    /// [`ReadError`], also if there are several images and `layer` is not given.
+    pub fn open(folder: &Path, layer: Option<usize>) -> Result<Self, ReadError> {
         let about = description(folder)?;
         let (array, about, attributes) = match about["node_type"].as_str() {
             Some("array") => {
@@ -108,7 +87,7 @@ impl ZarrImage {
         about: &Value,
         attributes: Value,
         layer: Option<usize>,
-    ) -> Result<Self, ZarrError> {
+    ) -> Result<Self, ReadError> {
         let wrong = |what: String| wrong(&array, what);
         let text = |value: &Value| value.as_str().unwrap_or("nothing").to_owned();
         if about["data_type"] != "complex64" {
@@ -280,20 +259,17 @@ impl ZarrImage {
         index: usize,
         place: &PixelBlock,
         out: &mut [Complex32],
-    ) -> Result<(), ZarrError> {
+    ) -> Result<(), ReadError> {
         let chunk = self.tiling.place(index);
         let path = self.chunk(index);
-        let failed = |source| ZarrError::Io {
-            path: path.clone(),
-            source,
-        };
+        let failed = ReadError::io(&path);
         let mut file = match open_file(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            opened => opened.map_err(failed)?,
+            opened => opened.map_err(&failed)?,
         };
         let [high, wide] = self.tiling.tile;
         let needed = 8 * u128::from(high as u64) * u128::from(wide as u64);
-        let bytes = file.metadata().map_err(failed)?.len();
+        let bytes = file.metadata().map_err(&failed)?.len();
         if u128::from(bytes) != needed {
             return Err(wrong(
                 &path,
@@ -307,8 +283,8 @@ impl ZarrImage {
         for row in rows {
             let pixel = (row - chunk[0].start) * wide + columns.start - chunk[1].start;
             file.seek(SeekFrom::Start(8 * pixel as u64))
-                .map_err(failed)?;
-            file.read_exact(&mut line).map_err(failed)?;
+                .map_err(&failed)?;
+            file.read_exact(&mut line).map_err(&failed)?;
             let at = (row - place[0].start) * place[1].len() + columns.start - place[1].start;
             let values = line.chunks_exact(8).map(complex);
             out[at..at + columns.len()]
@@ -361,7 +337,7 @@ fn which(count: usize, layer: Option<usize>) -> Result<usize, String> {
 }
 
 /// The array of a group that is an image.
-fn image_of_group(folder: &Path, about: &Value) -> Result<PathBuf, ZarrError> {
+fn image_of_group(folder: &Path, about: &Value) -> Result<PathBuf, ReadError> {
     let named = folder.join("image");
     if is_zarr(&named) {
         return Ok(named);
@@ -408,20 +384,14 @@ fn complex(bytes: &[u8]) -> Complex32 {
     Complex32::new(number(&bytes[..4]), number(&bytes[4..]))
 }
 
-fn wrong(path: &Path, what: impl Into<String>) -> ZarrError {
-    ZarrError::Format {
-        path: path.to_owned(),
-        what: what.into(),
-    }
+fn wrong(path: &Path, what: impl Into<String>) -> ReadError {
+    ReadError::malformed(path, what)
 }
 
-fn description(folder: &Path) -> Result<Value, ZarrError> {
+fn description(folder: &Path) -> Result<Value, ReadError> {
     let path = folder.join(DESCRIPTION);
-    let failed = |source| ZarrError::Io {
-        path: path.clone(),
-        source,
-    };
-    let file = open_file(&path).map_err(failed)?;
+    let failed = ReadError::io(&path);
+    let file = open_file(&path).map_err(&failed)?;
     json::value(file, LIMITS).map_err(|error| match error {
         JsonError::Io(source) => failed(source),
         error => wrong(&path, error.to_string()),

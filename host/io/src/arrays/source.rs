@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::npy::{self, Array, NpyError};
+use crate::npy::{self, Array};
+use subaperture_model::phase_history::ReadError;
 
 /// First bytes of a zip archive.
 const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
@@ -54,9 +55,10 @@ impl Source {
 }
 
 /// Message without the path; the caller adds it.
-fn without_path(error: NpyError) -> String {
+fn without_path(error: ReadError) -> String {
     match error {
-        NpyError::Io { source, .. } => source.to_string(),
-        NpyError::Unsuited { what, .. } => what,
+        ReadError::Io { source, .. } => source.to_string(),
+        ReadError::Malformed { what, .. } => what,
+        other => other.to_string(),
     }
 }

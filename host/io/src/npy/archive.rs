@@ -3,15 +3,16 @@
 use std::fs::File;
 use std::io::Read;
 
-use super::{Array, NpyError};
+use super::Array;
+use subaperture_model::phase_history::ReadError;
 
 /// What `take` makes of the contents of the array `name`, with or without its `.npy`; or why there is no such array.
 #[cfg(feature = "npz")]
 pub(super) fn read(
     file: &File,
     name: &str,
-    take: impl FnOnce(&mut dyn Read) -> Result<Array, NpyError>,
-) -> Result<Result<Array, NpyError>, String> {
+    take: impl FnOnce(&mut dyn Read) -> Result<Array, ReadError>,
+) -> Result<Result<Array, ReadError>, String> {
     let mut archive = zip::ZipArchive::new(std::io::BufReader::new(file))
         .map_err(|error| format!("not an archive of arrays (.npz): {error}"))?;
     let member = format!("{}.npy", name.strip_suffix(".npy").unwrap_or(name));
@@ -33,8 +34,8 @@ pub(super) fn read(
 pub(super) fn read(
     _: &File,
     name: &str,
-    _: impl FnOnce(&mut dyn Read) -> Result<Array, NpyError>,
-) -> Result<Result<Array, NpyError>, String> {
+    _: impl FnOnce(&mut dyn Read) -> Result<Array, ReadError>,
+) -> Result<Result<Array, ReadError>, String> {
     Err(format!(
         "array {name} is in an archive (.npz), and this program was built without the feature 'npz' of subaperture"
     ))

@@ -5,11 +5,12 @@ use std::path::Path;
 
 use num_complex::Complex32;
 
+use super::archive;
 use super::half::half;
 use super::header::{Header, HeaderError};
 use super::range::Range;
-use super::{NpyError, archive};
 use crate::input::open_file;
+use subaperture_model::phase_history::ReadError;
 
 /// An array, its last index fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,18 +36,12 @@ impl Array {
     /// than `memory_bytes` is held. Values may be NaN.
     ///
     /// # Errors
-    /// [`NpyError`]: not such a file, no array of that name, a kind that is not a number, more than
+    /// [`ReadError`]: not such a file, no array of that name, a kind that is not a number, more than
     /// `memory_bytes`.
-    pub fn read(path: &Path, name: Option<&str>, memory_bytes: u64) -> Result<Self, NpyError> {
-        let io = |source| NpyError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let unsuited = |what: String| NpyError::Unsuited {
-            path: path.to_owned(),
-            what,
-        };
-        let file = open_file(path).map_err(io)?;
+    pub fn read(path: &Path, name: Option<&str>, memory_bytes: u64) -> Result<Self, ReadError> {
+        let io = ReadError::io(path);
+        let unsuited = |what: String| ReadError::malformed(path, what);
+        let file = open_file(path).map_err(&io)?;
         let read = |stream: &mut dyn Read| {
             Self::read_from(&mut BufReader::new(stream), memory_bytes).map_err(
                 |error| match error {

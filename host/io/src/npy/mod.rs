@@ -19,9 +19,10 @@ mod range;
 mod write;
 
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use self::header::Header;
+use super::ReadError;
 use super::atomic::{WriteError, write_atomically};
 #[cfg(feature = "npz")]
 use super::input::open_file;
@@ -37,28 +38,6 @@ pub(crate) use range::Range;
 pub use write::{ArrayWriter, Number};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-
-/// Why an array was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum NpyError {
-    /// The operating system reported an error.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// Not a complex64 image.
-    #[error("{path}: {what}")]
-    Unsuited {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// What it is, and what was expected.
-        what: String,
-    },
-}
 
 /// Bytes of the file that [`write()`] makes of an image of this many pixels.
 pub fn file_bytes(num_pixels: u64) -> u64 {
@@ -98,25 +77,19 @@ pub fn write(path: &Path, image: &Image) -> Result<(), WriteError> {
 /// they may be NaN.
 ///
 /// # Errors
-/// [`NpyError`].
-pub fn read(path: &Path) -> Result<Image, NpyError> {
+/// [`ReadError`].
+pub fn read(path: &Path) -> Result<Image, ReadError> {
     ImageFile::open(path)?.read()
 }
 
 /// The arrays of an archive (`.npz`), by their names without `.npy`.
 ///
 /// # Errors
-/// [`NpyError`]: no such archive.
+/// [`ReadError`]: no such archive.
 #[cfg(feature = "npz")]
-pub fn names(path: &Path) -> Result<Vec<String>, NpyError> {
-    let opened = open_file(path).map_err(|source| NpyError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
-    archive::names(&opened).map_err(|what| NpyError::Unsuited {
-        path: path.to_owned(),
-        what,
-    })
+pub fn names(path: &Path) -> Result<Vec<String>, ReadError> {
+    let opened = open_file(path).map_err(ReadError::io(path))?;
+    archive::names(&opened).map_err(|what| ReadError::malformed(path, what))
 }
 
 /// Rows and columns of a complex64 image.

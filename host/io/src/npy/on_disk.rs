@@ -1,18 +1,19 @@
 //! An image in a `.npy` file, read part by part.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use num_complex::Complex32;
 
 use super::header::{Header, HeaderError};
-use super::{NpyError, image_shape};
+use super::image_shape;
 use crate::input::{Stamp, open_file};
 use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, bands,
 };
+use subaperture_model::phase_history::ReadError;
 
 /// Bytes that are read at a time.
 const READ_BYTES: usize = 1 << 16;
@@ -33,27 +34,18 @@ impl ImageFile {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// [`NpyError`] if it is no image, or has not as many bytes as its header says.
-    pub fn open(path: &Path) -> Result<Self, NpyError> {
-        let file = open_file(path).map_err(|source| NpyError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
+    /// [`ReadError`] if it is no image, or has not as many bytes as its header says.
+    pub fn open(path: &Path) -> Result<Self, ReadError> {
+        let file = open_file(path).map_err(ReadError::io(path))?;
         Self::of(file, path)
     }
 
     /// [`Self::open`] of a file that is open, from its start.
-    pub(crate) fn of(file: File, path: &Path) -> Result<Self, NpyError> {
-        let io = |source: io::Error| NpyError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let unsuited = |what: String| NpyError::Unsuited {
-            path: path.to_owned(),
-            what,
-        };
-        let file_bytes = file.metadata().map_err(io)?.len();
-        let stamp = Stamp::of(&file).map_err(io)?;
+    pub(crate) fn of(file: File, path: &Path) -> Result<Self, ReadError> {
+        let io = ReadError::io(path);
+        let unsuited = |what: String| ReadError::malformed(path, what);
+        let file_bytes = file.metadata().map_err(&io)?.len();
+        let stamp = Stamp::of(&file).map_err(&io)?;
         let header = Header::read(&mut BufReader::new(&file)).map_err(|error| match error {
             HeaderError::Io(source) => io(source),
             HeaderError::Unsuited(what) => unsuited(what),
@@ -79,20 +71,14 @@ impl ImageFile {
     /// All of it. No more memory is asked for than the file has bytes.
     ///
     /// # Errors
-    /// [`NpyError`].
-    pub fn read(&self) -> Result<Image, NpyError> {
+    /// [`ReadError`].
+    pub fn read(&self) -> Result<Image, ReadError> {
         self.part(&[0..self.rows, 0..self.columns])
     }
 
-    fn part(&self, [rows, columns]: &PixelBlock) -> Result<Image, NpyError> {
-        let io = |source: io::Error| NpyError::Io {
-            path: self.path.clone(),
-            source,
-        };
-        let unsuited = |what: String| NpyError::Unsuited {
-            path: self.path.clone(),
-            what,
-        };
+    fn part(&self, [rows, columns]: &PixelBlock) -> Result<Image, ReadError> {
+        let io = ReadError::io(&self.path);
+        let unsuited = |what: String| ReadError::malformed(&self.path, what);
         let count = rows.len() * columns.len();
         let mut pixels = Vec::new();
         pixels
@@ -106,17 +92,17 @@ impl ImageFile {
         for i in 0..runs {
             let first = (rows.start + i) * self.columns + columns.start;
             file.seek(SeekFrom::Start(self.start + 8 * first as u64))
-                .map_err(io)?;
+                .map_err(&io)?;
             let mut left = run;
             while left > 0 {
                 let some = left.min(bytes.len() / 8);
                 let bytes = &mut bytes[..8 * some];
-                file.read_exact(bytes).map_err(io)?;
+                file.read_exact(bytes).map_err(&io)?;
                 pixels.extend(bytes.as_chunks().0.iter().map(value));
                 left -= some;
             }
         }
-        if let Some(how) = self.stamp.difference(&file).map_err(io)? {
+        if let Some(how) = self.stamp.difference(&file).map_err(&io)? {
             return Err(unsuited(format!(
                 "was changed while it was read ({how}): start again when it is whole"
             )));

@@ -11,10 +11,11 @@ use serde_json::Value;
 use super::{IMAGE, METADATA};
 use crate::input::{Stamp, checksum, open_file};
 use crate::json::{self, JsonError, Limits};
-use crate::npy::{ImageFile, NpyError};
+use crate::npy::ImageFile;
 use crate::tiles::{self, StoreError, TileStore};
 use subaperture_model::geometry::{Axis, ImageGrid, Relief};
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
+use subaperture_model::phase_history;
 
 /// Bounds on `image.json`: of a plane it has some kilobytes, and a surface is one string of up to 3.5 MB.
 pub const RECORD_LIMITS: Limits = Limits {
@@ -122,7 +123,7 @@ pub enum ReadError {
     },
     /// The image is damaged.
     #[error(transparent)]
-    Npy(#[from] NpyError),
+    Npy(#[from] phase_history::ReadError),
     /// A tile of it is.
     #[error(transparent)]
     Tiles(#[from] StoreError),

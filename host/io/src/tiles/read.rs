@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use super::array::tile_bytes;
 use super::{MARK_LIMITS, StoreError, TileStore};
+use crate::ReadError;
 use crate::input::{Stamp, open_file};
 use crate::json;
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks};
@@ -80,9 +81,8 @@ impl TileStore {
         };
         let count = window.rows.saturating_mul(window.columns);
         let reserved = window.pixels.try_reserve_exact(count);
-        reserved.map_err(|_| StoreError::Format {
-            path: self.folder.clone(),
-            what: format!("no memory for {count} pixels of it"),
+        reserved.map_err(|_| {
+            ReadError::malformed(&self.folder, format!("no memory for {count} pixels of it"))
         })?;
         window.pixels.resize(count, Complex32::ZERO);
         for index in there {
@@ -108,11 +108,8 @@ impl TileStore {
         self.check_size(index)?;
         let [rows, columns] = self.tiling.place(index);
         let path = self.chunk(index);
-        let failed = |source| StoreError::Io {
-            path: path.clone(),
-            source,
-        };
-        let mut file = open_file(&path).map_err(failed)?;
+        let failed = ReadError::io(&path);
+        let mut file = open_file(&path).map_err(&failed)?;
         let mut image = Image {
             rows: 0,
             columns: (first[1]..columns.len()).step_by(steps[1]).len(),
@@ -127,7 +124,7 @@ impl TileStore {
                 }
                 at += 1;
             })
-            .map_err(failed)?;
+            .map_err(&failed)?;
             image.rows += 1;
         }
         Ok(image)
@@ -157,7 +154,7 @@ impl TileStore {
         let path = self.chunk(index);
         let bytes = match path.metadata() {
             Ok(about) => about.len(),
-            Err(source) => return Err(StoreError::Io { path, source }),
+            Err(source) => return Err(ReadError::Io { path, source }.into()),
         };
         match tile_bytes(&self.tiling) {
             wanted if bytes != wanted => {
@@ -175,15 +172,12 @@ impl TileStore {
         pixels: &mut [Complex32],
     ) -> Result<(), StoreError> {
         let path = self.chunk(index);
-        let failed = |source| StoreError::Io {
-            path: path.clone(),
-            source,
-        };
-        let mut file = open_file(&path).map_err(failed)?;
-        let stamp = Stamp::of(&file).map_err(failed)?;
+        let failed = ReadError::io(&path);
+        let mut file = open_file(&path).map_err(&failed)?;
+        let stamp = Stamp::of(&file).map_err(&failed)?;
         if !self.is_verified(index, stamp) {
             self.verify(index, &mut file).map_err(|error| match error {
-                Fault::Io(source) => failed(source),
+                Fault::Io(source) => failed(source).into(),
                 Fault::Mark(error) => error,
                 Fault::Differs(what) => self.damaged(index, what),
             })?;
@@ -202,7 +196,7 @@ impl TileStore {
                     *pixel = value;
                 }
             })
-            .map_err(failed)?;
+            .map_err(&failed)?;
         }
         Ok(())
     }
@@ -240,11 +234,8 @@ impl TileStore {
         let path = self.mark(index);
         let file = super::open(&path)?;
         json::typed(file, MARK_LIMITS).map_err(|error| match error {
-            json::JsonError::Io(source) => StoreError::Io { path, source },
-            error => StoreError::Format {
-                path,
-                what: format!("not the mark of a tile: {error}"),
-            },
+            json::JsonError::Io(source) => ReadError::io(&path)(source).into(),
+            error => ReadError::malformed(&path, format!("not the mark of a tile: {error}")).into(),
         })
     }
 }

@@ -214,7 +214,7 @@ fn lossily<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S:
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The operating system reported an error.
+    /// Input error of the operating system.
     #[error("cannot read {path}: {source}")]
     Io {
         /// Path of the file that failed.
@@ -272,6 +272,24 @@ pub enum ReadError {
     /// Inputs that cannot form one aperture.
     #[error("{0}")]
     Mismatch(String),
+}
+
+impl ReadError {
+    /// Make [`Self::Io`] of errors of the operating system about a file.
+    pub fn io(path: &Path) -> impl Fn(std::io::Error) -> Self {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    /// [`Self::Malformed`] about a file.
+    pub fn malformed(path: &Path, what: impl Into<String>) -> Self {
+        Self::Malformed {
+            path: path.to_owned(),
+            what: what.into(),
+        }
+    }
 }
 
 impl From<ChannelError> for ReadError {

@@ -1,18 +1,19 @@
 //! Opening an image of any format.
 
-use std::io::{self, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use subaperture_focus::Plan;
+use subaperture_io::ReadError;
 use subaperture_io::input::open_file;
 use subaperture_io::json;
-use subaperture_io::npy::{ImageFile, NpyError};
+use subaperture_io::npy::ImageFile;
 use subaperture_io::product::{self, RECORD_LIMITS};
 use subaperture_io::tiles::{self, StoreError, TileStore};
-use subaperture_io::zarr::{self, ZarrError, ZarrImage};
+use subaperture_io::zarr::{self, ZarrImage};
 use subaperture_maps::terrain::TerrainError;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::ImageSource;
@@ -51,14 +52,9 @@ impl Default for Reading {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
-    Io {
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: io::Error,
-    },
+    /// A file was not read.
+    #[error(transparent)]
+    File(#[from] ReadError),
     /// It is not an image.
     #[error(
         "{}: no image: give the folder of a product (with image.json and image.npy), a complex64 array (.npy), a SICD or SIDD, a GeoTIFF, or a Zarr \
@@ -79,18 +75,9 @@ pub enum OpenError {
     /// A product was not read.
     #[error(transparent)]
     Product(#[from] product::ReadError),
-    /// An array was not read.
-    #[error(transparent)]
-    Array(#[from] NpyError),
     /// Tiles were not read.
     #[error(transparent)]
     Tiles(#[from] StoreError),
-    /// A Zarr array was not read.
-    #[error(transparent)]
-    Zarr(#[from] ZarrError),
-    /// A SICD or SIDD was not read.
-    #[error(transparent)]
-    Nitf(#[from] subaperture_sicd::ReadError),
     /// A GeoTIFF was not read.
     #[error(transparent)]
     Map(#[from] TerrainError),
@@ -126,18 +113,12 @@ impl OpenImage {
         if !path.is_file() {
             let missing = open_file(path).err();
             return Err(match missing {
-                Some(source) => OpenError::Io {
-                    path: path.to_owned(),
-                    source,
-                },
+                Some(source) => ReadError::io(path)(source).into(),
                 None => no_image(path, "; it is neither a file nor a folder"),
             });
         }
         let read = open_file(path).and_then(|file| file.take(4).read(&mut start));
-        read.map_err(|source| OpenError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
+        read.map_err(ReadError::io(path))?;
         match &start {
             b"\x93NUM" => array(path, path, Pixels::Array),
             b"NITF" | b"NSIF" if is_sidd(path) => sidd(path, reading),
