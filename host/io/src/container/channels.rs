@@ -4,36 +4,44 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Block, Element, MetadataError, Source};
-use subaperture_model::phase_history::{ChannelError, ReadError, which_channel};
+use super::{Block, Blocks, Element, MetadataError, SignalFormat, Source};
+use subaperture_model::phase_history::{ChannelError, PhaseHistory, ReadError, which_channel};
+
+/// Statements of a file about its channels.
+pub(crate) struct Table<'f> {
+    pub(crate) source: &'f Source,
+    pub(crate) blocks: &'f Blocks,
+    /// Identifier and arrays of each channel, in the order of the file.
+    pub(crate) channels: Vec<(&'f str, &'f Arrays)>,
+    /// Identifier of the reference channel, and the path of the element that states it.
+    pub(crate) reference: (&'f str, &'static str),
+    /// Size of a record of per-vector parameters, bytes.
+    pub(crate) record_bytes: u64,
+    pub(crate) format: SignalFormat,
+    /// Name of the compression of the signal arrays.
+    pub(crate) compression: Option<&'f str>,
+}
 
 /// An open file with channels.
 pub(crate) trait ChannelFile: Sized {
     /// Read header and XML, within `memory_bytes`.
     fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError>;
 
-    fn source(&self) -> &Source;
+    fn table(&self) -> Table<'_>;
 
-    /// Identifiers of the channels, in the order of the file.
-    fn ids(&self) -> Vec<&str>;
-
-    /// Identifier of the reference channel, and the path of the element that states it.
-    fn reference(&self) -> (&str, &'static str);
-
-    /// Check that the arrays of all channels can be read and lie within their blocks.
-    fn check(&self) -> Result<(), ReadError>;
+    /// Check what the format has besides the arrays of channels.
+    fn check(&self) -> Result<(), String> {
+        Ok(())
+    }
 }
 
 /// An open channel.
-pub(crate) trait FileChannel: Sized {
+pub(crate) trait FileChannel: PhaseHistory + Sized {
     /// File of the channel.
     type File: ChannelFile;
 
     /// Open a channel, by its index.
     fn of(file: Arc<Self::File>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError>;
-
-    /// Memory held, bytes.
-    fn held_bytes(&self) -> u64;
 }
 
 /// Open a channel by its identifier or its number from 1; the reference channel for `None`.
@@ -43,26 +51,11 @@ pub(crate) fn open_one<T: FileChannel>(
     memory_bytes: u64,
 ) -> Result<T, ReadError> {
     let file = T::File::open(path, memory_bytes)?;
-    let chosen = index(&file, channel).map_err(|what| file.source().malformed(what))?;
-    file.check()?;
+    let table = file.table();
+    let chosen = table.index(channel);
+    let chosen = chosen.map_err(|what| table.source.malformed(what))?;
+    check(&file)?;
     T::of(Arc::new(file), chosen, memory_bytes)
-}
-
-/// Index of the channel of this identifier or number; of the reference channel for `None`.
-fn index(file: &impl ChannelFile, channel: Option<&str>) -> Result<usize, String> {
-    let ids = file.ids();
-    if let Some(id) = channel {
-        return which_channel(&ids, id).map_err(|error| error.to_string());
-    }
-    let (reference, stated_at) = file.reference();
-    let found = ids.iter().position(|id| *id == reference);
-    found.ok_or_else(|| {
-        let unknown = ChannelError::Unknown {
-            wanted: reference.to_owned(),
-            names: ids.iter().map(|id| (*id).to_owned()).collect(),
-        };
-        format!("{stated_at}: {unknown}")
-    })
 }
 
 /// Open channels, each by its identifier or its number from 1; all for `None`. The file is opened once; the channels share its memory.
@@ -72,7 +65,7 @@ pub(crate) fn open_several<T: FileChannel, S: AsRef<str>>(
     memory_bytes: u64,
 ) -> Result<Vec<T>, ReadError> {
     let file = Arc::new(T::File::open(path, memory_bytes)?);
-    let ids = file.ids();
+    let ids = file.table().ids();
     let chosen: Vec<usize> = match channels {
         None => (0..ids.len()).collect(),
         Some(wanted) => {
@@ -80,7 +73,7 @@ pub(crate) fn open_several<T: FileChannel, S: AsRef<str>>(
             places.collect::<Result<_, _>>()?
         }
     };
-    file.check()?;
+    check(&*file)?;
     let mut left_bytes = memory_bytes;
     let mut opened = Vec::new();
     for channel in chosen {
@@ -89,6 +82,70 @@ pub(crate) fn open_several<T: FileChannel, S: AsRef<str>>(
         opened.push(next);
     }
     Ok(opened)
+}
+
+/// Check that the arrays of all channels can be read and lie within their blocks.
+fn check(file: &impl ChannelFile) -> Result<(), ReadError> {
+    let table = file.table();
+    let checked = table
+        .check_compression()
+        .and_then(|()| file.check())
+        .and_then(|()| table.check_arrays());
+    checked.map_err(|what| table.source.malformed(what))
+}
+
+impl<'f> Table<'f> {
+    fn ids(&self) -> Vec<&'f str> {
+        self.channels.iter().map(|(id, _)| *id).collect()
+    }
+
+    /// Index of the channel of this identifier or number; of the reference channel for `None`.
+    fn index(&self, channel: Option<&str>) -> Result<usize, String> {
+        let ids = self.ids();
+        if let Some(id) = channel {
+            return which_channel(&ids, id).map_err(|error| error.to_string());
+        }
+        let (reference, stated_at) = self.reference;
+        let found = ids.iter().position(|id| *id == reference);
+        found.ok_or_else(|| {
+            let unknown = ChannelError::Unknown {
+                wanted: reference.to_owned(),
+                names: ids.iter().map(|id| (*id).to_owned()).collect(),
+            };
+            format!("{stated_at}: {unknown}")
+        })
+    }
+
+    fn check_compression(&self) -> Result<(), String> {
+        self.compression.map_or(Ok(()), |name| {
+            Err(format!(
+                "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 are read: decompress the file with its \
+                 producer's tool"
+            ))
+        })
+    }
+
+    fn check_arrays(&self) -> Result<(), String> {
+        for (id, arrays) in &self.channels {
+            let Arrays {
+                num_vectors,
+                num_samples,
+                pvp_offset,
+                signal_offset,
+            } = arrays;
+            let what = |array: &str| {
+                format!(
+                    "channel '{id}': its {array} array ({num_vectors} vectors of {num_samples} samples)"
+                )
+            };
+            let records = num_vectors.checked_mul(self.record_bytes);
+            (self.blocks.pvp).check_array("PVP", *pvp_offset, records, || what("PVP"))?;
+            let samples = num_vectors.checked_mul(*num_samples);
+            let bytes = samples.and_then(|n| n.checked_mul(self.format.sample_bytes() as u64));
+            (self.blocks.signal).check_array("signal", *signal_offset, bytes, || what("signal"))?;
+        }
+        Ok(())
+    }
 }
 
 /// Name of a channel's phase history: that of the collection, else of the file; with the identifier where there are several channels.
@@ -149,31 +206,6 @@ impl Arrays {
             signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
         })
     }
-
-    /// Check that the arrays lie within their blocks; a PVP record has `record_bytes`.
-    pub(crate) fn check(
-        &self,
-        id: &str,
-        record_bytes: u64,
-        sample_bytes: usize,
-        [pvp, signal]: [&Block; 2],
-    ) -> Result<(), String> {
-        let what = |array: &str, element: &str| {
-            format!(
-                "channel '{id}': its {array} array ({} vectors of {} samples, {element})",
-                self.num_vectors, self.num_samples
-            )
-        };
-        let samples = self.num_vectors.checked_mul(self.num_samples);
-        let records = self.num_vectors.checked_mul(record_bytes);
-        pvp.check_array("PVP", self.pvp_offset, records, || {
-            what("PVP", "PVPArrayByteOffset")
-        })?;
-        let bytes = samples.and_then(|n| n.checked_mul(sample_bytes as u64));
-        signal.check_array("signal", self.signal_offset, bytes, || {
-            what("signal", "SignalArrayByteOffset")
-        })
-    }
 }
 
 impl Block {
@@ -195,14 +227,4 @@ impl Block {
             )),
         }
     }
-}
-
-/// Refuse compressed signal arrays.
-pub(crate) fn check_compression(name: Option<&str>) -> Result<(), String> {
-    name.map_or(Ok(()), |name| {
-        Err(format!(
-            "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 are read: decompress the file with its \
-             producer's tool"
-        ))
-    })
 }

@@ -15,13 +15,22 @@ const MAX_HEADER_BYTES: u64 = 1 << 16;
 /// a tenth of it.
 const MAX_XML_BYTES: u64 = 8 << 20;
 
-/// Read the header by `parse`, which is given the first bytes of the file and the file's length.
+/// Blocks that both formats have.
+#[derive(Debug)]
+pub(crate) struct Blocks {
+    pub(crate) xml: Block,
+    /// Per-vector parameters.
+    pub(crate) pvp: Block,
+    pub(crate) signal: Block,
+}
+
+/// Read the header; `parse` is given the first bytes of the file and the file's length.
 pub(crate) fn read<T>(
     source: &Source,
     parse: impl FnOnce(&[u8], u64) -> Result<T, String>,
 ) -> Result<T, ReadError> {
-    let mut bytes = vec![0; source.len().min(MAX_HEADER_BYTES) as usize];
-    source.read_at(0, &mut bytes)?;
+    let size = source.len().min(MAX_HEADER_BYTES);
+    let bytes = source.bytes(0, size, "a header")?;
     parse(&bytes, source.len()).map_err(|what| source.malformed(what))
 }
 
@@ -101,6 +110,15 @@ impl<'h> Lines<'h> {
     /// Value of a header key.
     pub(crate) fn value(&self, key: &str) -> Option<&'h str> {
         self.keys.get(key).copied()
+    }
+
+    /// Blocks that both formats have.
+    pub(crate) fn blocks(&self) -> Result<Blocks, String> {
+        Ok(Blocks {
+            xml: self.block("XML")?,
+            pvp: self.block("PVP")?,
+            signal: self.block("SIGNAL")?,
+        })
     }
 
     fn number(&self, key: &str) -> Result<u64, String> {

@@ -31,7 +31,7 @@ pub use source::{Block, Source};
 #[cfg(feature = "cphd")]
 pub(crate) use channels::{ChannelFile, FileChannel};
 #[cfg(feature = "cphd")]
-pub(crate) use lines::{Lines, SECTION_END};
+pub(crate) use lines::{Blocks, Lines, SECTION_END};
 #[cfg(feature = "cphd")]
 pub use samples::SignalFormat;
 #[cfg(feature = "cphd")]

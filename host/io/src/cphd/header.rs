@@ -1,6 +1,6 @@
 //! Header of a CPHD file: version and blocks.
 
-use crate::container::{Block, Lines, SECTION_END, Source, lines};
+use crate::container::{Blocks, Lines, SECTION_END, Source, lines};
 use subaperture_model::phase_history::ReadError;
 
 /// Header values that a reader needs.
@@ -9,22 +9,20 @@ pub(super) struct Header {
     pub(super) version: String,
     pub(super) classification: Option<String>,
     pub(super) release_info: Option<String>,
-    pub(super) xml: Block,
-    pub(super) pvp: Block,
-    pub(super) signal: Block,
+    pub(super) blocks: Blocks,
 }
 
 impl Header {
-    /// Reads the header and checks that every block it names lies within the file.
+    /// Read the header and check that every block it names lies within the file.
     pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
         lines::read(source, Self::parse)
     }
 
-    /// `bytes` are the first of a file of `file_len`.
+    /// Parse the first `bytes` of a file of `file_len`.
     fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
         let lines = Lines::of(bytes, file_len, "CPHD", "CPHD/1.1.0")?;
         let version = version(lines.first)?;
-        // Not read, so it may be empty; but a file cut within it is still cut.
+        // It is not read and may be empty, but it must lie within the file.
         let no_support = lines
             .value("SUPPORT_BLOCK_SIZE")
             .is_some_and(|s| s.parse() == Ok(0));
@@ -35,9 +33,7 @@ impl Header {
             version: version.to_owned(),
             classification: lines.value("CLASSIFICATION").map(str::to_owned),
             release_info: lines.value("RELEASE_INFO").map(str::to_owned),
-            xml: lines.block("XML")?,
-            pvp: lines.block("PVP")?,
-            signal: lines.block("SIGNAL")?,
+            blocks: lines.blocks()?,
         })
     }
 }

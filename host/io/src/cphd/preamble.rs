@@ -42,9 +42,9 @@ impl Preamble {
     /// Read both, holding at most `memory_bytes`.
     pub(super) fn read(source: &Source, memory_bytes: u64) -> Result<Self, ReadError> {
         let mut header = Header::read(source)?;
-        let xml = read_xml(source, header.xml, memory_bytes)?;
+        let xml = read_xml(source, header.blocks.xml, memory_bytes)?;
         let (mut info, layout) = metadata::parse(&xml, memory_bytes)
-            .map_err(|error| in_xml(source, header.xml, &error))?;
+            .map_err(|error| in_xml(source, header.blocks.xml, &error))?;
         info.version = std::mem::take(&mut header.version);
         info.classification = info.classification.or(header.classification.take());
         info.release_info = info.release_info.or(header.release_info.take());

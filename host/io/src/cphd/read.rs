@@ -15,7 +15,7 @@ use super::preamble::Preamble;
 use super::pvp::Layout;
 use super::toa::{Bins, Transform};
 use super::vectors::{Missing, Vectors};
-use crate::container::channels::{check_compression, history_name, open_one, open_several};
+use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::in_xml;
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use subaperture_model::phase_history::{
@@ -89,7 +89,7 @@ impl ChannelFile for Container {
             info,
             layout,
         } = Preamble::read(&source, memory_bytes)?;
-        let layout = layout.map_err(|error| in_xml(&source, header.xml, &error))?;
+        let layout = layout.map_err(|error| in_xml(&source, header.blocks.xml, &error))?;
         Ok(Self {
             source,
             header,
@@ -98,35 +98,19 @@ impl ChannelFile for Container {
         })
     }
 
-    fn source(&self) -> &Source {
-        &self.source
-    }
-
-    fn ids(&self) -> Vec<&str> {
-        let channels = self.info.channels.iter();
-        channels.map(|channel| channel.id.as_str()).collect()
-    }
-
-    fn reference(&self) -> (&str, &'static str) {
-        (&self.info.ref_channel, "CPHD/Channel/RefChId")
-    }
-
-    fn check(&self) -> Result<(), ReadError> {
-        let Self {
-            source,
-            header,
-            info,
-            layout,
-        } = self;
-        let blocks = [&header.pvp, &header.signal];
-        let sample_bytes = info.signal_format.sample_bytes();
-        let check = |channel: &ChannelInfo| {
-            let arrays = &channel.arrays;
-            arrays.check(&channel.id, layout.num_bytes, sample_bytes, blocks)
-        };
-        check_compression(info.compression.as_deref())
-            .and_then(|()| info.channels.iter().try_for_each(check))
-            .map_err(|what| source.malformed(what))
+    fn table(&self) -> Table<'_> {
+        let info = &self.info;
+        Table {
+            source: &self.source,
+            blocks: &self.header.blocks,
+            channels: (info.channels.iter())
+                .map(|channel| (channel.id.as_str(), &channel.arrays))
+                .collect(),
+            reference: (&info.ref_channel, "CPHD/Channel/RefChId"),
+            record_bytes: self.layout.num_bytes,
+            format: info.signal_format,
+            compression: info.compression.as_deref(),
+        }
     }
 }
 
@@ -327,8 +311,8 @@ impl FileChannel for Cphd {
             ..
         } = &*container;
         let chosen = &info.channels[channel];
-        let pvp_offset = header.pvp.offset + chosen.arrays.pvp_offset;
-        let signal_offset = header.signal.offset + chosen.arrays.signal_offset;
+        let pvp_offset = header.blocks.pvp.offset + chosen.arrays.pvp_offset;
+        let signal_offset = header.blocks.signal.offset + chosen.arrays.signal_offset;
         let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
         let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
@@ -402,10 +386,6 @@ impl FileChannel for Cphd {
             held_bytes,
             container,
         })
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.held_bytes
     }
 }
 

@@ -1,6 +1,6 @@
-//! The header: which of three kinds a file is, and where its blocks lie.
+//! Header of a CRSD file: kind, version and blocks.
 
-use crate::container::{Block, Lines, Source, lines};
+use crate::container::{Block, Blocks, Lines, Source, lines};
 use subaperture_model::phase_history::ReadError;
 
 /// Kinds of files.
@@ -10,12 +10,12 @@ pub enum Kind {
     Sar,
     /// Transmitted pulses alone.
     Transmit,
-    /// What was received, without the pulses that it is of.
+    /// Received signal without the transmitted pulses.
     Receive,
 }
 
 impl Kind {
-    /// That of a root element's or header's name.
+    /// Kind of this root element or header line.
     pub(super) fn of(name: &str) -> Option<Self> {
         match name {
             "CRSDsar" => Some(Self::Sar),
@@ -45,19 +45,17 @@ impl Kind {
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) version: String,
-    pub(super) xml: Block,
     pub(super) ppp: Block,
-    pub(super) pvp: Block,
-    pub(super) signal: Block,
+    pub(super) blocks: Blocks,
 }
 
 impl Header {
-    /// Reads the header and checks that every block it names lies within the file.
+    /// Read the header and check that every block it names lies within the file.
     pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
         lines::read(source, Self::parse)
     }
 
-    /// `bytes` are the first of a file of `file_len`.
+    /// Parse the first `bytes` of a file of `file_len`.
     fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
         let lines = Lines::of(bytes, file_len, "CRSD", "CRSDsar/1.0")?;
         let (name, version) = lines.first.split_once('/').unwrap_or((lines.first, ""));
@@ -71,14 +69,12 @@ impl Header {
             ));
         }
         kind.check()?;
-        // Not read; but a file cut within it is still cut.
+        // It is not read, but it must lie within the file.
         lines.block("SUPPORT")?;
         Ok(Self {
             version: version.to_owned(),
-            xml: lines.block("XML")?,
             ppp: lines.block("PPP")?,
-            pvp: lines.block("PVP")?,
-            signal: lines.block("SIGNAL")?,
+            blocks: lines.blocks()?,
         })
     }
 }
@@ -96,7 +92,7 @@ mod tests {
         let parse = |name: &str, len| Header::parse(format!("{name}{REST}").as_bytes(), len);
         let header = parse("CRSDsar", 438).unwrap();
         assert_eq!(
-            (header.version.as_str(), header.signal.offset),
+            (header.version.as_str(), header.blocks.signal.offset),
             ("1.0", 430)
         );
         assert!(parse("CRSDsar", 437).unwrap_err().contains("cut short"));

@@ -11,7 +11,7 @@ use super::header::Header;
 use super::metadata::{CrsdChannel, CrsdInfo, Parsed, Sequence, parse};
 use super::pulses::Sent;
 use super::{pulses, vectors};
-use crate::container::channels::{check_compression, history_name, open_one, open_several};
+use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::{in_xml, read_xml};
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use crate::receive::{Compressed, Filter};
@@ -60,13 +60,13 @@ impl ChannelFile for Container {
     fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
         let source = Source::open(path)?;
         let header = Header::read(&source)?;
-        let xml = read_xml(&source, header.xml, memory_bytes)?;
+        let xml = read_xml(&source, header.blocks.xml, memory_bytes)?;
         let Parsed {
             info,
             pulses,
             vectors,
         } = parse(&xml, &header.version, memory_bytes)
-            .map_err(|error| in_xml(&source, header.xml, &error))?;
+            .map_err(|error| in_xml(&source, header.blocks.xml, &error))?;
         Ok(Self {
             source: Arc::new(source),
             header,
@@ -76,29 +76,23 @@ impl ChannelFile for Container {
         })
     }
 
-    fn source(&self) -> &Source {
-        &self.source
+    fn table(&self) -> Table<'_> {
+        let info = &self.info;
+        Table {
+            source: &self.source,
+            blocks: &self.header.blocks,
+            channels: (info.channels.iter())
+                .map(|channel| (channel.id.as_str(), &channel.arrays))
+                .collect(),
+            reference: (&info.ref_channel, "CRSDsar/Channel/RefChId"),
+            record_bytes: self.vectors.num_bytes,
+            format: info.signal_format,
+            compression: info.compression.as_deref(),
+        }
     }
 
-    fn ids(&self) -> Vec<&str> {
-        let channels = self.info.channels.iter();
-        channels.map(|channel| channel.id.as_str()).collect()
-    }
-
-    fn reference(&self) -> (&str, &'static str) {
-        (&self.info.ref_channel, "CRSDsar/Channel/RefChId")
-    }
-
-    fn check(&self) -> Result<(), ReadError> {
-        self.check_arrays()
-            .map_err(|what| self.source.malformed(what))
-    }
-}
-
-impl Container {
-    fn check_arrays(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), String> {
         let Self { header, info, .. } = self;
-        check_compression(info.compression.as_deref())?;
         if info.waveform != "LFM" {
             return Err(format!(
                 "its pulses are '{}' (TxSequence/TxWFType); only linear frequency modulation, 'LFM', is read: convert the file to CPHD 1.1 with \
@@ -116,14 +110,11 @@ impl Container {
             let what = || format!("transmit sequence '{id}': its PPP array of {num_pulses} pulses");
             header.ppp.check_array("PPP", *offset, bytes, what)?;
         }
-        let sample_bytes = info.signal_format.sample_bytes();
-        let blocks = [&header.pvp, &header.signal];
-        info.channels.iter().try_for_each(|channel| {
-            let arrays = &channel.arrays;
-            arrays.check(&channel.id, self.vectors.num_bytes, sample_bytes, blocks)
-        })
+        Ok(())
     }
+}
 
+impl Container {
     /// The pulses of a sequence.
     fn sent(&self, sequence: &Sequence) -> Result<Vec<Sent>, ReadError> {
         let too_large = || self.too_large(&sequence.id);
@@ -205,7 +196,7 @@ impl FileChannel for Crsd {
         let stored = Stored {
             source: Arc::clone(source),
             format: info.signal_format,
-            offset: container.header.signal.offset + chosen.arrays.signal_offset,
+            offset: container.header.blocks.signal.offset + chosen.arrays.signal_offset,
             num_samples,
             sample_rate_hz: chosen.sample_rate_hz,
         };
@@ -218,7 +209,7 @@ impl FileChannel for Crsd {
         let mut echoes = Vectors::to_be_read(info, stored, name);
         echoes.reserve(num_vectors).map_err(|_| too_large())?;
         let layout = &container.vectors;
-        let offset = container.header.pvp.offset + chosen.arrays.pvp_offset;
+        let offset = container.header.blocks.pvp.offset + chosen.arrays.pvp_offset;
         let width = layout.num_bytes as usize;
         source.read_records("PVP", offset, num_vectors, width, |index, record| {
             let Some(received) = layout.decode(index, record)? else {
@@ -260,10 +251,6 @@ impl FileChannel for Crsd {
             held_bytes,
             container,
         })
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.held_bytes
     }
 }
 
