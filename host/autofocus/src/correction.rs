@@ -13,9 +13,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
-};
+use subaperture_model::phase_history::{Beam, Collection, PhaseHistory, ReadError};
 use subaperture_signal::phase::{cis, narrow};
 
 /// Correction of a recording, one entry per pulse.
@@ -188,6 +186,10 @@ impl PhaseHistory for Corrected<'_> {
         &self.collection
     }
 
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(self.history)
+    }
+
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.history.read(pulses.clone(), samples)?;
         let width = self.collection.num_samples.max(1);
@@ -209,34 +211,14 @@ impl PhaseHistory for Corrected<'_> {
         self.history.true_antennas()
     }
 
-    fn start_ns(&self) -> Option<i64> {
-        self.history.start_ns()
-    }
-
-    fn channels(&self) -> Vec<Channel> {
-        self.history.channels()
-    }
-
     fn beam(&self) -> Option<Beam> {
         self.history.beam()
-    }
-
-    fn phase_conventions(&self) -> Vec<PhaseConvention> {
-        self.history.phase_conventions()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.history.warnings()
     }
 
     fn held_bytes(&self) -> u64 {
         let own =
             size_of_val(self.collection.pulses.as_slice()) + size_of_val(self.phasors.as_slice());
         self.history.held_bytes() + own as u64
-    }
-
-    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.history.inputs()
     }
 }
 

@@ -20,9 +20,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
-};
+use subaperture_model::phase_history::{Beam, Collection, PhaseHistory, ReadError};
 use subaperture_signal::phase::phasor;
 
 /// Number of pixels of every image that are compared with the exact sum.
@@ -427,6 +425,10 @@ impl PhaseHistory for Sampled<'_> {
         self.history.collection()
     }
 
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(self.history)
+    }
+
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let reading = during(self.monitor, READING);
         self.history.read(pulses.clone(), samples)?;
@@ -445,31 +447,11 @@ impl PhaseHistory for Sampled<'_> {
         self.history.true_antennas()
     }
 
-    fn channels(&self) -> Vec<Channel> {
-        self.history.channels()
-    }
-
     fn held_bytes(&self) -> u64 {
         self.history.held_bytes()
     }
 
-    fn start_ns(&self) -> Option<i64> {
-        self.history.start_ns()
-    }
-
     fn beam(&self) -> Option<Beam> {
         self.history.beam()
-    }
-
-    fn phase_conventions(&self) -> Vec<PhaseConvention> {
-        self.history.phase_conventions()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.history.warnings()
-    }
-
-    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.history.inputs()
     }
 }

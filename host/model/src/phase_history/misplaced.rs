@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError};
+use super::{Beam, Collection, PhaseHistory, Pulse, ReadError};
 use crate::geometry::SceneFrame;
 use crate::track::{joined, strays};
 
@@ -187,6 +187,10 @@ impl PhaseHistory for Excluding {
         &self.collection
     }
 
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(&*self.history)
+    }
+
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let width = self.collection.num_samples;
         assert_eq!(samples.len(), pulses.len() * width);
@@ -222,14 +226,6 @@ impl PhaseHistory for Excluding {
         self.true_antennas.as_deref()
     }
 
-    fn start_ns(&self) -> Option<i64> {
-        self.history.start_ns()
-    }
-
-    fn channels(&self) -> Vec<Channel> {
-        self.history.channels()
-    }
-
     fn beam(&self) -> Option<Beam> {
         self.history.beam()
     }
@@ -246,9 +242,5 @@ impl PhaseHistory for Excluding {
             + (size_of_val(self.collection.pulses.as_slice())
                 + size_of_val(self.kept.as_slice())
                 + truth) as u64
-    }
-
-    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.history.inputs()
     }
 }

@@ -311,6 +311,13 @@ pub trait PhaseHistory: Sync + Send {
     /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
+    /// History whose pulses this one presents with changes, if there is one. What describes the recording (start, channels, phase
+    /// conventions, warnings, input files) is then that history's unless overridden. Samples, true positions and beam are not passed on:
+    /// a change of pulses changes them.
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        None
+    }
+
     /// Samples of `pulses` without a copy; `None` if they are not held in memory.
     ///
     /// # Panics
@@ -328,12 +335,12 @@ pub trait PhaseHistory: Sync + Send {
 
     /// UTC of time zero, nanoseconds since 1970-01-01, if the recording states it.
     fn start_ns(&self) -> Option<i64> {
-        None
+        self.inner()?.start_ns()
     }
 
     /// Channels to which the pulses belong; empty if the recording does not name them.
     fn channels(&self) -> Vec<Channel> {
-        Vec::new()
+        self.inner().map_or_else(Vec::new, |inner| inner.channels())
     }
 
     /// File from which the pulses are read, if there is a single one.
@@ -343,7 +350,8 @@ pub trait PhaseHistory: Sync + Send {
 
     /// Distinct phase conventions of the files from which the samples were read; empty without files.
     fn phase_conventions(&self) -> Vec<PhaseConvention> {
-        Vec::new()
+        self.inner()
+            .map_or_else(Vec::new, |inner| inner.phase_conventions())
     }
 
     /// Antenna beam at a fixed angle to the track, if the recording describes one. `None` for steered antennas and for
@@ -354,17 +362,18 @@ pub trait PhaseHistory: Sync + Send {
 
     /// Warnings about the quality of an image formed from this history, one sentence each.
     fn warnings(&self) -> Vec<String> {
-        Vec::new()
+        self.inner().map_or_else(Vec::new, |inner| inner.warnings())
     }
 
     /// Memory held during the lifetime of this history, bytes: at least the geometry of all pulses.
     fn held_bytes(&self) -> u64 {
-        size_of_val(self.collection().pulses.as_slice()) as u64
+        let inner = self.inner().map_or(0, |inner| inner.held_bytes());
+        inner + size_of_val(self.collection().pulses.as_slice()) as u64
     }
 
     /// Input files with checksums. Every file is read completely.
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        Ok(Vec::new())
+        self.inner().map_or(Ok(Vec::new()), |inner| inner.inputs())
     }
 }
 

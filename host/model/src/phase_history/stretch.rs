@@ -48,6 +48,10 @@ impl PhaseHistory for Stretch<'_> {
         &self.collection
     }
 
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(self.history)
+    }
+
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.history.read(self.within(pulses), samples)
     }
@@ -58,9 +62,5 @@ impl PhaseHistory for Stretch<'_> {
 
     fn beam(&self) -> Option<Beam> {
         self.history.beam()
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError};
+use super::{Beam, Collection, PhaseHistory, ReadError};
 use crate::geometry::{ImageGrid, Troposphere};
 
 /// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by the tropospheric excess of the pulse's reference
@@ -94,6 +94,10 @@ impl PhaseHistory for ThroughAir<'_> {
         &self.collection
     }
 
+    fn inner(&self) -> Option<&dyn PhaseHistory> {
+        Some(&*self.history)
+    }
+
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.history.read(pulses, samples)
     }
@@ -106,31 +110,7 @@ impl PhaseHistory for ThroughAir<'_> {
         self.history.true_antennas()
     }
 
-    fn start_ns(&self) -> Option<i64> {
-        self.history.start_ns()
-    }
-
-    fn channels(&self) -> Vec<Channel> {
-        self.history.channels()
-    }
-
     fn beam(&self) -> Option<Beam> {
         self.history.beam()
-    }
-
-    fn phase_conventions(&self) -> Vec<PhaseConvention> {
-        self.history.phase_conventions()
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.history.warnings()
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
-    }
-
-    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.history.inputs()
     }
 }
