@@ -420,7 +420,7 @@ fn another_image_is_not_replaced() {
     )
     .succeeded();
     let before = listing(&at);
-    run(&at, "run job.toml").failed(1, &["an image is there that is no job's"]);
+    run(&at, "run job.toml").failed(1, &["this image was not formed by a job"]);
     assert_eq!(listing(&at), before);
     run(&at, "run job.toml --force").succeeded();
     // A state that is none is not guessed at.

@@ -13,6 +13,7 @@ mod navigation;
 mod plan;
 mod radio;
 mod run;
+mod settings;
 mod shell;
 mod surface;
 mod tiled;
@@ -27,15 +28,17 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args as Group, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
+use serde::{Deserialize, Deserializer};
 use subaperture::geometry::{Extent, Geodetic, ImageGrid};
 use subaperture::module::link::ModuleAddress;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::failure::Usage;
-pub(crate) use autofocus::{Autofocus, Way};
+pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
 pub(crate) use export::{Export, ImageFormat, Producing};
-pub(crate) use focus::{BeamWidth, Focus, Imaging, Velocity};
+pub(crate) use focus::{BeamWidth, Focus, Forming, Imaging, TargetMotion, Velocity, Windows};
+pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};
 pub(crate) use global::Global;
 pub(crate) use logs::Logs;
@@ -45,9 +48,10 @@ pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
 pub(crate) use run::Run;
+pub(crate) use settings::defaults;
 pub(crate) use shell::{Completions, Man};
 use subaperture::units::Dimension;
-pub(crate) use surface::{SurfaceKind, Surfacing};
+pub(crate) use surface::{GeoidSource, GridSettings, SurfaceKind};
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
@@ -152,7 +156,7 @@ pub(crate) struct Writing {
 }
 
 /// Whether to do it, or to say what it would take.
-#[derive(Clone, Copy, Debug, Group)]
+#[derive(Clone, Copy, Debug, Default, Group)]
 pub(crate) struct Rehearsal {
     /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
     #[arg(long)]
@@ -160,24 +164,27 @@ pub(crate) struct Rehearsal {
 }
 
 /// Recordings.
-#[derive(Debug, Group)]
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 pub(crate) struct Input {
-    /// CPHD 1.x or GOTCHA .mat files, or descriptions of raw recordings (.toml, see subap recording);
-    /// several make one aperture, in the order given
+    /// Recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
+    /// in the order given
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
-    pub(crate) paths: Vec<PathBuf>,
+    pub(crate) files: Vec<PathBuf>,
 
-    /// One channel by its name, as T1R2, or its number from 1 [default: a CPHD's reference channel; of a description
-    /// all pairs of antennas, in the order of time]
+    /// One channel, by its name such as T1R2 or by its number from 1 [default: the reference channel of a CPHD; all channels of a
+    /// description, in order of time]
     #[arg(long, value_name = "NAME")]
     pub(crate) channel: Option<String>,
 
-    /// The coherent sum of channels that share their pulses (MIMO): all, or some as T1R1,T1R2
+    /// Coherent sum of channels that share their pulses (MIMO): all, or a list such as T1R1,T1R2
     #[arg(long, value_name = "all|A,B", value_parser = several_channels, conflicts_with = "channel")]
+    #[serde(deserialize_with = "channels_of_job")]
     pub(crate) channels: Option<SeveralChannels>,
 
-    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    /// Override a key of a description, such as radar.first_pulse=9.2s. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    #[serde(skip)]
     pub(crate) set: Vec<(String, String)>,
 }
 
@@ -185,10 +192,8 @@ impl Input {
     /// A recording and nothing else.
     pub(crate) fn alone(path: &Path) -> Self {
         Self {
-            paths: vec![path.to_owned()],
-            channel: None,
-            channels: None,
-            set: Vec::new(),
+            files: vec![path.to_owned()],
+            ..Self::default()
         }
     }
 
@@ -201,6 +206,12 @@ impl Input {
             None => Ok(()),
         }
     }
+}
+
+fn channels_of_job<'de, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<SeveralChannels>, D::Error> {
+    settings::parsed_by(from, several_channels).map(Some)
 }
 
 /// `subap link`.
@@ -226,13 +237,8 @@ pub(crate) struct Link {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
-
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
+    #[command(flatten)]
+    pub(crate) windows: Windows,
 
     /// Firmware to emulate [default: target/module/float or fixed, here or above]
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
@@ -408,18 +414,16 @@ pub(crate) struct Compare {
 #[derive(Debug, Group)]
 #[command(mut_arg("dry_run", |dry_run| dry_run.requires("from")))]
 pub(crate) struct Quality {
-    /// Folder of a product (image.json and image.npy), its image.json, SICD, SIDD, GeoTIFF, Zarr, or complex64 .npy; one without a grid is
-    /// measured in pixels
+    /// Image: folder of a product (image.json and image.npy), its image.json, SICD, SIDD, GeoTIFF, Zarr, or complex64 .npy. An image without
+    /// a grid is measured in pixels
     #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
-    /// Point to measure, the brightest pixel within 4 of it: its place in the scene, metres (angle in degrees
-    /// and range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = place)]
-    pub(crate) at: Vec<At>,
+    #[command(flatten)]
+    pub(crate) points: Points,
 
-    /// Recording that the image was formed of: points are measured on chips formed of it as finely as they
-    /// need, and theory takes the beam from their echoes; of several, once for each in the same order
+    /// Recording from which the image was formed. Point responses are measured on finer chips formed from it, and theory uses the beam
+    /// measured from the echoes. Repeat it for an image of several recordings, in the same order
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) from: Vec<PathBuf>,
 
@@ -427,26 +431,8 @@ pub(crate) struct Quality {
     #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
     pub(crate) against: Option<PathBuf>,
 
-    /// Rectangle for the statistics, in the grid's own x and y (as --at of polar grids and arrays); of an empty one the mean level is the noise
-    /// [default: the whole image]
-    #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
-    pub(crate) extent: Option<Extent>,
-
-    /// Window over fast and slow time that theory is computed for [default: the product's own]
-    #[arg(long, value_name = "W")]
-    pub(crate) window: Option<Window>,
-
-    /// Measure along and across this line of sight too: its angle from x towards y
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle))]
-    pub(crate) line_of_sight: Option<f64>,
-
-    /// Pixels so far below the peak of --against have no percent difference, dB
-    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = above_zero(Dimension::Level))]
-    pub(crate) floor: f64,
-
-    /// Side of the coherence's window, pixels, odd
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
-    pub(crate) coherence: usize,
+    #[command(flatten)]
+    pub(crate) measuring: Measuring,
 
     /// Folder for pictures: cuts, chips, percent difference, coherence
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
@@ -457,6 +443,41 @@ pub(crate) struct Quality {
 
     #[command(flatten)]
     pub(crate) writing: Writing,
+}
+
+/// Points whose responses are measured.
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
+pub(crate) struct Points {
+    /// Point to measure, as its position in the scene frame, metres (degrees and range on a polar grid; column and row of a .npy). The
+    /// brightest pixel within 4 pixels is taken. May be repeated [default: the brightest]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = place)]
+    pub(crate) at: Vec<At>,
+}
+
+/// What is measured of an image, and how.
+#[derive(Debug, Group)]
+pub(crate) struct Measuring {
+    /// Rectangle for the statistics, in x and y of the grid (as --at on polar grids and arrays). Over a dark rectangle the mean level is
+    /// that of the noise [default: the whole image]
+    #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
+    pub(crate) extent: Option<Extent>,
+
+    /// Window over fast and slow time for which theory is computed [default: that of the product]
+    #[arg(long, value_name = "W")]
+    pub(crate) window: Option<Window>,
+
+    /// Measure along and across this line of sight too: its angle from x towards y, degrees
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle))]
+    pub(crate) line_of_sight: Option<f64>,
+
+    /// Level below the peak of --against, dB, under which pixels have no percent difference
+    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = above_zero(Dimension::Level))]
+    pub(crate) floor: f64,
+
+    /// Side of the coherence window, pixels, odd
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
+    pub(crate) coherence: usize,
 }
 
 /// `subap demo`.
@@ -525,8 +546,8 @@ mod tests {
         let Some(Command::Focus(focus)) = args.command else {
             panic!("not focus");
         };
-        assert_eq!(focus.image.former.error_db(), Some(-55.5));
-        assert_eq!(focus.image.grid.unwrap().origin_m.z, -2.0);
+        assert_eq!(focus.image.forming.former.error_db(), Some(-55.5));
+        assert_eq!(focus.image.grid.pixels.unwrap().origin_m.z, -2.0);
         let words = "subap simulate --preset table-4-1 -o f --sgn -1 --noise-db -20";
         assert!(Args::try_parse_from(words.split(' ')).is_ok());
     }

@@ -3,14 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use serde::{Deserialize, Deserializer};
 use subaperture::geometry::Geodetic;
 use subaperture::units::Dimension;
 
 use super::maps::Mapping;
+use super::settings::parsed_by;
 use super::values::{above_zero, geodetic, output};
 
 /// Formats of images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum ImageFormat {
     /// SICD 1.3 in NITF 2.1: complex, with what it takes to measure and project it
     Sicd,
@@ -73,19 +76,25 @@ impl ImageFormat {
     }
 }
 
-/// Formats in which an image is written beside itself by who forms it.
-#[derive(Debug, Group)]
+/// Products written into the folder of a formed image.
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Products")]
 pub(crate) struct Producing {
-    /// Write the image in these formats too, as subap export does: beside it, as sicd.nitf, sidd.nitf, map.tif (cog), map.kmz,
+    /// Write the image in these formats too, as subap export does, into its folder: sicd.nitf, sidd.nitf, map.tif (cog), map.kmz,
     /// map.png and stack.zarr
-    #[arg(long, value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
-    pub(crate) product: Vec<ImageFormat>,
+    #[arg(long = "product", value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
+    pub(crate) formats: Vec<ImageFormat>,
 
-    /// Where on the Earth the scene's origin is, of these products: degrees north and east, metres above the WGS 84 ellipsoid (x is
-    /// then east and y north) [default: what the recording says]
-    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, requires = "product", value_parser = geodetic)]
+    /// Position of the scene's origin on the Earth for these products: degrees north and east, metres above the WGS 84 ellipsoid (x is
+    /// then east and y north) [default: as the recording states]
+    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, requires = "formats", value_parser = geodetic)]
+    #[serde(deserialize_with = "place_of_job")]
     pub(crate) place: Option<Geodetic>,
+}
+
+fn place_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Geodetic>, D::Error> {
+    parsed_by(from, geodetic).map(Some)
 }
 
 /// `subap export`.

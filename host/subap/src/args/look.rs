@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 use subaperture::plot::{Colours, MAX_HUES, Scale, Upper};
 use subaperture::units::Dimension;
@@ -12,19 +13,21 @@ use super::RemapName;
 use super::values::{above_zero, any, output};
 
 /// Levels and colours of a picture.
-#[derive(Clone, Copy, Debug, Group)]
+#[derive(Clone, Copy, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Look {
     /// Upper level, dB (pixels above it have a separate colour), or `peak` [default: the level that 0.1 % of the pixels exceed, at most
     /// 12 dB below the peak]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = upper)]
+    #[serde(deserialize_with = "upper_of_job")]
     pub(crate) top: Option<Upper>,
 
     /// Dynamic range, dB [default: down to 6 dB below the median, 40 to 60 dB]
     #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
 
-    /// How levels become greys
+    /// Mapping of levels to greys
     #[arg(long, value_enum, default_value_t, conflicts_with_all = ["top", "span"])]
     pub(crate) remap: RemapName,
 
@@ -41,8 +44,13 @@ fn upper(text: &str) -> Result<Upper, String> {
     any(Dimension::Level)(text).map(Upper::Db)
 }
 
+fn upper_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Upper>, D::Error> {
+    Ok(Some(Upper::Db(f64::deserialize(from)?)))
+}
+
 /// Colour maps by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum ColourMap {
     /// Black to white
     #[default]

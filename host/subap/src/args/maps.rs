@@ -1,6 +1,7 @@
 //! Maps that `subap export` makes.
 
 use clap::{Args as Group, ValueEnum};
+use serde::Deserialize;
 use subaperture::maps::Remap;
 use subaperture::units::Dimension;
 
@@ -83,7 +84,8 @@ pub(crate) enum MapLayout {
 }
 
 /// Remaps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum RemapName {
     /// Decibels, down to 6 dB below the median, 40 to 60 dB
     #[default]

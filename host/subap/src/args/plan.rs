@@ -97,8 +97,8 @@ pub(crate) struct PlanModule {
 #[derive(Debug, Group)]
 #[command(
     override_usage = "subap plan radar [OPTIONS] <INPUT>...\n       subap plan radar [OPTIONS] <OPTIONS OF A PASS>",
-    mut_arg("paths", |paths| paths.required(false).conflicts_with_all(PASS)),
-    group(ArgGroup::new("what").required(true).multiple(true).args(["paths", "beamwidth"]).args(PASS)),
+    mut_arg("files", |files| files.required(false).conflicts_with_all(PASS)),
+    group(ArgGroup::new("what").required(true).multiple(true).args(["files", "beamwidth"]).args(PASS)),
 )]
 pub(crate) struct PlanRadar {
     #[command(flatten)]

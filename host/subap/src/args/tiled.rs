@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as Group, ValueHint};
 
 /// Options of an image in tiles.
-#[derive(Debug, Group)]
+#[derive(Debug, Default, Group)]
 #[command(next_help_heading = "Tiles")]
 pub(crate) struct Tiled {
     /// Form the image tile by tile into image.zarr instead of image.npy: a run that was killed can go on, and others
@@ -19,7 +19,7 @@ pub(crate) struct Tiled {
 
     /// Carry out a plan of `subap plan focus`; what it has done already is not done again
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "allow_error", "beam", "squint", "window", "slow_window", "grid", "surface", "geoid", "scratch", "portable", "model"
+        "from_maps", "allow_error", "beam", "squint", "window", "slow_window", "pixels", "surface", "geoid", "scratch", "portable", "model"
     ])]
     pub(crate) plan: Option<PathBuf>,
 

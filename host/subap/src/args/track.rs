@@ -26,11 +26,7 @@ pub(crate) struct Track {
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
-    /// Channels that are used: all, or some as T1R1,T1R2
-    #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
-    pub(crate) channels: SeveralChannels,
-
-    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    /// Override a key of a description, such as radar.first_pulse=9.2s. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 
@@ -41,6 +37,23 @@ pub(crate) struct Track {
     /// File for a picture of track and targets [default: the track's, ending in .png]
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) tracking: Tracking,
+
+    #[command(flatten)]
+    pub(crate) logs: Logs,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// Settings of the track estimate.
+#[derive(Debug, Group)]
+pub(crate) struct Tracking {
+    /// Channels to use: all, or a list such as T1R1,T1R2
+    #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
+    pub(crate) channels: SeveralChannels,
 
     /// Nearest and farthest range searched for targets, as 2m:30m [default: the whole unambiguous interval]
     #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
@@ -62,22 +75,16 @@ pub(crate) struct Track {
     /// beside strong ones may be
     #[arg(long, value_name = "W", default_value = "taylor:50")]
     pub(crate) window: Window,
-
-    #[command(flatten)]
-    pub(crate) logs: Logs,
-
-    #[command(flatten)]
-    pub(crate) writing: Writing,
 }
 
-/// Where the track of an image is taken from.
+/// Source of the track of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum TrackSource {
-    /// The recording's own echoes.
+    /// Estimated from the recording's own echoes.
     Echoes,
-    /// These and navigation.
+    /// Estimated from echoes and navigation.
     Fused,
-    /// A file.
+    /// Read from a file.
     File(PathBuf),
 }
 
@@ -92,7 +99,7 @@ impl TrackSource {
 }
 
 impl fmt::Display for TrackSource {
-    /// As it is typed.
+    /// Text of the option.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Echoes => f.write_str("mpga"),

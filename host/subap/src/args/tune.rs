@@ -7,7 +7,6 @@ use glam::DVec3;
 use subaperture::autofocus::Measure;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::io::recording;
-use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
 /// `subap recording`.
@@ -78,13 +77,8 @@ pub(crate) struct Tune {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     pub(crate) refine: u8,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
-
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
+    #[command(flatten)]
+    pub(crate) windows: super::Windows,
 
     /// Write the values found into the description, which otherwise stays as it is, comments and all
     #[arg(long)]

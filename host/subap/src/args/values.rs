@@ -3,9 +3,11 @@
 use std::ffi::OsStr;
 use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
+use serde::Deserialize;
 use subaperture::geometry::{Axis, Extent, Geodetic};
 use subaperture::units::Dimension;
 
@@ -49,6 +51,14 @@ pub(crate) fn several_channels(text: &str) -> Result<SeveralChannels, String> {
         true => Err("give all, or names of channels with commas between them".to_owned()),
         false => Ok(SeveralChannels::These(names)),
     }
+}
+
+/// One of these words, which help and completions list.
+pub(super) fn one_of<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: std::error::Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words).try_map(|word| word.parse())
 }
 
 pub(super) fn positive(text: &str) -> Result<usize, String> {
@@ -226,13 +236,20 @@ fn pair(text: &str, separator: char) -> Option<(f64, f64)> {
     Some((finite(first.trim()).ok()?, finite(second.trim()).ok()?))
 }
 
-/// A place as typed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Position in the scene as given.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "[f64; 2]")]
 pub(crate) struct At {
     pub(crate) x: f64,
     pub(crate) y: f64,
     /// `None` if it was not given.
     pub(crate) z: Option<f64>,
+}
+
+impl From<[f64; 2]> for At {
+    fn from([x, y]: [f64; 2]) -> Self {
+        Self { x, y, z: None }
+    }
 }
 
 /// `10.5,-3` or `10.5,-3,2`.
