@@ -253,16 +253,15 @@ pub(crate) struct Velocity {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Where the target is at the first pulse, metres in the scene frame
+    /// Position of the target at the first pulse, metres in the scene frame
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: DVec3,
 
-    /// Velocities along x, m/s, stop excluded [default: both ways from 0 in steps of half the resolution, as far as they are unambiguous,
-    /// 128 steps at the most]
+    /// Velocities along x, m/s, stop excluded [default: the unambiguous interval about 0 in steps of half the resolution, at most 128 steps]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vx: Option<Axis>,
 
-    /// Velocities along y, m/s, stop excluded [default: likewise]
+    /// Velocities along y, m/s, stop excluded [default: as for --vx]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vy: Option<Axis>,
 
@@ -281,7 +280,7 @@ pub(crate) struct Velocity {
     #[command(flatten)]
     pub(crate) windows: Windows,
 
-    /// Form the same bits on every machine: Fourier transforms take two to four times as long
+    /// Use Fourier transforms with the same bits on every machine; they take two to four times as long
     #[arg(long)]
     pub(crate) portable: bool,
 
@@ -293,7 +292,7 @@ pub(crate) struct Velocity {
 }
 
 impl Velocity {
-    /// By what means it is formed.
+    /// Numerics of the image.
     pub(crate) fn numerics(&self) -> Numerics<'static> {
         numerics(self.portable)
     }

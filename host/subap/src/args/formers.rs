@@ -71,8 +71,8 @@ fn help(option: &FormerOption, takers: &[(&str, &FormerOption)]) -> String {
         .collect();
     let of = match &others[..] {
         [] => String::new(),
-        few if few.len() < names.len() => format!("; of all but {}", few.join(", ")),
-        _ => format!("; of {}", names.join(", ")),
+        few if few.len() < names.len() => format!(" (all but {})", few.join(", ")),
+        _ => format!(" ({} only)", names.join(", ")),
     };
     let mut default = option.default.to_owned();
     for (name, taken) in takers {
@@ -131,7 +131,7 @@ impl clap::Args for FormerOptions {
             .long(ALGORITHM)
             .short('a')
             .value_name("ALGORITHM")
-            .help("Image former; the one whose options are given, if none is named")
+            .help("Image former. On the command line, options of one former imply it")
             .value_parser(PossibleValuesParser::new(FORMERS.iter().map(former)))
             .default_value(formers::DEFAULT.name);
         let options = options();

@@ -49,7 +49,7 @@ pub(crate) struct GridSettings {
 pub(crate) struct Air(pub(crate) Option<Troposphere>);
 
 impl fmt::Display for Air {
-    /// As it is typed.
+    /// Text of the option.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             None => f.write_str("none"),
@@ -97,7 +97,7 @@ impl SurfaceKind {
 }
 
 impl fmt::Display for SurfaceKind {
-    /// As it is typed.
+    /// Text of the option.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Plane => f.write_str("plane"),

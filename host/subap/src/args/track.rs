@@ -13,16 +13,16 @@ use subaperture::units::Dimension;
 
 /// `subap track`.
 #[derive(Debug, Group)]
-#[command(after_help = "An image on the track that the radar itself found:\n  \
+#[command(after_help = "Form an image on the estimated track:\n  \
     subap track walk.cphd -o track.csv\n  \
     subap focus walk.cphd --track track.csv --out image\n\n\
-    The same with what a receiver says of where it was:\n  \
+    Estimate the track from echoes and a navigation log:\n  \
     subap track walk.cphd --navigation receiver.log -o track.csv\n\n\
-    Targets that move are left out of the track and reported with their velocities. A track that its own residuals\n\
-    contradict is refused; one in doubt is written, and the exit status is 3.")]
+    Moving targets are excluded from the track estimate and reported with their velocities. A track that contradicts its\n\
+    residuals is refused; a doubtful one is written, and the exit status is 3.")]
 pub(crate) struct Track {
-    /// CPHD 1.x of several channels, or a description of a raw recording (.toml): two receivers at the least, half a
-    /// wavelength apart or less
+    /// Recording: CPHD 1.x with several channels, or a description of raw samples (.toml); at least two receivers, at most half a wavelength
+    /// apart
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
@@ -30,7 +30,7 @@ pub(crate) struct Track {
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 
-    /// File for the track: time, position, attitude, covariance and residual of every pulse; subap focus --track takes it
+    /// File for the track: time, position, attitude, covariance and residual of every pulse, for subap focus --track
     #[arg(long, short, value_name = "CSV", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
@@ -59,11 +59,11 @@ pub(crate) struct Tracking {
     #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
     pub(crate) range: Option<(f64, f64)>,
 
-    /// Largest number of targets a pulse, the strongest first
+    /// Largest number of targets per pulse, the strongest first
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
     pub(crate) targets: usize,
 
-    /// Least SNR of an echo in every channel, dB
+    /// Least signal-to-noise ratio of an echo in every channel, dB
     #[arg(long, value_name = "DB", default_value_t = 10.0, allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) least_snr: f64,
 
@@ -71,8 +71,8 @@ pub(crate) struct Tracking {
     #[arg(long, value_name = "N", default_value_t = 30)]
     pub(crate) bridge: usize,
 
-    /// Window over frequency: none, taylor, taylor:DB, hamming or kaiser:BETA; its side lobes limit how weak targets
-    /// beside strong ones may be
+    /// Window over frequency: none, taylor, taylor:DB, hamming or kaiser:BETA; its side lobes mask weak targets near
+    /// strong ones
     #[arg(long, value_name = "W", default_value = "taylor:50")]
     pub(crate) window: Window,
 }

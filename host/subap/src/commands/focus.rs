@@ -373,12 +373,12 @@ fn tell_settings(settings: &Map<String, Value>) {
 }
 
 /// `error`, with what the command line can do about a missed bound.
-fn with_advice(error: FormError) -> anyhow::Error {
+fn explained(error: FormError) -> anyhow::Error {
     match error {
         FormError::BoundMissed { .. } => {
             anyhow::anyhow!(
                 "{}: raise --error-db, or take the best there is with --allow-error",
-                advice::told(&error)
+                advice::explained(&error)
             )
         }
         error => error.into(),

@@ -165,10 +165,10 @@ fn report(
         TransferEnd::Failed(error) if maps > 0 => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
-                advice::told(error)
+                advice::explained(error)
             )
         }
-        TransferEnd::Failed(error) => bail!("{}", advice::told(error)),
+        TransferEnd::Failed(error) => bail!("{}", advice::explained(error)),
     }
 }
 

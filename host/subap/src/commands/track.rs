@@ -91,9 +91,9 @@ pub(super) fn find(
     settings: &Settings,
 ) -> anyhow::Result<Recovered> {
     let progress = session.progress("following targets");
-    let found = recover(channels, settings, &progress).map_err(with_advice)?;
+    let found = recover(channels, settings, &progress).map_err(explained)?;
     progress.finish();
-    found.trusted().map_err(with_advice)?;
+    found.trusted().map_err(explained)?;
     for event in &found.seen.events {
         session.note(1, || told(event));
     }
@@ -127,7 +127,7 @@ fn found_fix(moment: &Moment) -> EstimatedFix {
 }
 
 /// `error` with advice on options.
-fn with_advice(error: TargetsError) -> anyhow::Error {
+fn explained(error: TargetsError) -> anyhow::Error {
     let advice = match &error {
         TargetsError::Nothing { .. } => "place reflectors, or search other ranges with --range",
         TargetsError::TooFew { .. } | TargetsError::Sparse { .. } => {

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! inputs ─> track | autofocus ─> focus ─┬─> check
-//!  (always)      (if asked for)         ├─> picture
+//!  (always)       (if in the job)       ├─> picture
 //!                                       ├─> quality
 //!                                       └─> products ─────> report (of all of them)
 //! ```

@@ -33,7 +33,7 @@ use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{Job, beam, check, missed, record, with_advice};
+use super::{Job, beam, check, explained, missed, record};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
@@ -238,7 +238,7 @@ impl InParts<'_> {
                     None => refusal,
                 }
             }
-            error => with_advice(error),
+            error => explained(error),
         })?;
         progress.finish();
         Ok(executed)
