@@ -2,6 +2,7 @@
 //! numbers of the records, needs no network, and fits screens.
 
 mod interrupted;
+mod track;
 
 use std::fs;
 use std::path::{Path, PathBuf};

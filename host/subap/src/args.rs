@@ -79,8 +79,8 @@ pub(crate) use watching::{Live, Watching};
         0    done\n  \
         1    failed; outputs are complete or absent\n  \
         2    wrong usage\n  \
-        3    done, but an error bound is exceeded: by the prediction where that is allowed, in focus --check,\n       \
-        compare --error-db, crosscheck or demo; or an estimated track is doubtful\n  \
+        3    done, but an error bound is exceeded: by the prediction where that is allowed, in focus\n       \
+        --check, compare --error-db, crosscheck or demo; or an estimated track is doubtful\n  \
         130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
 )]
 pub(crate) struct Args {

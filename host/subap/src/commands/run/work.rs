@@ -145,12 +145,12 @@ impl Worker<'_> {
         let _claims = products.claim(self.session, &self.job.focus.input.files)?;
         products.write(self.session)?;
         let files = self.job.products.formats.iter().flat_map(|format| {
-            let beside: &[&str] = match format {
+            let companions: &[&str] = match format {
                 ImageFormat::Cog => &["map.json"],
                 ImageFormat::Png => &["map.pgw", "map.prj"],
                 _ => &[],
             };
-            std::iter::once(format.file_name()).chain(beside.iter().copied())
+            std::iter::once(format.file_name()).chain(companions.iter().copied())
         });
         Ok(files.map(str::to_owned).collect())
     }

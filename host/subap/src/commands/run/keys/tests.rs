@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 use subaperture::describe::{Description, DescriptionError};
+use subaperture::focus::BoundPolicy;
 use subaperture::job::JobText;
 
 use super::*;
@@ -59,7 +60,6 @@ fn every_example_of_the_example_is_valid() {
                 ("track", "navigation_start" | "lever_arm") => {
                     Some("navigation = \"a.log\"".to_owned())
                 }
-                ("track", "source") => None,
                 _ => None,
             });
             let lines = lines.join("\n");
@@ -120,6 +120,25 @@ fn a_value_of_a_key_is_that_of_its_option() {
         (at.x, at.y, at.z, sections.quality.points),
         (1.0, 2.0, None, 5)
     );
+}
+
+#[test]
+fn error_bound_of_a_job_is_a_limit_unless_it_allows_more() {
+    for (keys, policy) in [
+        ("error = \"-50 dB\"", BoundPolicy::Refused),
+        (
+            "error = \"-50 dB\"\nallow_error = true",
+            BoundPolicy::Allowed,
+        ),
+        (
+            "error = \"-50 dB\"\nalgorithm = \"bp\"",
+            BoundPolicy::Allowed,
+        ),
+        ("portable = true", BoundPolicy::Allowed),
+    ] {
+        let (_, sections) = job(&format!("[input]\nfiles = \"a\"\n[former]\n{keys}\n")).unwrap();
+        assert_eq!(sections.former.forming.bound_policy(), policy, "{keys}");
+    }
 }
 
 #[test]
