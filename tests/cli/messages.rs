@@ -389,7 +389,7 @@ fn help_lists_the_exit_statuses() {
         "0    done",
         "1    failed",
         "2    wrong usage",
-        "3    done, but a bound",
+        "3    done, but an error bound",
         "130  interrupted",
     ] {
         assert!(help.contains(line), "no '{line}' in {help}");

@@ -2,6 +2,7 @@
 //! numbers of the records, needs no network, and fits screens.
 
 mod interrupted;
+mod track;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -346,7 +347,7 @@ fn changed_stage_reruns_only_its_successors() {
     let other = run(&at, &line);
     assert_eq!(done(&other)[..2], ["autofocus", "focus"]);
     assert!(
-        other.stdout.contains("files that it reads have changed"),
+        other.stdout.contains("input files have changed"),
         "{}",
         other.stdout
     );
@@ -420,12 +421,12 @@ fn another_image_is_not_replaced() {
     )
     .succeeded();
     let before = listing(&at);
-    run(&at, "run job.toml").failed(1, &["an image is there that is no job's"]);
+    run(&at, "run job.toml").failed(1, &["this image was not formed by a job"]);
     assert_eq!(listing(&at), before);
     run(&at, "run job.toml --force").succeeded();
     // A state that is none is not guessed at.
     fs::write(at.join("job/job.json"), "{\"schema\":\"subaperture-job\"").unwrap();
-    run(&at, "run job.toml").failed(1, &["job.json", "no state of a job"]);
+    run(&at, "run job.toml").failed(1, &["job.json", "not a valid state of a job"]);
     // What somebody else put there stays.
     fs::write(at.join("job/job.json"), "{}").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json"]);

@@ -355,11 +355,11 @@ fn listed_commands_exist() {
             }
         }
         assert!(
-            help.contains("Pulses a sub-CPI; of rdbp [default: the most"),
+            help.contains("Pulses a sub-CPI (rdbp only) [default: the most"),
             "{help}"
         );
         assert!(
-            help.contains("predict to miss it; of all but exact [default: -60; rdbp: -60, none"),
+            help.contains("predict to miss it (all but exact) [default: -60; rdbp: -60, none"),
             "{help}"
         );
     }

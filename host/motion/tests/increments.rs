@@ -45,13 +45,13 @@ impl Ends {
     }
 }
 
-type Way = fn(&Array, &[Vec<Sighting>]) -> Vec<Increment>;
+type Method = fn(&Array, &[Vec<Sighting>]) -> Vec<Increment>;
 
-fn ends(name: &str, way: Way, receivers: usize, snr_db: f64, seeds: u64) -> Ends {
+fn ends(name: &str, method: Method, receivers: usize, snr_db: f64, seeds: u64) -> Ends {
     let (poses, array, noise) = (poses(1000), array(receivers), Noise::of_snr(snr_db));
     let truth_m = poses[poses.len() - 1].at_m.length();
     let error_m = |seed| {
-        let increments = way(&array, &seen(&array, &poses, &noise, seed));
+        let increments = method(&array, &seen(&array, &poses, &noise, seed));
         let track = chain(increments);
         assert_eq!(track.len(), poses.len());
         track[track.len() - 1].at_m.length() - truth_m
@@ -91,7 +91,7 @@ fn check_thesis(receivers: usize, snr_db: f64, ends: &Ends) {
     }
 }
 
-fn check_ways(snrs_db: &[f64], seeds: u64) {
+fn check_methods(snrs_db: &[f64], seeds: u64) {
     for &snr_db in snrs_db {
         let [two, four] = [2, 4].map(|receivers| {
             let thesis = ends("(a)", pairwise, receivers, snr_db, seeds);
@@ -107,13 +107,13 @@ fn check_ways(snrs_db: &[f64], seeds: u64) {
 
 #[test]
 fn increments_drift_as_their_angles_err() {
-    check_ways(&[15.0, 30.0], 8);
+    check_methods(&[15.0, 30.0], 8);
 }
 
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn increments_of_fifty_seeds() {
-    check_ways(&[15.0, 20.0, 25.0, 30.0, 35.0, 40.0], 50);
+    check_methods(&[15.0, 20.0, 25.0, 30.0, 35.0, 40.0], 50);
 }
 
 /// What is told of an increment's error is what it has: squares in standard deviations have a mean of one.
@@ -165,8 +165,8 @@ fn without_noise_increments_are_the_motion() {
     let pulses = seen(&array, &poses, &nothing, 0);
     // Ranges start at the middle of the antennas, which is wrong by their spread over twice the range: 1e-4 / 4 m, of 2 m. The same share of the motion, 1 mm a pulse, is
     // 1.3e-8 m, which angles between targets make three times worse.
-    for (way, allowed_m) in [(pairwise as Way, 4e-8), (robust, 4e-8)] {
-        let found = way(&array, &pulses);
+    for (method, allowed_m) in [(pairwise as Method, 4e-8), (robust, 4e-8)] {
+        let found = method(&array, &pulses);
         for (n, increment) in found.iter().enumerate() {
             let expected = poses[n].after(increment);
             let off_m = expected.at_m.distance(poses[n + 1].at_m);

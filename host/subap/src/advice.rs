@@ -18,13 +18,13 @@ use subaperture::planner::PlanError as RadarPlanError;
 use subaperture::plot::PlotError;
 use subaperture::resolution::survey::NoDefaultGrid;
 
-/// What needs memory for `--check`.
+/// Name of the work for `--check` in errors of memory.
 pub(crate) const CHECK: &str = "--check";
 
-/// A grid to begin with.
+/// Example of a grid.
 const SOME_GRID: &str = "give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0";
 
-/// An error and its causes in a line, each with what to do about it; a cause that its parent already tells is not repeated.
+/// One line with an error, its causes and the advice on each; a cause that is part of its parent's text is omitted.
 pub(crate) fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
@@ -48,17 +48,17 @@ pub(crate) fn alone(error: &anyhow::Error) -> Option<String> {
     Some(advice.trim_start_matches([':', ';', ' ', '\n']).to_owned())
 }
 
-/// An error with what to do about it.
-pub(crate) fn told(error: &(dyn Error + 'static)) -> String {
+/// Text of an error with advice.
+pub(crate) fn explained(error: &(dyn Error + 'static)) -> String {
     format!("{error}{}", of(error).unwrap_or_default())
 }
 
-/// What to do about an error, as it goes on after its text.
+/// Advice on a forming error, to be appended to its text.
 pub(crate) fn after(error: &FormError) -> Option<String> {
     of_forming(error)
 }
 
-/// The same of any error.
+/// Advice on any error, to be appended to its text.
 fn of(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(inner) = inner(error) {
         return of(inner);
@@ -103,7 +103,7 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
     Some(advice.to_owned())
 }
 
-/// The error that another one tells as it is, without being its effect.
+/// The error that another one wraps transparently.
 fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
     if let Some(error) = error.downcast_ref::<io::Error>() {
         return Some(error.get_ref()?);
@@ -146,31 +146,33 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
 }
 
 fn of_forming(error: &FormError) -> Option<String> {
-    let mut ways: Vec<Way> = error.remedies().iter().map(Way::of).collect();
+    let mut suggestions: Vec<Suggestion> = error.remedies().iter().map(Suggestion::of).collect();
     if let FormError::Memory { what: CHECK, .. } = error {
-        ways.insert(0, Way::new("check", "fewer pixels"));
+        suggestions.insert(0, Suggestion::new("check", "fewer pixels"));
     }
-    let advice = joined(&ways);
+    let advice = joined(&suggestions);
     Some(match error {
-        FormError::BoundMissed { .. } if ways.is_empty() => "; or allow a larger error".to_owned(),
+        FormError::BoundMissed { .. } if suggestions.is_empty() => {
+            "; or allow a larger error".to_owned()
+        }
         FormError::BoundMissed { .. } => format!(": {advice}; or allow a larger error"),
-        _ if ways.is_empty() => return None,
+        _ if suggestions.is_empty() => return None,
         FormError::Unsuited(_) if error.remedies() == [Remedy::SomeGrid] => format!("; {advice}"),
         _ => format!(": {advice}"),
     })
 }
 
-/// A thing to do: a verb, and what with.
-struct Way {
+/// Remedy in terms of options: a verb and its object.
+struct Suggestion {
     verb: &'static str,
-    what: String,
+    object: String,
 }
 
-impl Way {
-    fn new(verb: &'static str, what: impl Into<String>) -> Self {
+impl Suggestion {
+    fn new(verb: &'static str, object: impl Into<String>) -> Self {
         Self {
             verb,
-            what: what.into(),
+            object: object.into(),
         }
     }
 
@@ -203,26 +205,26 @@ impl Way {
                 Self::new("plan for less", format!("with --error-db {error_db:.0}"))
             }
             Remedy::SomeGrid => Self::new("give one,", SOME_GRID.trim_start_matches("give one, ")),
-            // One that this command knows no option for.
+            // A remedy without an option.
             other => Self::new("try", format!("{other:?}")),
         }
     }
 }
 
-/// `use a, b, or raise c`: a verb that goes on is not repeated.
-fn joined(ways: &[Way]) -> String {
+/// Suggestions as text, such as `use a, b, or raise c`: a repeated verb is omitted.
+fn joined(suggestions: &[Suggestion]) -> String {
     let mut text = String::new();
-    for (i, way) in ways.iter().enumerate() {
+    for (i, suggestion) in suggestions.iter().enumerate() {
         text += match i {
             0 => "",
-            _ if i + 1 == ways.len() => ", or ",
+            _ if i + 1 == suggestions.len() => ", or ",
             _ => ", ",
         };
-        if i == 0 || ways[i - 1].verb != way.verb {
-            text += way.verb;
+        if i == 0 || suggestions[i - 1].verb != suggestion.verb {
+            text += suggestion.verb;
             text += " ";
         }
-        text += &way.what;
+        text += &suggestion.object;
     }
     text
 }
@@ -234,7 +236,7 @@ mod tests {
     use super::*;
 
     fn unsuited(remedies: &[Remedy]) -> String {
-        told(&FormError::Unsuited(
+        explained(&FormError::Unsuited(
             Reason::new("it cannot be").helped_by(remedies),
         ))
     }
@@ -307,8 +309,8 @@ mod tests {
             remedies: &[Remedy::MoreMemory],
         };
         let whole = "the image needs 1010 bytes of the 1000 bytes allowed: raise --memory";
-        assert_eq!(told(&memory()), whole);
-        assert_eq!(told(&ImagePlanError::Form(memory())), whole);
+        assert_eq!(explained(&memory()), whole);
+        assert_eq!(explained(&ImagePlanError::Form(memory())), whole);
         let error = anyhow::Error::new(memory()).context("focusing a.cphd");
         assert_eq!(one_line(&error), format!("focusing a.cphd: {whole}"));
         let missed = FormError::BoundMissed {
@@ -317,7 +319,7 @@ mod tests {
             limit: Reason::new("kernels").helped_by(&[Remedy::OtherFormer(&["bp"])]),
         };
         assert_eq!(
-            told(&missed),
+            explained(&missed),
             "the predicted error is -40.0 dB, above the -60 dB asked: kernels: use --algorithm bp; or allow a larger error"
         );
     }

@@ -1,4 +1,4 @@
-//! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
+//! Arguments of all commands, with their help. [`crate::config`] resolves those of every command.
 
 mod autofocus;
 mod export;
@@ -11,8 +11,10 @@ mod look;
 mod maps;
 mod navigation;
 mod plan;
+mod quality;
 mod radio;
 mod run;
+mod settings;
 mod shell;
 mod surface;
 mod tiled;
@@ -27,15 +29,16 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args as Group, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
-use subaperture::geometry::{Extent, Geodetic, ImageGrid};
+use serde::{Deserialize, Deserializer};
+use subaperture::geometry::{Geodetic, ImageGrid};
 use subaperture::module::link::ModuleAddress;
-use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::failure::Usage;
-pub(crate) use autofocus::{Autofocus, Way};
+pub(crate) use autofocus::{Autofocus, AutofocusSettings, Method};
 pub(crate) use export::{Export, ImageFormat, Producing};
-pub(crate) use focus::{BeamWidth, Focus, Imaging, Velocity};
+pub(crate) use focus::{BeamWidth, Focus, Forming, Imaging, TargetMotion, Velocity, Windows};
+pub(crate) use formers::{FormerOptions, key as former_key, options as former_options};
 pub(crate) use front::{command, parse};
 pub(crate) use global::Global;
 pub(crate) use logs::Logs;
@@ -43,18 +46,20 @@ pub(crate) use look::{ColourMap, Look, Picture};
 pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
 pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
+pub(crate) use quality::{Points, Quality};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
 pub(crate) use run::Run;
+pub(crate) use settings::defaults;
 pub(crate) use shell::{Completions, Man};
 use subaperture::units::Dimension;
-pub(crate) use surface::{SurfaceKind, Surfacing};
+pub(crate) use surface::{GeoidSource, GridSettings, SurfaceKind};
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
-    above_zero, any, error_bound, finite, from_zero, geodetic, odd, output, place, positive,
-    rectangle, setting, sign, vector,
+    above_zero, any, error_bound, finite, from_zero, geodetic, output, positive, setting, sign,
+    vector,
 };
 #[cfg(feature = "page")]
 pub(crate) use view::View;
@@ -68,14 +73,14 @@ pub(crate) use watching::{Live, Watching};
     about = "Radar image formation: from phase history to a focused image",
     after_help = "First steps:\n  \
         subap demo                       simulate, focus, compare; writes subap-demo/\n  \
-        subap info FILE                  what a recording holds\n  \
-        subap focus FILE... --out DIR    an image of it\n\n\
+        subap info FILE                  describe a recording\n  \
+        subap focus FILE... --out DIR    form its image\n\n\
         Exit status:\n  \
         0    done\n  \
-        1    failed; nothing is left in part\n  \
+        1    failed; outputs are complete or absent\n  \
         2    wrong usage\n  \
-        3    done, but a bound is missed: the prediction where that was allowed, focus --check, compare\n       \
-        --error-db, crosscheck, demo; or a track found of echoes is in doubt\n  \
+        3    done, but an error bound is exceeded: by the prediction where that is allowed, in focus\n       \
+        --check, compare --error-db, crosscheck or demo; or an estimated track is doubtful\n  \
         130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
 )]
 pub(crate) struct Args {
@@ -88,111 +93,112 @@ pub(crate) struct Args {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Form an image of one or more recordings
+    /// Form an image from one or more recordings
     Focus(Box<Focus>),
-    /// Show one place of recordings at many velocities
+    /// Form the velocity image of a moving target
     Velocity(Velocity),
-    /// Have a module compute the maps of recordings, and keep them in a file
+    /// Compute range-Doppler maps on an embedded module and store them in a file
     Link(Link),
-    /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
+    /// Simulate a scene: phase history as CPHD 1.1, or raw echoes
     Simulate(Simulate),
-    /// Compare the embedded core, in float32 and fixed point, and rdbp's maps with the float64 sum
+    /// Compare the embedded core (float32, fixed point) and the maps of rdbp with the float64 sum
     Crosscheck(Crosscheck),
-    /// Say what recordings hold
+    /// Describe recordings, images and other files
     Info(Info),
-    /// How a raw recording of your own is described: keys and examples
+    /// Print keys and examples of descriptions of raw recordings
     Recording(Recording),
-    /// Find what nobody measured of a raw recording's geometry by the sharpness of its image
+    /// Calibrate unknown geometry parameters of a raw recording by maximising image sharpness
     Tune(Tune),
-    /// Find the track of a radar with several receivers from its echoes alone
+    /// Estimate the radar's track from its own echoes (MPGA)
     Track(Track),
     /// Estimate phase errors or the track by autofocus, judged on held-out data
     Autofocus(Autofocus),
-    /// Say what a navigation log holds and what of it is lost, and write its track
+    /// Describe a navigation log and its gaps, and write its track
     Navigation(Navigation),
-    /// Say how far apart two complex images are
+    /// Compare two complex images
     Compare(Compare),
-    /// Measure an image: responses of points, level, contrast, differences from another
+    /// Measure an image: point responses, levels, contrast, differences from another image
     Quality(Quality),
-    /// Draw an image's picture again, with other levels or colours
+    /// Draw a picture of an image, with other levels or colours
     Picture(Picture),
-    /// Look at images of any size in a browser of this machine
+    /// View images of any size in a web browser
     #[cfg(feature = "page")]
     View(View),
-    /// Capture a stepped-carrier radar's echoes by a radio, into a recording (SigMF)
+    /// Capture echoes of a stepped-frequency radar with a software-defined radio, as SigMF
     Capture(Capture),
-    /// Capture, and form the image meanwhile, sweep by sweep
+    /// Capture, and form the image sweep by sweep meanwhile
     Live(Live),
-    /// Radios: which there are, what they can do, and what cables and channels do
+    /// List, probe and calibrate radios; convert captures to CPHD
     Radio(Radio),
-    /// Range profiles of a capture
+    /// Compute range profiles of a capture
     Profile(Profile),
-    /// Write an image in a format that other programs read
+    /// Export an image as SICD, SIDD, GeoTIFF, KMZ, PNG or Zarr
     Export(Export),
-    /// Do a whole job of one text: focus, check, measure, export, report; and again what has changed since
+    /// Run a processing pipeline from one TOML file; unchanged stages are reused
     Run(Run),
-    /// Plan a pass of a radar, or a module that makes its maps
+    /// Plan an image, an embedded module or a radar; calibrate the timing model
     Plan(Plan),
-    /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
+    /// Simulate Table 4.1 of Schone 2020, focus it with every former, and report errors and pictures
     Demo(Demo),
-    /// Make the figures of both theses again, beside the theses' own numbers; writes a page
+    /// Reproduce the figures of both theses, with the theses' numbers, as a web page
     Reproduce(Reproduce),
-    /// Print completions for a shell
+    /// Print shell completions
     Completions(Completions),
-    /// Print the man page of subap or of one of its commands
+    /// Print the man page of subap or of a command
     Man(Man),
 }
 
-/// How files are written.
+/// Replacement of existing files.
 #[derive(Clone, Copy, Debug, Group)]
 pub(crate) struct Writing {
-    /// Replace files that subap did not write; never an input of the same run [default: only its own]
+    /// Replace files that other programs wrote; never an input of the same run [default: replace only files written by subap]
     #[arg(long)]
     pub(crate) force: bool,
 }
 
-/// Whether to do it, or to say what it would take.
-#[derive(Clone, Copy, Debug, Group)]
+/// Forecast in place of the work.
+#[derive(Clone, Copy, Debug, Default, Group)]
 pub(crate) struct Rehearsal {
-    /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
+    /// Print the expected time, memory and disk space, from a short measured part of the work, and write no files
     #[arg(long)]
     pub(crate) dry_run: bool,
 }
 
 /// Recordings.
-#[derive(Debug, Group)]
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 pub(crate) struct Input {
-    /// CPHD 1.x or GOTCHA .mat files, or descriptions of raw recordings (.toml, see subap recording);
-    /// several make one aperture, in the order given
+    /// Recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml, see subap recording). Several make one aperture,
+    /// in the order given
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
-    pub(crate) paths: Vec<PathBuf>,
+    pub(crate) files: Vec<PathBuf>,
 
-    /// One channel by its name, as T1R2, or its number from 1 [default: a CPHD's reference channel; of a description
-    /// all pairs of antennas, in the order of time]
+    /// One channel, by its name such as T1R2 or by its number from 1 [default: the reference channel of a CPHD; all channels of a
+    /// description, in order of time]
     #[arg(long, value_name = "NAME")]
     pub(crate) channel: Option<String>,
 
-    /// The coherent sum of channels that share their pulses (MIMO): all, or some as T1R1,T1R2
+    /// Coherent sum of channels that share their pulses (MIMO): all, or a list such as T1R1,T1R2
     #[arg(long, value_name = "all|A,B", value_parser = several_channels, conflicts_with = "channel")]
+    #[serde(deserialize_with = "channels_of_job")]
     pub(crate) channels: Option<SeveralChannels>,
 
-    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    /// Override a key of a description, such as radar.first_pulse=9.2s. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    #[serde(skip)]
     pub(crate) set: Vec<(String, String)>,
 }
 
 impl Input {
-    /// A recording and nothing else.
+    /// One recording with default settings.
     pub(crate) fn alone(path: &Path) -> Self {
         Self {
-            paths: vec![path.to_owned()],
-            channel: None,
-            channels: None,
-            set: Vec::new(),
+            files: vec![path.to_owned()],
+            ..Self::default()
         }
     }
 
-    /// Refuses the sum of several channels for `whom`, which takes one.
+    /// Refuse `--channels` for the command `whom`, which processes one channel.
     pub(crate) fn refuse_several(&self, whom: &str) -> Result<(), Usage> {
         match self.channels {
             Some(_) => Err(Usage(format!(
@@ -203,10 +209,16 @@ impl Input {
     }
 }
 
+fn channels_of_job<'de, D: Deserializer<'de>>(
+    from: D,
+) -> Result<Option<SeveralChannels>, D::Error> {
+    settings::parsed_by(from, several_channels).map(Some)
+}
+
 /// `subap link`.
 #[derive(Debug, Group)]
 pub(crate) struct Link {
-    /// Where the module is: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
+    /// Address of the module: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
     #[arg(value_name = "WHERE")]
     pub(crate) place: ModuleAddress,
 
@@ -217,7 +229,7 @@ pub(crate) struct Link {
     #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Pixels that the maps are for, as for focus [default: the scene's extent at half the resolution]
+    /// Pixels covered by the maps, as for focus [default: the scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 
@@ -226,32 +238,27 @@ pub(crate) struct Link {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
-
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
+    #[command(flatten)]
+    pub(crate) windows: Windows,
 
     /// Firmware to emulate [default: target/module/float or fixed, here or above]
     #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
     pub(crate) firmware: Option<PathBuf>,
 
-    /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
-    /// again [default: as fast as the module has room]
+    /// Send pulses at this rate, hertz, as a radar does, without repeating lost ones [default: as fast as the module
+    /// accepts them]
     #[arg(long, value_name = "HERTZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) rate: Option<f64>,
 
-    /// Further runs, at most, over what was lost
+    /// Largest number of repetitions of sub-CPIs with missing maps
     #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
     pub(crate) retries: u32,
 
-    /// Compare every map with the same core run here, bit by bit, and fail if one differs
+    /// Compare every map bit by bit with that of the same core on this machine, and fail if one differs
     #[arg(long)]
     pub(crate) verify: bool,
 
-    /// Show the image so far in this file, about once a second
+    /// PNG file of the image so far, updated about once a second
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 
@@ -268,12 +275,12 @@ pub(crate) struct Link {
     subap simulate --example spotlight > scene.toml\n  \
     subap simulate scene.toml --set radar.pulses=256 -o scene.cphd")]
 pub(crate) struct Simulate {
-    /// What to simulate, in TOML: see --keys and --example
+    /// Scenario in TOML; see --keys and --example
     #[arg(value_name = "SCENARIO", value_hint = ValueHint::FilePath,
         required_unless_present_any = ["preset", "keys", "example"])]
     pub(crate) scenario: Option<PathBuf>,
 
-    /// In place of a scenario: table-4-1 (imaging) or table-2-1 (range migration) of Schone 2020
+    /// Scenario of Schone 2020: table-4-1 (imaging) or table-2-1 (range migration)
     #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
     pub(crate) preset: Option<Preset>,
 
@@ -283,8 +290,8 @@ pub(crate) struct Simulate {
         value_name = "KEY=VALUE",
         conflicts_with = "preset",
         value_parser = setting,
-        help = "Override a key of the scenario, as radar.pri=\"0.5 ms\" or \
-                scene.point[0].position=\"0, 1, 0 m\"; any number of times"
+        help = "Override a key of the scenario, such as radar.pri=\"0.5 ms\" or \
+                scene.point[0].position=\"0, 1, 0 m\". May be repeated"
     )]
     pub(crate) set: Vec<(String, String)>,
 
@@ -292,18 +299,18 @@ pub(crate) struct Simulate {
     #[arg(long, conflicts_with_all = ["scenario", "preset", "example", "out"])]
     pub(crate) keys: bool,
 
-    /// Print a scenario to start from
+    /// Print an example scenario
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "preset", "out"],
         value_parser = clap::builder::PossibleValuesParser::new(scenario::examples::names()))]
     pub(crate) example: Option<String>,
 
-    /// CPHD file to write; a scenario's pairs of antennas are its channels
+    /// CPHD file to write. Each pair of antennas of the scenario is a channel
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(),
         required_unless_present_any = ["keys", "example", "echoes"])]
     pub(crate) out: Option<PathBuf>,
 
-    /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
-    /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
+    /// Folder for raw echoes as received: echoes.npy and recording.toml, which subap focus reads; with several pairs of
+    /// antennas one description each, such as recording-T1R2.toml
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(),
         conflicts_with_all = ["preset", "keys", "example"])]
     pub(crate) echoes: Option<PathBuf>,
@@ -312,7 +319,7 @@ pub(crate) struct Simulate {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) domain: SignalDomain,
 
-    /// What the file declares as the surface of its scene coordinates
+    /// Reference surface that the file declares for its scene coordinates
     #[arg(long, value_enum, default_value_t)]
     pub(crate) reference_surface: DeclaredSurface,
 
@@ -320,17 +327,17 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
     pub(crate) sgn: i8,
 
-    /// Of a preset: add noise of this power, dB relative to a unit scatterer's sample
+    /// Power of noise added to a preset, dB relative to a sample of a unit scatterer [default: no noise]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level),
         conflicts_with = "scenario")]
     pub(crate) noise_db: Option<f64>,
 
-    /// Of a preset: shake the track by this much (RMS in each axis, smooth, known to the record)
+    /// Smooth perturbation of the track of a preset, metres RMS in each axis; recorded in the file
     #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_hyphen_values = true,
         value_parser = from_zero(Dimension::Length), conflicts_with = "scenario")]
     pub(crate) perturb: f64,
 
-    /// Seed of everything random [default: the scenario's, or 0]
+    /// Seed of all random numbers [default: that of the scenario, or 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub(crate) seed: Option<u64>,
 
@@ -367,7 +374,7 @@ pub(crate) struct Crosscheck {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Pulses a sub-CPI [default: 40]
+    /// Number of pulses per sub-CPI [default: 40]
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) sub_cpi: Option<usize>,
 }
@@ -378,8 +385,7 @@ pub(crate) struct Info {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Place that geometry and resolution are given for, metres in the scene frame [default: the scene's
-    /// centre]
+    /// Position for which geometry and resolution are given, metres in the scene frame [default: the scene centre]
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: Option<DVec3>,
 }
@@ -387,76 +393,22 @@ pub(crate) struct Info {
 /// `subap compare`.
 #[derive(Debug, Group)]
 pub(crate) struct Compare {
-    /// Image to judge: folder of a product, its image.json, complex64 .npy, SICD, SIDD, GeoTIFF, or Zarr
+    /// Image: folder of a product, its image.json, complex64 .npy, SICD, SIDD, GeoTIFF, or Zarr
     #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
-    /// Image to judge it by
+    /// Reference image, of the same formats
     #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     pub(crate) reference: PathBuf,
 
-    /// Where on the Earth the scene's origin is, x to the east, of an image that does not say: to compare it with one that does
+    /// Position on the Earth of the scene's origin, x to the east, for an image that does not state it: degrees north and east,
+    /// metres above the ellipsoid
     #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, value_parser = geodetic)]
     pub(crate) place: Option<Geodetic>,
 
-    /// Bound on the relative RMS error, dB: exit status 3 if it is missed
+    /// Bound on the relative RMS error, dB; exit status 3 if it is exceeded
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) error_db: Option<f64>,
-}
-
-/// `subap quality`.
-#[derive(Debug, Group)]
-#[command(mut_arg("dry_run", |dry_run| dry_run.requires("from")))]
-pub(crate) struct Quality {
-    /// Folder of a product (image.json and image.npy), its image.json, SICD, SIDD, GeoTIFF, Zarr, or complex64 .npy; one without a grid is
-    /// measured in pixels
-    #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
-    pub(crate) image: PathBuf,
-
-    /// Point to measure, the brightest pixel within 4 of it: its place in the scene, metres (angle in degrees
-    /// and range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = place)]
-    pub(crate) at: Vec<At>,
-
-    /// Recording that the image was formed of: points are measured on chips formed of it as finely as they
-    /// need, and theory takes the beam from their echoes; of several, once for each in the same order
-    #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
-    pub(crate) from: Vec<PathBuf>,
-
-    /// Image to compare with, of any format; it is related by its metadata
-    #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
-    pub(crate) against: Option<PathBuf>,
-
-    /// Rectangle for the statistics, in the grid's own x and y (as --at of polar grids and arrays); of an empty one the mean level is the noise
-    /// [default: the whole image]
-    #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
-    pub(crate) extent: Option<Extent>,
-
-    /// Window over fast and slow time that theory is computed for [default: the product's own]
-    #[arg(long, value_name = "W")]
-    pub(crate) window: Option<Window>,
-
-    /// Measure along and across this line of sight too: its angle from x towards y
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle))]
-    pub(crate) line_of_sight: Option<f64>,
-
-    /// Pixels so far below the peak of --against have no percent difference, dB
-    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = above_zero(Dimension::Level))]
-    pub(crate) floor: f64,
-
-    /// Side of the coherence's window, pixels, odd
-    #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
-    pub(crate) coherence: usize,
-
-    /// Folder for pictures: cuts, chips, percent difference, coherence
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
-    pub(crate) plots: Option<PathBuf>,
-
-    #[command(flatten)]
-    pub(crate) rehearsal: Rehearsal,
-
-    #[command(flatten)]
-    pub(crate) writing: Writing,
 }
 
 /// `subap demo`.
@@ -466,8 +418,8 @@ pub(crate) struct Demo {
     #[arg(long, short, value_name = "DIR", default_value = "subap-demo", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Pixels; errors are held to their bounds on the default only, which covers all scatterers
-    /// [default: the scene's 80 x 80 m and some margin]
+    /// Pixels, as for focus. Errors are compared with their bounds on the default grid only, which covers all scatterers
+    /// [default: the 80 x 80 m scene with a margin]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 
@@ -481,19 +433,19 @@ pub(crate) struct Demo {
 /// `subap reproduce`.
 #[derive(Debug, Group)]
 pub(crate) struct Reproduce {
-    /// Folder to write; items that are there already are not made again
+    /// Folder to write; items already in it are kept
     #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Only these items, by their names (see --list): parted by commas, or one an --only
+    /// Items to make, by name (see --list), separated by commas. May be repeated [default: all]
     #[arg(long, value_name = "ID", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
 
-    /// GOTCHA recordings, or folders that hold them, for the items that can be shown on them
+    /// GOTCHA recordings, or folders of them, for the items that use them
     #[arg(long, value_name = "MAT", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(crate) gotcha: Vec<PathBuf>,
 
-    /// List the items and do nothing else
+    /// List the items
     #[arg(long)]
     pub(crate) list: bool,
 
@@ -525,8 +477,8 @@ mod tests {
         let Some(Command::Focus(focus)) = args.command else {
             panic!("not focus");
         };
-        assert_eq!(focus.image.former.error_db(), Some(-55.5));
-        assert_eq!(focus.image.grid.unwrap().origin_m.z, -2.0);
+        assert_eq!(focus.image.forming.former.error_db(), Some(-55.5));
+        assert_eq!(focus.image.grid.pixels.unwrap().origin_m.z, -2.0);
         let words = "subap simulate --preset table-4-1 -o f --sgn -1 --noise-db -20";
         assert!(Args::try_parse_from(words.split(' ')).is_ok());
     }

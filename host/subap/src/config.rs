@@ -106,8 +106,8 @@ impl Session {
         };
         let reading = self.progress("reading");
         let history = match &input.channels {
-            None => open_all(&input.paths, &options)?,
-            Some(several) => open_sum(&input.paths, several.named(), &options)?,
+            None => open_all(&input.files, &options)?,
+            Some(several) => open_sum(&input.files, several.named(), &options)?,
         };
         reading.finish();
         for warning in history.warnings() {

@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 
 use subaperture::describe::Description;
-use subaperture::job::{Basis, EXAMPLE, FileStamp, FinishedStage, JobText, State};
+use subaperture::describe::schema::{
+    Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
+};
+use subaperture::job::{Basis, FileStamp, FinishedStage, JobText, State};
+use subaperture::units::Dimension;
 
 pub(super) const WORDS: &[&str] = &[
     "[input]",
@@ -21,17 +25,92 @@ pub(super) const WORDS: &[&str] = &[
     "null",
 ];
 
-const SECTIONS: [&str; 9] = [
-    "input",
-    "track",
-    "autofocus",
-    "grid",
-    "former",
-    "check",
-    "picture",
-    "quality",
-    "products",
-];
+const SECTIONS: [&str; 3] = ["input", "former", "track"];
+
+/// A key of every type of value that a job has.
+static SCHEMA: Schema = Schema {
+    sections: &[
+        &section("", "", &[]),
+        &section(
+            "input",
+            "",
+            &[Key::new(
+                "files",
+                ValueType::Paths,
+                Requirement::Required("\"a\""),
+                "Files.",
+            )],
+        ),
+        &section(
+            "former",
+            "",
+            &[
+                Key::new(
+                    "algorithm",
+                    ValueType::Choice(&["auto", "bp"]),
+                    Requirement::Default("\"auto\""),
+                    "Former.",
+                ),
+                Key::new(
+                    "error",
+                    ValueType::Quantity(Dimension::Level, Bounds::Any),
+                    Requirement::Optional("\"-60 dB\""),
+                    "Bound.",
+                ),
+                Key::new(
+                    "portable",
+                    ValueType::Flag,
+                    Requirement::Default("false"),
+                    "Bits.",
+                ),
+                Key::new(
+                    "sub_cpi",
+                    ValueType::Count(1, u64::MAX),
+                    Requirement::Default("40"),
+                    "Pulses.",
+                ),
+            ],
+        ),
+        &section(
+            "track",
+            "source",
+            &[
+                Key::new(
+                    "source",
+                    ValueType::Choice(&["mpga", "fused"]),
+                    Requirement::Default("\"mpga\""),
+                    "Source.",
+                ),
+                Key::new(
+                    "navigation",
+                    ValueType::Paths,
+                    Requirement::Required("\"log\""),
+                    "Logs.",
+                )
+                .when(&["fused"]),
+                Key::new(
+                    "lever_arm",
+                    ValueType::Vector(Dimension::Length),
+                    Requirement::Optional("\"0, 0, 1 m\""),
+                    "Lever arm.",
+                )
+                .when(&["fused"]),
+            ],
+        ),
+    ],
+    introduction: "A job.",
+};
+
+const fn section(path: &'static str, selector: &'static str, keys: &'static [Key]) -> Section {
+    Section {
+        path,
+        presence: Presence::Always,
+        when: &[],
+        selector,
+        doc: "",
+        keys,
+    }
+}
 
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let stamp = FileStamp {
@@ -57,8 +136,9 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         warnings: Vec::new(),
         bound_missed: false,
     });
+    let example = include_str!("../../../host/subap/src/commands/run/example.toml");
     let short = "[input]\nfiles = [\"a\", \"b\"]\n[track]\nsource = \"fused\"\nnavigation = \"log\"\nlever_arm = \"0, 0, 1 m\"\n";
-    [EXAMPLE, short, &begun, &state.to_text()]
+    [example, short, &begun, &state.to_text()]
         .map(|text| text.as_bytes().to_vec())
         .to_vec()
 }
@@ -75,7 +155,7 @@ pub(super) fn job(bytes: &[u8]) -> String {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return state;
     };
-    match JobText::new(Description::new("input.toml", text, "/nowhere")) {
+    match JobText::new(Description::new("input.toml", text, "/nowhere"), &SCHEMA) {
         Ok(job) => {
             let settings = job.settings(&SECTIONS);
             // All are numbers, texts and flags that JSON has.

@@ -3,31 +3,34 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use serde::{Deserialize, Deserializer};
 use subaperture::geometry::Geodetic;
 use subaperture::units::Dimension;
 
 use super::maps::Mapping;
+use super::settings::parsed_by;
 use super::values::{above_zero, geodetic, output};
 
-/// Formats of images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+/// Formats of exported images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum ImageFormat {
-    /// SICD 1.3 in NITF 2.1: complex, with what it takes to measure and project it
+    /// SICD 1.3 in NITF 2.1: complex, with metadata for measurement and projection
     Sicd,
-    /// SIDD 3.0 in NITF 2.1: greys on the image's own plane, for exploitation
+    /// SIDD 3.0 in NITF 2.1: greys on the image plane
     Sidd,
-    /// Cloud-optimised GeoTIFF, and a STAC item beside it
+    /// Cloud-optimised GeoTIFF with a STAC item
     Cog,
     /// Ground overlays for Google Earth
     Kmz,
-    /// A picture, north up, with a world file
+    /// Picture, north up, with a world file
     Png,
-    /// A Zarr group for xarray: several images of one grid, complex
+    /// Zarr group for xarray: one or more complex images of one grid
     Zarr,
 }
 
 impl ImageFormat {
-    /// That of a file's ending.
+    /// Format of a file's extension.
     pub(crate) fn of(path: &Path) -> Option<Self> {
         let ending = path.extension()?.to_str()?.to_ascii_lowercase();
         match ending.as_str() {
@@ -40,7 +43,7 @@ impl ImageFormat {
         }
     }
 
-    /// As it is typed.
+    /// Text of the option.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Sicd => "sicd",
@@ -52,7 +55,7 @@ impl ImageFormat {
         }
     }
 
-    /// What a product of it is called in the image's folder, where image.png is the picture.
+    /// File name of the product in the folder of an image.
     pub(crate) fn file_name(self) -> &'static str {
         match self {
             Self::Sicd => "sicd.nitf",
@@ -64,7 +67,7 @@ impl ImageFormat {
         }
     }
 
-    /// Whether it says where on the Earth the image is, and has to.
+    /// Whether the format needs the position of the scene on the Earth.
     pub(crate) fn is_of_the_earth(self) -> bool {
         match self {
             Self::Sicd | Self::Sidd | Self::Cog | Self::Kmz | Self::Png => true,
@@ -73,43 +76,49 @@ impl ImageFormat {
     }
 }
 
-/// Formats in which an image is written beside itself by who forms it.
-#[derive(Debug, Group)]
+/// Products written into the folder of a formed image.
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Products")]
 pub(crate) struct Producing {
-    /// Write the image in these formats too, as subap export does: beside it, as sicd.nitf, sidd.nitf, map.tif (cog), map.kmz,
+    /// Write the image in these formats too, as subap export does, into its folder: sicd.nitf, sidd.nitf, map.tif (cog), map.kmz,
     /// map.png and stack.zarr
-    #[arg(long, value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
-    pub(crate) product: Vec<ImageFormat>,
+    #[arg(long = "product", value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
+    pub(crate) formats: Vec<ImageFormat>,
 
-    /// Where on the Earth the scene's origin is, of these products: degrees north and east, metres above the WGS 84 ellipsoid (x is
-    /// then east and y north) [default: what the recording says]
-    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, requires = "product", value_parser = geodetic)]
+    /// Position of the scene's origin on the Earth for these products: degrees north and east, metres above the WGS 84 ellipsoid (x is
+    /// then east and y north) [default: as the recording states]
+    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, requires = "formats", value_parser = geodetic)]
+    #[serde(deserialize_with = "place_of_job")]
     pub(crate) place: Option<Geodetic>,
+}
+
+fn place_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Geodetic>, D::Error> {
+    parsed_by(from, geodetic).map(Some)
 }
 
 /// `subap export`.
 #[derive(Debug, Group)]
 pub(crate) struct Export {
-    /// Folder of a product (image.json and image.npy), or its image.json; several of one grid for --format
-    /// zarr, which takes an image of any format; for maps also anyone's SICD (.nitf)
+    /// Image: folder of a product (image.json and image.npy) or its image.json; for maps also SICD (.nitf); for --format zarr images of any
+    /// format, several if they share a grid
     #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) images: Vec<PathBuf>,
 
-    /// Format to write [default: by FILE's ending: .nitf is SICD, .tif, .kmz or .png a map, .zarr a stack]
+    /// Format to write [default: by the extension of FILE: .nitf SICD, .tif, .kmz or .png a map, .zarr a stack]
     #[arg(long, value_enum)]
     pub(crate) format: Option<ImageFormat>,
 
-    /// File to write; of --format zarr a folder
+    /// File to write; a folder for --format zarr
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Where on the Earth the scene's origin is, in place of what the recording says: degrees north and east, metres above the WGS 84
-    /// ellipsoid (x is then east and y north)
+    /// Position on the Earth of the scene's origin: degrees north and east, metres above the WGS 84 ellipsoid (x is then east and y north)
+    /// [default: as the recording states]
     #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, value_parser = geodetic)]
     pub(crate) place: Option<Geodetic>,
 
-    /// How fast a radar moved whose recording tells no times, of SICD and SIDD [default: 100m/s]
+    /// Speed of the radar for SICD and SIDD of a recording without times, m/s or with a unit [default: 100m/s]
     #[arg(long, value_name = "SPEED", value_parser = above_zero(Dimension::Speed))]
     pub(crate) speed: Option<f64>,
 

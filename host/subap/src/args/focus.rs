@@ -1,24 +1,28 @@
 //! `subap focus` and `subap velocity`.
 
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
+use serde::{Deserialize, Deserializer};
 use subaperture::focus::{BoundPolicy, Numerics, TimeModel};
-use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::geometry::Axis;
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
 use super::formers::{self, FormerOptions};
 use super::logs::Logs;
+use super::settings::{defaults, optional, parsed, parsed_by};
 use super::track::{TrackSource, track_source};
 use super::values::{above_zero, any, axis, error_bound, output, positive, scratch_size, vector};
-use super::{Input, Look, Producing, Rehearsal, Surfacing, Tiled, Writing};
+use super::{GridSettings, Input, Look, Producing, Rehearsal, Tiled, Writing};
 
 /// `subap focus`.
 #[derive(Debug, Group)]
 #[command(
-    mut_arg("paths", |paths| paths.required(false).required_unless_present("from_maps")),
+    mut_arg("files", |files| files.required(false).required_unless_present("from_maps")),
     mut_arg("from_maps", |maps| maps.conflicts_with_all(formers::ids_but_the_bound())),
     mut_arg("plan", |plan| plan.conflicts_with_all(formers::ids())),
 )]
@@ -26,9 +30,9 @@ pub(crate) struct Focus {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Form the image from a module's maps, and from no recording
+    /// Form the image from the maps of an embedded module instead of a recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
+        "files", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "beam", "squint", "scratch", "check", "portable",
         "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -40,14 +44,12 @@ pub(crate) struct Focus {
     #[command(flatten)]
     pub(crate) image: Imaging,
 
-    /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
-    #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
-    pub(crate) velocity: Option<DVec3>,
+    #[command(flatten)]
+    pub(crate) motion: TargetMotion,
 
-    /// The radar moved as this track says, in place of the recorded positions, as subap track writes it: places and attitudes of the
-    /// body whose origin is the middle of the antennas and whose x axis lies along the receivers; or mpga, the track of the recording's
-    /// own echoes, with what subap track takes by default; or fused, that of the echoes and of navigation: the recording's own positions, or
-    /// the logs of --navigation
+    /// Track that replaces the recorded positions: a file from subap track, with positions and attitudes of the body whose origin is the
+    /// middle of the antennas and whose x axis lies along the receivers; mpga, estimated from the recording's own echoes with the defaults
+    /// of subap track; or fused, estimated from the echoes and navigation (the recorded positions, or the logs of --navigation)
     #[arg(long, value_name = "CSV|mpga|fused", value_hint = ValueHint::FilePath, value_parser = track_source(),
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) track: Option<TrackSource>,
@@ -55,12 +57,12 @@ pub(crate) struct Focus {
     #[command(flatten)]
     pub(crate) logs: Logs,
 
-    /// Take these phase errors away first, a pulse each, as subap autofocus writes them
+    /// Phase error of each pulse to be removed first: a file from subap autofocus
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) phase: Option<PathBuf>,
 
-    /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
+    /// Form N pixels, chosen by a fixed seed, by the exact sum too, and report the error of the image
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
 
@@ -80,7 +82,7 @@ pub(crate) struct Focus {
     pub(crate) rehearsal: Rehearsal,
 }
 
-/// What `--beam` says.
+/// Azimuth beam of the antenna.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum BeamWidth {
     /// Full width, radians.
@@ -91,8 +93,8 @@ pub(crate) enum BeamWidth {
     None,
 }
 
-impl std::fmt::Display for BeamWidth {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl fmt::Display for BeamWidth {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Given(width_rad) => write!(f, "{} deg", width_rad.to_degrees()),
             Self::Estimated => f.write_str("auto"),
@@ -101,75 +103,126 @@ impl std::fmt::Display for BeamWidth {
     }
 }
 
-fn beam(text: &str) -> Result<BeamWidth, String> {
-    match text {
-        "auto" => Ok(BeamWidth::Estimated),
-        "none" => Ok(BeamWidth::None),
-        angle => {
-            let degrees = above_zero(Dimension::Angle)(angle)
-                .map_err(|error| format!("{error}; or auto, or none"))?;
-            Ok(BeamWidth::Given(degrees.to_radians()))
+impl FromStr for BeamWidth {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "auto" => Ok(Self::Estimated),
+            "none" => Ok(Self::None),
+            angle => {
+                let degrees = above_zero(Dimension::Angle)(angle)
+                    .map_err(|error| format!("{error}; or auto, or none"))?;
+                Ok(Self::Given(degrees.to_radians()))
+            }
         }
     }
 }
 
-/// What an image's pixels depend on, beside the recording: what a plan of it is made of.
-#[derive(Debug, Group)]
-pub(crate) struct Imaging {
+/// Windows over fast and slow time.
+#[derive(Clone, Copy, Debug, Default, Group, Deserialize)]
+#[serde(default)]
+pub(crate) struct Windows {
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    #[serde(deserialize_with = "parsed")]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    #[serde(deserialize_with = "parsed")]
+    pub(crate) slow_window: Window,
+}
+
+impl Windows {
+    /// Windows over fast and slow time.
+    pub(crate) fn both(&self) -> [Window; 2] {
+        [self.window, self.slow_window]
+    }
+}
+
+/// Image former and the settings of its images, except for the grid.
+#[derive(Clone, Debug, Group, Deserialize)]
+#[serde(default)]
+pub(crate) struct Forming {
     #[command(flatten)]
+    #[serde(flatten)]
     pub(crate) former: FormerOptions,
 
-    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
-    /// status is 3. Implied where an algorithm is named or no --error-db is given
+    /// Write the image even if its predicted error exceeds the bound. The record states it, and the exit status is 3. Implied if an
+    /// algorithm is named or no bound is given
     #[arg(long)]
     pub(crate) allow_error: bool,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
+    #[command(flatten)]
+    #[serde(flatten)]
+    pub(crate) windows: Windows,
 
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
-
-    /// Width of the antenna's beam along the track: each place is formed of the pulses that see it under this angle, so that a strip has no
-    /// ghosts from pulses whose beam is elsewhere (azimuth ambiguities). auto estimates it from the azimuth Doppler spectrum, none takes all
-    /// pulses for all pixels [default: the beam stated by the recording; else auto where places are seen under more angles than the spacing of pulses
-    /// samples and the spectrum clearly shows a beam]
-    #[arg(long, value_name = "DEG|auto|none", value_parser = beam)]
+    /// Full width of the antenna's azimuth beam, degrees. Each pixel is formed from the pulses that illuminate it, which avoids azimuth
+    /// ambiguities. auto estimates it from the azimuth Doppler spectrum; none uses all pulses for all pixels [default: the beam stated by the
+    /// recording; else auto where the pulse spacing undersamples the Doppler extent and the spectrum clearly shows a beam]
+    #[arg(long, value_name = "DEG|auto|none")]
+    #[serde(deserialize_with = "optional")]
     pub(crate) beam: Option<BeamWidth>,
 
-    /// How far forward of broadside the middle of the beam looks; backward is negative. Of an estimated beam, about how far [default: 0]
+    /// Squint of the beam's middle forward of broadside, degrees; negative is backward. For an estimated beam, its approximate value
+    /// [default: 0]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = any(Dimension::Angle), requires = "beam")]
+    #[serde(deserialize_with = "angle_of_job")]
     pub(crate) squint: Option<f64>,
 
-    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 (one step is
-    /// enough for both) or polar r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the
-    /// scene's extent at half the resolution]
-    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
-    pub(crate) grid: Option<ImageGrid>,
-
-    #[command(flatten)]
-    pub(crate) surfacing: Surfacing,
-
-    /// Form the same bits on every machine: Fourier transforms take two to four times as long
+    /// Use Fourier transforms with the same bits on every machine; they take two to four times as long
     #[arg(long)]
     pub(crate) portable: bool,
 
-    /// Choose by the times of another machine, as subap plan calibrate has measured them [default: those that are built in, so
-    /// that every machine makes the same plan]
-    #[arg(long, value_name = "MODEL", value_hint = ValueHint::FilePath, help_heading = "Tiles")]
-    pub(crate) model: Option<PathBuf>,
-
-    /// Memory for tables and one thread's buffers, on which a plan depends: that of the smallest machine that is to
-    /// carry it out [default: 48M]
+    /// Memory for tables and buffers of one thread, which a plan depends on: that of the smallest machine that executes it [default:
+    /// 48M]
     #[arg(long, value_name = "SIZE", value_parser = scratch_size, help_heading = "Tiles")]
+    #[serde(deserialize_with = "scratch_of_job")]
     pub(crate) scratch: Option<u64>,
 }
 
-impl Imaging {
-    /// Whether the image may be worse than asked: a former that the user names forms it anyway, and so does any where the bound is the
-    /// default.
+impl Default for Forming {
+    fn default() -> Self {
+        defaults()
+    }
+}
+
+/// Angles of a job are in radians, those of options in degrees.
+fn angle_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    Ok(Some(f64::deserialize(from)?.to_degrees()))
+}
+
+fn scratch_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u64>, D::Error> {
+    parsed_by(from, scratch_size).map(Some)
+}
+
+/// Motion of the target.
+#[derive(Clone, Copy, Debug, Default, Group, Deserialize)]
+#[serde(default)]
+pub(crate) struct TargetMotion {
+    /// Focus targets of this velocity, m/s; pixels are positions at the first pulse [default: stationary]
+    #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
+    pub(crate) velocity: Option<DVec3>,
+}
+
+/// Settings on which the pixels of an image depend, besides the recording: the input of a plan.
+#[derive(Debug, Group)]
+pub(crate) struct Imaging {
+    #[command(flatten)]
+    pub(crate) forming: Forming,
+
+    #[command(flatten)]
+    pub(crate) grid: GridSettings,
+
+    /// Timing model that plans are chosen by, as subap plan calibrate measures it on a machine [default: a fixed one, so that every
+    /// machine makes the same plan]
+    #[arg(long, value_name = "MODEL", value_hint = ValueHint::FilePath, help_heading = "Tiles")]
+    pub(crate) model: Option<PathBuf>,
+}
+
+impl Forming {
+    /// Whether an image may exceed the error bound: if the user allows it or names a former, or if the bound is the default.
     pub(crate) fn bound_policy(&self) -> BoundPolicy {
         let former = &self.former;
         match self.allow_error || former.is_named() || !former.has_bound() {
@@ -178,7 +231,7 @@ impl Imaging {
         }
     }
 
-    /// By what means it is formed, with the time model that was read, if there is one.
+    /// Numerics with the timing model that was read, if any.
     pub(crate) fn numerics<'m>(&self, model: Option<&'m TimeModel>) -> Numerics<'m> {
         let numerics = numerics(self.portable);
         let model = model.unwrap_or(numerics.model);
@@ -186,7 +239,7 @@ impl Imaging {
     }
 }
 
-/// What `--portable` asks for.
+/// Numerics with or without `--portable`.
 fn numerics<'m>(portable: bool) -> Numerics<'m> {
     match portable {
         true => Numerics::default().portable(),
@@ -200,16 +253,15 @@ pub(crate) struct Velocity {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Where the target is at the first pulse, metres in the scene frame
+    /// Position of the target at the first pulse, metres in the scene frame
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: DVec3,
 
-    /// Velocities along x, m/s, stop excluded [default: both ways from 0 in steps of half the resolution, as far as they are unambiguous,
-    /// 128 steps at the most]
+    /// Velocities along x, m/s, stop excluded [default: the unambiguous interval about 0 in steps of half the resolution, at most 128 steps]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vx: Option<Axis>,
 
-    /// Velocities along y, m/s, stop excluded [default: likewise]
+    /// Velocities along y, m/s, stop excluded [default: as for --vx]
     #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vy: Option<Axis>,
 
@@ -225,15 +277,10 @@ pub(crate) struct Velocity {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
+    #[command(flatten)]
+    pub(crate) windows: Windows,
 
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
-
-    /// Form the same bits on every machine: Fourier transforms take two to four times as long
+    /// Use Fourier transforms with the same bits on every machine; they take two to four times as long
     #[arg(long)]
     pub(crate) portable: bool,
 
@@ -245,7 +292,7 @@ pub(crate) struct Velocity {
 }
 
 impl Velocity {
-    /// By what means it is formed.
+    /// Numerics of the image.
     pub(crate) fn numerics(&self) -> Numerics<'static> {
         numerics(self.portable)
     }

@@ -1,8 +1,9 @@
-//! `--algorithm` and what the image formers of the list can be told: options made of their descriptions.
+//! `--algorithm` and the options of the image formers, generated from the list of formers.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, ValueParser};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
+use serde::de::{Deserialize, Deserializer, Error};
 use serde_json::{Map, Value};
 use subaperture::focus::ImageFormer;
 use subaperture::focus::formers::{
@@ -10,14 +11,17 @@ use subaperture::focus::formers::{
 };
 use subaperture::units::Dimension;
 
+use super::settings::defaults;
 use super::values::{above_zero, error_bound, positive};
 use crate::failure::Usage;
 
 const ALGORITHM: &str = "algorithm";
-/// The bound on the error, which images from maps have too.
+/// The error bound, which images from maps have too.
 const ERROR_DB: &str = "error_db";
+/// Key of a job for the error bound, whose value has a unit.
+const ERROR_KEY: &str = "error";
 
-/// A former of the list, and what it was told.
+/// Former of the list with its options.
 #[derive(Clone, Debug)]
 pub(crate) struct FormerOptions {
     entry: &'static Entry,
@@ -27,7 +31,7 @@ pub(crate) struct FormerOptions {
 }
 
 /// The options of all formers, each name once, and the formers that take it.
-fn options() -> Vec<(
+pub(crate) fn options() -> Vec<(
     &'static FormerOption,
     Vec<(&'static str, &'static FormerOption)>,
 )> {
@@ -57,7 +61,7 @@ pub(super) fn ids_but_the_bound() -> impl Iterator<Item = &'static str> {
     ids().filter(|id| *id != ERROR_DB)
 }
 
-/// What an option is, which formers take it, and what holds without it.
+/// Help of an option: summary, formers that take it, default.
 fn help(option: &FormerOption, takers: &[(&str, &FormerOption)]) -> String {
     let names: Vec<&str> = takers.iter().map(|(name, _)| *name).collect();
     let mut others = FORMERS.iter().map(|entry| entry.name);
@@ -67,8 +71,8 @@ fn help(option: &FormerOption, takers: &[(&str, &FormerOption)]) -> String {
         .collect();
     let of = match &others[..] {
         [] => String::new(),
-        few if few.len() < names.len() => format!("; of all but {}", few.join(", ")),
-        _ => format!("; of {}", names.join(", ")),
+        few if few.len() < names.len() => format!(" (all but {})", few.join(", ")),
+        _ => format!(" ({} only)", names.join(", ")),
     };
     let mut default = option.default.to_owned();
     for (name, taken) in takers {
@@ -82,7 +86,7 @@ fn help(option: &FormerOption, takers: &[(&str, &FormerOption)]) -> String {
     }
 }
 
-/// As it is typed.
+/// Command-line argument of an option.
 fn argument(option: &'static FormerOption, takers: &[(&str, &FormerOption)]) -> Arg {
     let arg = Arg::new(option.name)
         .long(option.name.replace('_', "-"))
@@ -104,11 +108,11 @@ fn argument(option: &'static FormerOption, takers: &[(&str, &FormerOption)]) -> 
             arg.value_name(option.name.to_uppercase())
                 .value_parser(PossibleValuesParser::new(words.iter().map(word)))
         }
-        kind => unreachable!("{kind:?} is typed in no way"),
+        kind => unreachable!("{kind:?} has no option"),
     }
 }
 
-/// What was typed for it.
+/// Value of an option on the command line.
 fn value(option: &FormerOption, matches: &ArgMatches) -> Option<Value> {
     let name = option.name;
     match option.takes {
@@ -127,7 +131,7 @@ impl clap::Args for FormerOptions {
             .long(ALGORITHM)
             .short('a')
             .value_name("ALGORITHM")
-            .help("Image former; the one whose options are given, if none is named")
+            .help("Image former. On the command line, options of one former imply it")
             .value_parser(PossibleValuesParser::new(FORMERS.iter().map(former)))
             .default_value(formers::DEFAULT.name);
         let options = options();
@@ -172,21 +176,55 @@ impl FromArgMatches for FormerOptions {
     }
 }
 
+/// Key of a job that holds an option.
+pub(crate) fn key(option: &FormerOption) -> &'static str {
+    match option.name {
+        ERROR_DB => ERROR_KEY,
+        name => name,
+    }
+}
+
+impl Default for FormerOptions {
+    fn default() -> Self {
+        defaults()
+    }
+}
+
+/// From the keys of a job, checked against its schema. The former is named if it is not the default.
+impl<'de> Deserialize<'de> for FormerOptions {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let keys = Map::deserialize(from)?;
+        let name = keys.get(ALGORITHM).and_then(Value::as_str);
+        let name = name.unwrap_or(formers::DEFAULT.name);
+        let entry = FORMERS.iter().find(|entry| entry.name == name);
+        let entry = entry.ok_or_else(|| D::Error::custom(format!("unknown former '{name}'")))?;
+        let given = options().into_iter().filter_map(|(option, _)| {
+            let value = keys.get(key(option)).filter(|value| **value != false)?;
+            Some((option.name.to_owned(), value.clone()))
+        });
+        Ok(Self {
+            entry,
+            given: given.collect(),
+            named: name != formers::DEFAULT.name,
+        })
+    }
+}
+
 impl FormerOptions {
     /// Whether the former is the user's choice, by its name or by its options.
     pub(crate) fn is_named(&self) -> bool {
         self.named
     }
 
-    /// Whether the bound on the error is the user's word, not the default.
+    /// Whether an error bound was given, instead of left to its default.
     pub(crate) fn has_bound(&self) -> bool {
         self.given.contains_key(ERROR_DB)
     }
 
-    /// The former as it was told.
+    /// The former with its options.
     ///
     /// # Errors
-    /// [`Usage`] for an option that it has no use for.
+    /// [`Usage`] for an option that it does not take.
     pub(crate) fn former(&self) -> Result<Box<dyn ImageFormer>, Usage> {
         let typed = |option: &str| format!("--{}", option.replace('_', "-"));
         let settings = self.entry.settings(&self.given).map_err(|error| {
@@ -222,7 +260,7 @@ impl FormerOptions {
         self.given.get(ERROR_DB).and_then(Value::as_f64)
     }
 
-    /// What was given of all options, for the record: `null` or `false` what was not.
+    /// All options for the record; `null` or `false` if not given.
     pub(crate) fn record(&self) -> Map<String, Value> {
         let options = options().into_iter().map(|(option, _)| {
             let absent = match option.takes {

@@ -99,7 +99,7 @@ const SHORT: [(&str, &[&str]); 14] = [
         "focus",
         &[
             "out",
-            "grid",
+            "pixels",
             "algorithm",
             "error_db",
             "window",
@@ -159,7 +159,7 @@ const SHORT: [(&str, &[&str]); 14] = [
         &[
             "out",
             "channel",
-            "grid",
+            "pixels",
             "algorithm",
             "error_db",
             "window",

@@ -10,20 +10,20 @@ use crate::log::Format;
 /// Options of every command.
 #[derive(Debug, Group)]
 pub(crate) struct Global {
-    /// Threads to work on [default: one a processor]
+    /// Number of threads [default: one per processor]
     #[arg(long, global = true, hide_short_help = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub(crate) threads: Option<usize>,
 
-    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
-    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
+    /// Memory limit of the process: bytes, or with K, M, G or T (powers of 1024); at least 24M and 1M per thread, of which 16M
+    /// and 1M per thread are the program's own [default: half of the machine's memory]
     #[arg(long, global = true, hide_short_help = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
     pub(crate) memory: Option<u64>,
 
-    /// Say more on standard error; twice for every setting
+    /// Print more on standard error; give it twice for all settings
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     pub(crate) verbose: u8,
 
-    /// Show no progress and no notes: only results, warnings and errors
+    /// Print only results, warnings and errors: no progress, no notes
     #[arg(
         short,
         long,
@@ -33,16 +33,15 @@ pub(crate) struct Global {
     )]
     pub(crate) quiet: bool,
 
-    /// Print results as JSON, one object, on standard output
+    /// Print the result as one JSON object on standard output
     #[arg(long, global = true, help_heading = "Global options")]
     pub(crate) json: bool,
 
-    /// Append to this file, with the times, all that is said and shown: notes, warnings, settings, progress,
-    /// how long what took
+    /// Append a log with times to this file: notes, warnings, settings, progress, durations
     #[arg(long, global = true, hide_short_help = true, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Global options")]
     pub(crate) log: Option<PathBuf>,
 
-    /// Write the log as text or as JSON, an object a line [default: JSON if FILE ends in .json or .jsonl]
+    /// Format of the log: text, or JSON with one object per line [default: JSON if FILE ends in .json or .jsonl]
     #[arg(
         long,
         global = true,

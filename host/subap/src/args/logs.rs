@@ -1,33 +1,41 @@
-//! Logs of navigation beside a recording.
+//! Navigation logs of a recording.
 
 use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
+use serde::{Deserialize, Deserializer};
 use subaperture::navigation::GpsTime;
 use subaperture::units::Dimension;
 
+use super::settings::parsed_by;
 use super::values::{finite, vector};
 
-/// What is known of where the radar was, beside its recording.
-#[derive(Debug, Group)]
+/// Navigation logs of a recording.
+#[derive(Clone, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 pub(crate) struct Logs {
-    /// Navigation of the recording's time, as subap navigation reads it, for one track with the echoes: a log of positions, of an
-    /// inertial solution, or one of each
+    /// Navigation log of the recording, in a format that subap navigation reads, to be fused with the echoes: positions, an inertial
+    /// solution, or one of each
     #[arg(long, value_name = "LOG", value_hint = ValueHint::FilePath, help_heading = "Navigation")]
     pub(crate) navigation: Vec<PathBuf>,
 
-    /// When the recording's time 0 was by the log's clock: GPS week and seconds of it, or seconds of a clock that has no weeks
-    /// [default: what the recording says; 0 of a log with seconds of its own]
+    /// Time 0 of the recording on the clock of the log: GPS week and seconds of week, or seconds of a clock without weeks [default: as
+    /// the recording states; 0 for a log with seconds of its own]
     #[arg(long, value_name = "[WEEK:]SECONDS", allow_hyphen_values = true, requires = "navigation", value_parser = start,
         help_heading = "Navigation")]
+    #[serde(deserialize_with = "start_of_job")]
     pub(crate) navigation_start: Option<GpsTime>,
 
-    /// From the middle of the radar's antennas to where the log's places are, along the radar's axes (x along the receivers, y where it
-    /// looks, z up), metres
+    /// Lever arm from the middle of the antennas to the positions of the log, metres, along the radar's axes: x along the receivers, y
+    /// along the line of sight, z up [default: 0,0,0]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "navigation", value_parser = vector(Dimension::Length),
         help_heading = "Navigation")]
     pub(crate) lever_arm: Option<DVec3>,
+}
+
+fn start_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<GpsTime>, D::Error> {
+    parsed_by(from, start).map(Some)
 }
 
 fn start(text: &str) -> Result<GpsTime, String> {

@@ -1,9 +1,10 @@
-//! How a picture looks: levels and colours.
+//! Levels and colours of a picture.
 
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 use subaperture::plot::{Colours, MAX_HUES, Scale, Upper};
 use subaperture::units::Dimension;
@@ -12,23 +13,25 @@ use super::RemapName;
 use super::values::{above_zero, any, output};
 
 /// Levels and colours of a picture.
-#[derive(Clone, Copy, Debug, Group)]
+#[derive(Clone, Copy, Debug, Default, Group, Deserialize)]
+#[serde(default)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Look {
-    /// Upper level, dB (pixels above it have a separate colour), or `peak` [default: the level that 0.1 % of the pixels exceed, at most
+    /// Upper level, dB; pixels above it have a separate colour. As an option also `peak` [default: the level that 0.1 % of the pixels exceed, at most
     /// 12 dB below the peak]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = upper)]
+    #[serde(deserialize_with = "upper_of_job")]
     pub(crate) top: Option<Upper>,
 
     /// Dynamic range, dB [default: down to 6 dB below the median, 40 to 60 dB]
     #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
 
-    /// How levels become greys
+    /// Mapping of levels to greys
     #[arg(long, value_enum, default_value_t, conflicts_with_all = ["top", "span"])]
     pub(crate) remap: RemapName,
 
-    /// Colours
+    /// Colour map
     #[arg(long, value_enum, default_value_t)]
     pub(crate) colours: ColourMap,
 }
@@ -41,8 +44,13 @@ fn upper(text: &str) -> Result<Upper, String> {
     any(Dimension::Level)(text).map(Upper::Db)
 }
 
+fn upper_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Upper>, D::Error> {
+    Ok(Some(Upper::Db(f64::deserialize(from)?)))
+}
+
 /// Colour maps by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum ColourMap {
     /// Black to white
     #[default]
@@ -61,7 +69,7 @@ impl Look {
         }
     }
 
-    /// The scale asked for.
+    /// Scale of the levels.
     pub(crate) fn scale(&self) -> Scale {
         match self.remap {
             RemapName::Density => Scale::Density,
@@ -72,7 +80,7 @@ impl Look {
         }
     }
 
-    /// The colours asked for.
+    /// Colours of the plot.
     pub(crate) fn colours(&self) -> Colours {
         match self.colours {
             ColourMap::Grey => Colours::Grey,
@@ -84,8 +92,8 @@ impl Look {
 /// `subap picture`.
 #[derive(Debug, Group)]
 pub(crate) struct Picture {
-    /// Image: the folder of a product, a complex64 array (.npy) or anyone's SICD. Two or three of one grid are the colours of one picture, each by its own levels: red, green and
-    /// blue (HH, HV, VV), of two magenta and green. Four are HH, HV, VH and VV, shown by Pauli's basis
+    /// Image: folder of a product, complex64 array (.npy) or SICD. Two or three images of one grid become the colours of one picture, each with its
+    /// own levels: magenta and green, or red, green and blue (HH, HV, VV). Four images are HH, HV, VH and VV, shown in the Pauli basis
     #[arg(value_name = "IMAGE", required = true, num_args = 1..=4, value_hint = ValueHint::AnyPath)]
     pub(crate) images: Vec<PathBuf>,
 
@@ -93,11 +101,12 @@ pub(crate) struct Picture {
     #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Average the power of so many pixels, rows by columns, as 3x3 or 4: less speckle, larger pixels, whose size the title tells
+    /// Multilook: mean power of this many rows by columns of pixels, such as 3x3 or 4; reduces speckle and resolution [default: 1x1]
     #[arg(long, value_name = "ROWSxCOLUMNS")]
     pub(crate) looks: Option<Looks>,
 
-    /// Colour by sub-aperture: so many parts of the aperture, 2 to 12, of a hue each, red first; white where all see alike. Of the image's spectrum, no recording is read
+    /// Colour composite of N sub-apertures, 2 to 12, from the spectrum of the image: brightness from the image, hue from each sub-aperture's share
+    /// of power, red first
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=MAX_HUES as i64), conflicts_with = "colours")]
     pub(crate) sub_apertures: Option<u8>,
 
@@ -108,7 +117,7 @@ pub(crate) struct Picture {
     pub(crate) writing: super::Writing,
 }
 
-/// Rows and columns of pixels that are averaged.
+/// Multilook: rows and columns of pixels that are averaged.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Looks(pub(crate) [usize; 2]);
 

@@ -1,46 +1,47 @@
-//! Maps that `subap export` makes.
+//! Map products of `subap export`.
 
 use clap::{Args as Group, ValueEnum};
+use serde::Deserialize;
 use subaperture::maps::Remap;
 use subaperture::units::Dimension;
 
 use super::values::{above_zero, any, positive};
 
-/// How an image is shown on a map.
+/// Settings of map products.
 #[derive(Clone, Copy, Debug, Default, Group)]
 #[command(next_help_heading = "Maps")]
 pub(crate) struct Mapping {
-    /// What the map's coordinates are: UTM, or longitude and latitude [default: utm; of a KMZ geographic]
+    /// Coordinates of the map: UTM, or longitude and latitude [default: utm; geographic for KMZ]
     #[arg(long, value_enum)]
     pub(crate) projection: Option<MapProjection>,
 
-    /// Distance of the map's pixels on the ground; those coarser than the image's are means of its power [default: the image's own]
+    /// Pixel spacing on the ground, metres or with a unit; pixels coarser than those of the image are means of its power [default: that of the image]
     #[arg(long, value_name = "LENGTH", value_parser = above_zero(Dimension::Length))]
     pub(crate) pixel: Option<f64>,
 
-    /// Average the power of N x N of the image's pixels in one of the map's
+    /// Multilook: mean power of N x N pixels of the image in each pixel of the map [default: 1]
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "pixel")]
     pub(crate) looks: Option<usize>,
 
-    /// Bands of a GeoTIFF
+    /// Bands of the GeoTIFF [default: db]
     #[arg(long, value_enum)]
     pub(crate) layout: Option<MapLayout>,
 
-    /// How magnitudes become greys [default: decibels of a GeoTIFF, which then knows its levels, else density]
+    /// Mapping of magnitudes to greys [default: db for a GeoTIFF, which then states its levels, else density]
     #[arg(long, value_enum)]
     pub(crate) remap: Option<RemapName>,
 
-    /// Level of white, dB [default: the remap's]
+    /// Upper level (white), dB [default: that of the remap]
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = any(Dimension::Level))]
     pub(crate) top: Option<f64>,
 
-    /// Levels from white to black, dB [default: the remap's]
+    /// Dynamic range from white to black, dB [default: that of the remap]
     #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
 }
 
 impl Mapping {
-    /// Whether any of it was typed.
+    /// Whether any setting is given.
     pub(crate) fn is_given(&self) -> bool {
         let Self {
             projection,
@@ -64,7 +65,7 @@ impl Mapping {
 /// Projections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MapProjection {
-    /// The UTM zone in which the scene's middle lies
+    /// UTM zone of the scene centre
     Utm,
     /// Longitude and latitude (EPSG:4326)
     Geographic,
@@ -83,17 +84,18 @@ pub(crate) enum MapLayout {
 }
 
 /// Remaps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub(crate) enum RemapName {
     /// Decibels, down to 6 dB below the median, 40 to 60 dB
     #[default]
     Db,
-    /// About the mean magnitude, as sarpy's Density: bright points do not make the rest dark
+    /// Relative to the mean magnitude, as sarpy's Density: bright points do not darken the rest
     Density,
 }
 
 impl RemapName {
-    /// As it is typed.
+    /// Text of the option.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Db => "db",

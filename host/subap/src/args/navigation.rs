@@ -17,20 +17,20 @@ pub(crate) struct Navigation {
     #[arg(value_name = "LOG", value_hint = ValueHint::FilePath)]
     pub(crate) file: PathBuf,
 
-    /// Write the track as CSV, and its picture beside it as PNG
+    /// CSV file for the track; its picture is written as PNG with the same name
     #[arg(short, long, value_name = "TRACK.csv", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 
-    /// Which records are the track [default: those with the most of places and attitudes]
+    /// Records that form the track [default: those with the most positions and attitudes]
     #[arg(long, value_enum, requires = "out")]
     pub(crate) record: Option<RecordKind>,
 
-    /// Origin of the track's axes, which are east, north and up there: latitude and longitude, degrees, height above the
-    /// ellipsoid, metres [default: the first place]
+    /// Origin of the track's axes (east, north, up): latitude and longitude, degrees; height above the ellipsoid, metres [default: the
+    /// first position]
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true, requires = "out", value_parser = vector(Dimension::Ratio))]
     pub(crate) origin: Option<DVec3>,
 
-    /// GPS week of an SBET, which names none
+    /// GPS week of an SBET file, which does not contain it
     #[arg(long, value_name = "WEEK")]
     pub(crate) week: Option<u32>,
 
@@ -38,7 +38,7 @@ pub(crate) struct Navigation {
     pub(crate) writing: Writing,
 }
 
-/// Kinds of records with a place.
+/// Kinds of records with a position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RecordKind {
     /// Inertial solution
@@ -47,9 +47,9 @@ pub(crate) enum RecordKind {
     Inspvax,
     /// Best position of the receiver
     Bestpos,
-    /// Position at an event's mark
+    /// Position at an event mark
     Markpos,
-    /// NMEA sentences of one moment
+    /// NMEA sentences of one epoch
     Nmea,
     /// Smoothed best estimate of trajectory
     Sbet,
@@ -58,7 +58,7 @@ pub(crate) enum RecordKind {
 }
 
 impl RecordKind {
-    /// What the library calls it.
+    /// The same in the library.
     pub(crate) fn kind(self) -> Kind {
         match self {
             Self::Inspva => Kind::Inspva,

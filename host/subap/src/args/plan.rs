@@ -17,16 +17,16 @@ pub(crate) struct Plan {
     pub(crate) target: PlanTarget,
 }
 
-/// What to plan for.
+/// Subject of a plan.
 #[derive(Debug, Subcommand)]
 pub(crate) enum PlanTarget {
-    /// An image: how it will be formed, for subap focus --plan, here or on other machines
+    /// Plan an image for subap focus --plan, on this or other machines
     Focus(Box<PlanFocus>),
-    /// A small computer that makes maps of patches and sends them over a serial link
+    /// Plan an embedded module that computes maps of patches and sends them over a serial link
     Module(Box<PlanModule>),
-    /// This machine's times, for subap focus --model: what is chosen then is what is fastest here
+    /// Measure the timing model of this machine for subap focus --model
     Calibrate(PlanCalibrate),
-    /// A radar: resolution, sampling, sub-CPIs and their lobes, memory, sensitivity
+    /// Plan a radar: resolution, sampling, sub-CPIs and their grating lobes, memory, sensitivity
     Radar(Box<PlanRadar>),
 }
 
@@ -54,7 +54,7 @@ pub(crate) struct PlanCalibrate {
     #[arg(long, short, value_name = "MODEL", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// What the model is called in plans and records [default: measured]
+    /// Name of the model in plans and records [default: measured]
     #[arg(long, value_name = "NAME")]
     pub(crate) name: Option<String>,
 
@@ -68,11 +68,11 @@ pub(crate) struct PlanModule {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Memory for the module's buffers: bytes, or with K or M (powers of 1024)
+    /// Memory for the buffers of the module: bytes, or with K or M (powers of 1024)
     #[arg(long, value_name = "SIZE", value_parser = ram_size)]
     pub(crate) ram: u64,
 
-    /// Rate of the serial link, bits a second
+    /// Rate of the serial link, bits per second
     #[arg(long, value_name = "BAUD", default_value_t = 921_600, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) link: u32,
 
@@ -84,11 +84,11 @@ pub(crate) struct PlanModule {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// The module computes on 16-bit samples
+    /// Plan for 16-bit fixed point [default: float32]
     #[arg(long)]
     pub(crate) fixed: bool,
 
-    /// Pulses a second [default: the recording's, if it tells times]
+    /// Pulse repetition frequency, hertz [default: that of the recording, if it has times]
     #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) pulse_rate: Option<f64>,
 }
@@ -97,8 +97,8 @@ pub(crate) struct PlanModule {
 #[derive(Debug, Group)]
 #[command(
     override_usage = "subap plan radar [OPTIONS] <INPUT>...\n       subap plan radar [OPTIONS] <OPTIONS OF A PASS>",
-    mut_arg("paths", |paths| paths.required(false).conflicts_with_all(PASS)),
-    group(ArgGroup::new("what").required(true).multiple(true).args(["paths", "beamwidth"]).args(PASS)),
+    mut_arg("files", |files| files.required(false).conflicts_with_all(PASS)),
+    group(ArgGroup::new("what").required(true).multiple(true).args(["files", "beamwidth"]).args(PASS)),
 )]
 pub(crate) struct PlanRadar {
     #[command(flatten)]
@@ -107,8 +107,8 @@ pub(crate) struct PlanRadar {
     #[command(flatten)]
     pub(crate) pass: Pass,
 
-    /// Full width of the antenna's beam across the track, degrees; without a recording, --pulses or --aperture
-    /// the track is as long as the beam lights the scene's centre
+    /// Full azimuth width of the antenna's beam, degrees. Without a recording, --pulses or --aperture it sets the length of the track, along
+    /// which the beam illuminates the scene centre
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, value_parser = below_half_a_turn)]
     pub(crate) beamwidth: Option<f64>,
 
@@ -116,7 +116,7 @@ pub(crate) struct PlanRadar {
     #[arg(long, value_name = "WATTS", allow_hyphen_values = true, value_parser = above_zero(Dimension::Power), requires = "pulse_length")]
     pub(crate) power: Option<f64>,
 
-    /// Length of a pulse, seconds
+    /// Pulse length, seconds; needs --power
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true, value_parser = above_zero(Dimension::Time), requires = "power")]
     pub(crate) pulse_length: Option<f64>,
 
@@ -144,17 +144,17 @@ pub(crate) struct PlanRadar {
     #[arg(long, value_name = "DB", allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
-    /// Pulses a sub-CPI of the thesis's mode, whose grating lobes are predicted
+    /// Number of pulses per sub-CPI of rdbp's mode thesis, whose grating lobes are predicted
     #[arg(long, value_name = "N", value_parser = positive, default_value_t = 40)]
     pub(crate) sub_cpi: usize,
 
-    /// Folder for response.png: what the thesis's mode will make of a scatterer in the scene's centre; and
-    /// ambiguity.png: the pulse's ambiguity function around its peak
+    /// Folder for response.png, the predicted response of rdbp's mode thesis to a scatterer in the scene centre, and ambiguity.png, the
+    /// ambiguity function of the pulse around its peak
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) plots: Option<PathBuf>,
 
-    /// The pulse of ambiguity.png: lfm:HZ:SECONDS, a linear sweep, or barker13:SECONDS, chips of that length
-    /// [default: a sweep over the band in --pulse-length, or in 10 us]
+    /// Pulse of ambiguity.png: lfm:HZ:SECONDS, a linear sweep, or barker13:SECONDS, with the length of a chip [default: a sweep over
+    /// the bandwidth in --pulse-length, or in 10 us]
     #[arg(long, value_name = "PULSE", value_parser = pulse_shape, requires = "plots")]
     pub(crate) pulse: Option<PulseShape>,
 
@@ -176,10 +176,10 @@ const PASS: [&str; 10] = [
     "scene",
 ];
 
-/// A straight broadside pass in place of a recording; what is not given is as in Table 4.1 of Schone 2020.
+/// Straight broadside pass in place of a recording; defaults are those of Table 4.1 of Schone 2020.
 #[derive(Debug, Group)]
 pub(crate) struct Pass {
-    /// Middle of the band, hertz [default: 10e9]
+    /// Centre frequency, hertz [default: 10e9]
     #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) carrier: Option<f64>,
 
@@ -187,7 +187,7 @@ pub(crate) struct Pass {
     #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) bandwidth: Option<f64>,
 
-    /// Frequency samples a pulse [default: 256]
+    /// Frequency samples per pulse [default: 256]
     #[arg(long, value_name = "N", value_parser = positive, help_heading = "A pass")]
     pub(crate) frequencies: Option<usize>,
 
@@ -199,19 +199,19 @@ pub(crate) struct Pass {
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true, value_parser = from_zero(Dimension::Angle), help_heading = "A pass")]
     pub(crate) grazing: Option<f64>,
 
-    /// Speed, metres a second [default: 125]
+    /// Speed, m/s [default: 125]
     #[arg(long, value_name = "M/S", allow_hyphen_values = true, value_parser = above_zero(Dimension::Speed), help_heading = "A pass")]
     pub(crate) velocity: Option<f64>,
 
-    /// Pulses a second [default: 1000]
+    /// Pulse repetition frequency, hertz [default: 1000]
     #[arg(long, value_name = "HZ", allow_hyphen_values = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) prf: Option<f64>,
 
-    /// Pulses in all [default: 1040]
+    /// Number of pulses [default: 1040]
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "aperture", help_heading = "A pass")]
     pub(crate) pulses: Option<usize>,
 
-    /// Length of the track, metres
+    /// Length of the track, metres [default: from --pulses]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) aperture: Option<f64>,
 

@@ -20,24 +20,24 @@ use super::{Rehearsal, Writing};
     subap capture --example thesis > thesis.toml\n  \
     subap capture thesis.toml -o walk\n  \
     subap profile walk.sigmf-meta --out profiles\n\n\
-    Ctrl-C ends a capture; what was recorded by then is whole (exit status 130, or 0 where plan.sweeps = 0). Where the radio\n\
-    fails or the disk is full it is whole too, and the exit status 1.")]
+    Ctrl-C ends a capture; the recording up to then is complete (exit status 130, or 0 if plan.sweeps = 0). If the radio\n\
+    fails or the disk is full, the recording is complete too, and the exit status is 1.")]
 pub(crate) struct Capture {
-    /// The experiment, in TOML: see --keys and --example
+    /// Experiment in TOML; see --keys and --example
     #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath,
         required_unless_present_any = ["keys", "example"])]
     pub(crate) experiment: Option<PathBuf>,
 
-    /// Name of the recording; .sigmf-data and .sigmf-meta are added, and nothing is written over [default:
-    /// files.recording of the experiment]
+    /// Name of the recording, to which .sigmf-data and .sigmf-meta are added; existing files are not replaced [default: files.recording
+    /// of the experiment]
     #[arg(long, short, value_name = "NAME", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 
-    /// In place of the experiment's radio: a recording, received again
+    /// Recording to replay in place of the radio
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) replay: Option<PathBuf>,
 
-    /// Override a key of the experiment, as plan.sweeps=100; any number of times
+    /// Override a key of the experiment, such as plan.sweeps=100. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, String)>,
 
@@ -45,12 +45,12 @@ pub(crate) struct Capture {
     #[arg(long, conflicts_with_all = ["experiment", "example", "out", "replay"])]
     pub(crate) keys: bool,
 
-    /// Print an experiment, or a scene for one, to start from
+    /// Print an example experiment or scene
     #[arg(long, value_name = "NAME", conflicts_with_all = ["experiment", "out", "replay"],
         value_parser = clap::builder::PossibleValuesParser::new(experiment::examples::names()))]
     pub(crate) example: Option<String>,
 
-    /// Show the range profile, levels and losses while it captures, where standard error is a terminal
+    /// Show range profile, levels and lost samples during the capture, if standard error is a terminal
     #[arg(long)]
     pub(crate) live: bool,
 
@@ -68,23 +68,23 @@ pub(crate) struct Radio {
     pub(crate) task: RadioTask,
 }
 
-/// What to do with a radio.
+/// Task for a radio.
 #[derive(Debug, Subcommand)]
 pub(crate) enum RadioTask {
-    /// The radios that are connected; needs a subap built with the feature uhd
+    /// List connected radios; needs a subap built with the feature uhd
     List(RadioList),
-    /// What an experiment's radio can do, what it was set to, and its sensors
+    /// Print capabilities, settings and sensors of an experiment's radio
     Probe(Probe),
-    /// Find what cables and channels do, of a capture of the sky and one with a reflector, for subap profile
+    /// Calibrate cables and channels from captures of the sky and of a reflector, for subap profile
     Calibrate(Calibrate),
-    /// Make a capture phase history, CPHD, on the track of what carried the antennas
+    /// Convert a capture to phase history (CPHD) with the track of the antennas
     Convert(Convert),
 }
 
 /// `subap radio list`.
 #[derive(Debug, Group)]
 pub(crate) struct RadioList {
-    /// Only the one of this serial number
+    /// Serial number of the radio [default: all radios]
     #[arg(long, value_name = "SERIAL")]
     pub(crate) serial: Option<String>,
 }
@@ -92,11 +92,11 @@ pub(crate) struct RadioList {
 /// `subap radio probe`.
 #[derive(Debug, Group)]
 pub(crate) struct Probe {
-    /// The experiment, as for subap capture
+    /// Experiment, as for subap capture
     #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
     pub(crate) experiment: PathBuf,
 
-    /// Override a key of the experiment, as device.serial=30A1B2C; any number of times
+    /// Override a key of the experiment, such as device.serial=30A1B2C. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, String)>,
 }
@@ -104,27 +104,27 @@ pub(crate) struct Probe {
 /// `subap radio calibrate`.
 #[derive(Debug, Group)]
 pub(crate) struct Calibrate {
-    /// Capture of nothing but the sky: what the antennas hear of each other
+    /// Capture of the empty sky, which measures the coupling of the antennas
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) sky: PathBuf,
 
-    /// Capture by the same set-up, with one reflector that is stronger than all else near it
+    /// Capture with the same set-up of one reflector, stronger than all other echoes near it
     #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) reflector: PathBuf,
 
-    /// With a loop: the reflector's range by tape, from where ranges are to count, metres
+    /// Reflector's surveyed range from the range origin, metres; for a loop as the reference
     #[arg(long, value_name = "METRES", value_parser = above_zero(Dimension::Length), required_unless_present = "at")]
     pub(crate) range: Option<f64>,
 
-    /// With the leakage as the reference: the reflector's place in the axes of the section antennas, metres
+    /// Reflector's position in the axes of the section antennas, metres; for the leakage as the reference
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector(Dimension::Length), conflicts_with = "range")]
     pub(crate) at: Option<DVec3>,
 
-    /// How far from there cables may show it, metres
+    /// Largest range offset of the reflector by cables, metres
     #[arg(long, value_name = "METRES", default_value_t = 5.0, value_parser = above_zero(Dimension::Length))]
     pub(crate) search: f64,
 
-    /// Sweep of both captures that is taken
+    /// Sweep of both captures to use, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) sweep: u64,
 
@@ -139,19 +139,19 @@ pub(crate) struct Calibrate {
 /// `subap profile`.
 #[derive(Debug, Group)]
 pub(crate) struct Profile {
-    /// The capture, by any of its files
+    /// Capture, by any of its files
     #[arg(value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) recording: PathBuf,
 
-    /// Sweep whose profile is told and drawn
+    /// Sweep whose profile is printed and drawn, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) sweep: u64,
 
-    /// What cables and channels do: a file of subap radio calibrate
+    /// Calibration file of subap radio calibrate [default: none]
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) calibration: Option<PathBuf>,
 
-    /// Receiver whose antenna is shown: 1, or 0 too where the leakage is the reference
+    /// Receiver to show: 1, or also 0 if the leakage is the reference
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) receiver: usize,
 
@@ -159,24 +159,23 @@ pub(crate) struct Profile {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) window: Window,
 
-    /// Beyond this nothing reflects, metres: by that carriers that are missing are filled [default: three quarters of
-    /// the unambiguous range]
+    /// Largest range of echoes, metres; used to fill missing carriers [default: three quarters of the unambiguous range]
     #[arg(long, value_name = "METRES", value_parser = above_zero(Dimension::Length))]
     pub(crate) reach: Option<f64>,
 
-    /// Peaks so far below the strongest are not told, dB
+    /// Lowest level of printed peaks below the strongest, dB
     #[arg(long, value_name = "DB", default_value_t = 25.0, value_parser = above_zero(Dimension::Level))]
     pub(crate) floor: f64,
 
-    /// Places a resolution cell
+    /// Range samples per resolution cell
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
     pub(crate) fineness: usize,
 
-    /// Refer to nothing but the tone as it was sent: shows that there is no profile without the reference
+    /// Use the transmitted tone as the only reference, which shows that there is no profile without the reference channel
     #[arg(long, conflicts_with = "calibration")]
     pub(crate) no_reference: bool,
 
-    /// Folder for pictures: profile.png, and of several sweeps waterfall.png
+    /// Folder for pictures: profile.png, and waterfall.png for several sweeps
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 
@@ -187,41 +186,40 @@ pub(crate) struct Profile {
 /// `subap radio convert`.
 #[derive(Debug, Group)]
 pub(crate) struct Convert {
-    /// The capture, by any of its files
+    /// Capture, by any of its files
     #[arg(value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) recording: PathBuf,
 
-    /// CPHD file to write; a receiver is a channel
+    /// CPHD file to write; each receiver is a channel
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Track of what carried the antennas, as subap focus --track takes it [default: it stood at the origin, or its way
-    /// is not known]
+    /// Track of the platform, as for subap focus --track [default: at rest at the origin, or unknown]
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath)]
     pub(crate) track: Option<PathBuf>,
 
-    /// The radio's time at the track's time 0, seconds
+    /// Time of the radio at time 0 of the track, seconds
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true, default_value_t = 0.0, requires = "track",
         value_parser = any(Dimension::Time))]
     pub(crate) zero: f64,
 
-    /// The scene's middle, to which phases are referred, metres
+    /// Scene reference point of the phases, metres
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) reference: DVec3,
 
-    /// Where on the Earth the scene's origin is, degrees and metres; x is east there, y north, z up
+    /// Position on the Earth of the scene's origin, degrees and metres; x is east, y north, z up
     #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, default_value = "0,0,0", value_parser = origin)]
     pub(crate) origin: Geodetic,
 
-    /// The part of the scene that is looked at: what motion within a sweep leaves is bounded over it
+    /// Part of the scene over which the residual of intra-sweep motion is bounded
     #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
     pub(crate) extent: Option<Extent>,
 
-    /// What cables and channels do: a file of subap radio calibrate
+    /// Calibration file of subap radio calibrate [default: none]
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) calibration: Option<PathBuf>,
 
-    /// Beyond this nothing reflects, metres [default: as subap profile]
+    /// Largest range of echoes, metres [default: as for subap profile]
     #[arg(long, value_name = "METRES", value_parser = above_zero(Dimension::Length))]
     pub(crate) reach: Option<f64>,
 

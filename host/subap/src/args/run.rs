@@ -13,9 +13,9 @@ use super::{Rehearsal, Writing};
     subap run --example > job.toml\n  \
     subap run job.toml --dry-run\n  \
     subap run job.toml\n\n\
-    What is done already is not done again: after a run that was ended, or with a job that was changed, the same command does what is left.")]
+    The same command resumes an interrupted run, and after a change of the job runs only the stages that depend on it.")]
 pub(crate) struct Run {
-    /// What to do, in TOML: see --keys and --example
+    /// Job in TOML; see --keys and --example
     #[arg(value_name = "JOB", value_hint = ValueHint::FilePath, required_unless_present_any = ["keys", "example"])]
     pub(crate) job: Option<PathBuf>,
 
@@ -24,7 +24,7 @@ pub(crate) struct Run {
         long,
         value_name = "KEY=VALUE",
         value_parser = setting,
-        help = "Override a key of the job, as former.error=\"-50 dB\"; any number of times"
+        help = "Override a key of the job, such as former.error=\"-50 dB\". May be repeated"
     )]
     pub(crate) set: Vec<(String, String)>,
 
@@ -32,7 +32,7 @@ pub(crate) struct Run {
     #[arg(long, conflicts_with_all = ["job", "example"])]
     pub(crate) keys: bool,
 
-    /// Print a job to start from
+    /// Print an example job with all keys
     #[arg(long, conflicts_with_all = ["job"])]
     pub(crate) example: bool,
 

@@ -5,7 +5,7 @@ use clap::Args as Group;
 /// `subap completions`.
 #[derive(Debug, Group)]
 pub(crate) struct Completions {
-    /// Shell
+    /// Shell for which completions are printed
     #[arg(value_enum)]
     pub(crate) shell: clap_complete::Shell,
 }
@@ -13,6 +13,6 @@ pub(crate) struct Completions {
 /// `subap man`.
 #[derive(Debug, Group)]
 pub(crate) struct Man {
-    /// Command, with its subcommand if it has some, as plan focus [default: subap itself]
+    /// Command with its subcommand, such as plan focus [default: subap]
     pub(crate) command: Vec<String>,
 }

@@ -1,29 +1,29 @@
-//! How `subap focus` forms an image in tiles.
+//! Options of `subap focus` for images formed in tiles.
 
 use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 
 /// Options of an image in tiles.
-#[derive(Debug, Group)]
+#[derive(Debug, Default, Group)]
 #[command(next_help_heading = "Tiles")]
 pub(crate) struct Tiled {
-    /// Form the image tile by tile into image.zarr instead of image.npy: a run that was killed can go on, and others
-    /// can help
+    /// Form the image tile by tile into image.zarr instead of image.npy. A killed run can resume, and several processes can
+    /// share the work
     #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) tiled: bool,
 
-    /// Go on where a run with --tiled was ended
+    /// Resume an ended run with --tiled
     #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) resume: bool,
 
-    /// Carry out a plan of `subap plan focus`; what it has done already is not done again
+    /// Execute a plan of subap plan focus; finished tiles are kept
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "allow_error", "beam", "squint", "window", "slow_window", "grid", "surface", "geoid", "scratch", "portable", "model"
+        "from_maps", "allow_error", "beam", "squint", "window", "slow_window", "pixels", "surface", "geoid", "scratch", "portable", "model"
     ])]
     pub(crate) plan: Option<PathBuf>,
 
-    /// Form only part I of N of the plan's tiles, as 3/8; whoever ends last makes record and picture
+    /// Form part I of N of the plan's tiles, such as 3/8. The process that finishes last writes record and picture [default: all tiles]
     #[arg(long, value_name = "I/N", requires = "plan", value_parser = part)]
     pub(crate) tiles: Option<Part>,
 }
@@ -38,9 +38,9 @@ impl Tiled {
 /// One of several parts of the work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Part {
-    /// Which, from 1.
+    /// Number of the part, from 1.
     pub(crate) number: usize,
-    /// Of how many.
+    /// Number of parts.
     pub(crate) count: usize,
 }
 

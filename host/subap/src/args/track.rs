@@ -13,28 +13,24 @@ use subaperture::units::Dimension;
 
 /// `subap track`.
 #[derive(Debug, Group)]
-#[command(after_help = "An image on the track that the radar itself found:\n  \
+#[command(after_help = "Form an image on the estimated track:\n  \
     subap track walk.cphd -o track.csv\n  \
     subap focus walk.cphd --track track.csv --out image\n\n\
-    The same with what a receiver says of where it was:\n  \
+    Estimate the track from echoes and a navigation log:\n  \
     subap track walk.cphd --navigation receiver.log -o track.csv\n\n\
-    Targets that move are left out of the track and reported with their velocities. A track that its own residuals\n\
-    contradict is refused; one in doubt is written, and the exit status is 3.")]
+    Moving targets are excluded from the track estimate and reported with their velocities. A track that contradicts its\n\
+    residuals is refused; a doubtful one is written, and the exit status is 3.")]
 pub(crate) struct Track {
-    /// CPHD 1.x of several channels, or a description of a raw recording (.toml): two receivers at the least, half a
-    /// wavelength apart or less
+    /// Recording: CPHD 1.x with several channels, or a description of raw samples (.toml); at least two receivers, at most half a wavelength
+    /// apart
     #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) input: PathBuf,
 
-    /// Channels that are used: all, or some as T1R1,T1R2
-    #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
-    pub(crate) channels: SeveralChannels,
-
-    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    /// Override a key of a description, such as radar.first_pulse=9.2s. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 
-    /// File for the track: time, position, attitude, covariance and residual of every pulse; subap focus --track takes it
+    /// File for the track: time, position, attitude, covariance and residual of every pulse, for subap focus --track
     #[arg(long, short, value_name = "CSV", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
@@ -42,26 +38,8 @@ pub(crate) struct Track {
     #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
 
-    /// Nearest and farthest range searched for targets, as 2m:30m [default: the whole unambiguous interval]
-    #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
-    pub(crate) range: Option<(f64, f64)>,
-
-    /// Largest number of targets a pulse, the strongest first
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
-    pub(crate) targets: usize,
-
-    /// Least SNR of an echo in every channel, dB
-    #[arg(long, value_name = "DB", default_value_t = 10.0, allow_hyphen_values = true, value_parser = any(Dimension::Level))]
-    pub(crate) least_snr: f64,
-
-    /// Largest number of pulses in a row in which a target may be missed
-    #[arg(long, value_name = "N", default_value_t = 30)]
-    pub(crate) bridge: usize,
-
-    /// Window over frequency: none, taylor, taylor:DB, hamming or kaiser:BETA; its side lobes limit how weak targets
-    /// beside strong ones may be
-    #[arg(long, value_name = "W", default_value = "taylor:50")]
-    pub(crate) window: Window,
+    #[command(flatten)]
+    pub(crate) tracking: Tracking,
 
     #[command(flatten)]
     pub(crate) logs: Logs,
@@ -70,14 +48,43 @@ pub(crate) struct Track {
     pub(crate) writing: Writing,
 }
 
-/// Where the track of an image is taken from.
+/// Settings of the track estimate.
+#[derive(Debug, Group)]
+pub(crate) struct Tracking {
+    /// Channels to use: all, or a list such as T1R1,T1R2
+    #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
+    pub(crate) channels: SeveralChannels,
+
+    /// Nearest and farthest range searched for targets, as 2m:30m [default: the whole unambiguous interval]
+    #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
+    pub(crate) range: Option<(f64, f64)>,
+
+    /// Largest number of targets per pulse, the strongest first
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
+    pub(crate) targets: usize,
+
+    /// Least signal-to-noise ratio of an echo in every channel, dB
+    #[arg(long, value_name = "DB", default_value_t = 10.0, allow_hyphen_values = true, value_parser = any(Dimension::Level))]
+    pub(crate) least_snr: f64,
+
+    /// Largest number of pulses in a row in which a target may be missed
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    pub(crate) bridge: usize,
+
+    /// Window over frequency: none, taylor, taylor:DB, hamming or kaiser:BETA; its side lobes mask weak targets near
+    /// strong ones
+    #[arg(long, value_name = "W", default_value = "taylor:50")]
+    pub(crate) window: Window,
+}
+
+/// Source of the track of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum TrackSource {
-    /// The recording's own echoes.
+    /// Estimated from the recording's own echoes.
     Echoes,
-    /// These and navigation.
+    /// Estimated from echoes and navigation.
     Fused,
-    /// A file.
+    /// Read from a file.
     File(PathBuf),
 }
 
@@ -92,7 +99,7 @@ impl TrackSource {
 }
 
 impl fmt::Display for TrackSource {
-    /// As it is typed.
+    /// Text of the option.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Echoes => f.write_str("mpga"),

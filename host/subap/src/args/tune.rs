@@ -7,7 +7,6 @@ use glam::DVec3;
 use subaperture::autofocus::Measure;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::io::recording;
-use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
 /// `subap recording`.
@@ -22,11 +21,11 @@ pub(crate) struct Recording {
     #[arg(long)]
     pub(crate) keys: bool,
 
-    /// Print how phase history of your own is given as arrays (NumPy's .npz, HDF5)
+    /// Print the format of phase history in arrays (NumPy .npz, HDF5)
     #[arg(long)]
     pub(crate) arrays: bool,
 
-    /// Print a description to start from, of a public recording
+    /// Print the description of a public recording as an example
     #[arg(long, value_name = "NAME",
         value_parser = clap::builder::PossibleValuesParser::new(recording::examples::names()))]
     pub(crate) example: Option<String>,
@@ -43,16 +42,16 @@ pub(crate) struct Tune {
     #[arg(value_name = "RECORDING", value_hint = ValueHint::FilePath)]
     pub(crate) recording: PathBuf,
 
-    /// A key and the values to try, stop included; one to three times
+    /// Key and its range of values, stop included. Give it one to three times
     #[arg(long, required = true, value_name = "KEY=START:STOP:STEP[UNIT]",
         allow_hyphen_values = true, value_parser = vary)]
     pub(crate) vary: Vec<Vary>,
 
-    /// Override a key, as radar.start="77.1 GHz"; any number of times
+    /// Override a key, such as radar.start="77.1 GHz". May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
     pub(crate) set: Vec<(String, String)>,
 
-    /// Pixels whose sharpness counts, as for focus; take the part of the scene that holds sharp points
+    /// Pixels whose sharpness is maximised, as for focus; choose a part of the scene with point-like echoes
     #[arg(
         long,
         value_name = "GRID",
@@ -61,40 +60,35 @@ pub(crate) struct Tune {
     )]
     pub(crate) grid: Option<ImageGrid>,
 
-    /// In place of a grid: a reflector's surveyed position, metres, whose power counts; may be repeated
+    /// Surveyed position of a reflector whose power is maximised, metres, in place of a grid. May be repeated
     #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = super::vector(Dimension::Length),
         conflicts_with_all = ["grid", "measure"])]
     pub(crate) at: Vec<DVec3>,
 
-    /// What sharp means: entropy (many points), contrast, sharpness (few points) or peak
+    /// Sharpness measure: entropy (many points), contrast, sharpness (few points) or peak
     #[arg(long, value_name = "MEASURE", default_value_t)]
     pub(crate) measure: Measure,
 
-    /// Vary one key after another in place of every combination: quicker, right where keys act apart
+    /// Vary one key after another instead of all combinations: faster, valid for keys with independent effects
     #[arg(long)]
     pub(crate) in_turn: bool,
 
-    /// How often the step is halved around the best
+    /// Number of times that the step is halved around the best value
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     pub(crate) refine: u8,
 
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
+    #[command(flatten)]
+    pub(crate) windows: super::Windows,
 
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
-
-    /// Write the values found into the description, which otherwise stays as it is, comments and all
+    /// Write the values into the description; the rest of its text is unchanged
     #[arg(long)]
     pub(crate) write: bool,
 
-    /// Write the description with the values found beside it, under a new name
+    /// Write the description with the values to this new file in the same folder
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "write")]
     pub(crate) write_to: Option<PathBuf>,
 
-    /// Folder for tune.json and pictures: the measure over each key, and the image as described and as tuned
+    /// Folder for tune.json and pictures: the measure over each key, and the image before and after
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) out: Option<PathBuf>,
 
@@ -110,18 +104,18 @@ pub(crate) struct Tune {
 pub(crate) struct Vary {
     pub(crate) key: String,
     pub(crate) axis: Axis,
-    /// As typed; empty of a plain number.
+    /// Unit as given; empty for a plain number.
     pub(crate) unit: String,
 }
 
 impl Vary {
-    /// A value as a description has it.
+    /// Value as in a description.
     pub(crate) fn text(&self, value: f64) -> String {
         format!("{value} {}", self.unit).trim_end().to_owned()
     }
 }
 
-/// Most values of one key.
+/// Largest number of values of one key.
 const MOST: f64 = 1e6;
 
 /// `platform.radius=0.18:0.25:0.005m`.

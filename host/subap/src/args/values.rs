@@ -1,25 +1,27 @@
-//! Values as they are typed: each function turns a word into one, or says what to give.
+//! Value parsers of options. The error of each states the expected text.
 
 use std::ffi::OsStr;
 use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
+use serde::Deserialize;
 use subaperture::geometry::{Axis, Extent, Geodetic};
 use subaperture::units::Dimension;
 
-/// Which channels are summed.
+/// Channels of a coherent sum.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum SeveralChannels {
-    /// As many as there are.
+    /// All channels of the recording.
     All,
-    /// These.
+    /// Channels of these names.
     These(Vec<String>),
 }
 
 impl SeveralChannels {
-    /// Those that are named; `None` if all are meant.
+    /// Names of the channels; `None` for all.
     pub(crate) fn named(&self) -> Option<&[String]> {
         match self {
             Self::All => None,
@@ -29,7 +31,7 @@ impl SeveralChannels {
 }
 
 impl fmt::Display for SeveralChannels {
-    /// As it is typed.
+    /// Text of the option.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(
             &self
@@ -51,6 +53,14 @@ pub(crate) fn several_channels(text: &str) -> Result<SeveralChannels, String> {
     }
 }
 
+/// One of these words, which help and completions list.
+pub(super) fn one_of<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: std::error::Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words).try_map(|word| word.parse())
+}
+
 pub(super) fn positive(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) | Err(_) => Err("give a whole number from 1".to_owned()),
@@ -58,8 +68,7 @@ pub(super) fn positive(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Far more threads than any machine runs at once; so many more that starting them takes minutes are
-/// a slip.
+/// Number of threads: at most 1024, far more than any machine runs at once; starting more takes minutes.
 pub(super) fn threads(text: &str) -> Result<usize, String> {
     positive(text)
         .ok()
@@ -99,7 +108,7 @@ fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
     if let Ok(value) = finite(text.trim()) {
         return Ok(value);
     }
-    // What begins with no number is told what would do.
+    // The caller states the expected text if this is not even a number.
     if !begins_with_a_number(text) {
         return Err(String::new());
     }
@@ -115,7 +124,7 @@ fn begins_with_a_number(text: &str) -> bool {
     digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
 }
 
-/// Checks quantities of one dimension, and says what to give in place of others.
+/// Parser of quantities of one dimension that satisfy `holds`.
 fn checked(
     dimension: Dimension,
     wanted: &'static str,
@@ -145,22 +154,22 @@ fn checked(
     }
 }
 
-/// Of either sign.
+/// Quantity of either sign.
 pub(super) fn any(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
     checked(dimension, "", |_| true)
 }
 
-/// Zero or more.
+/// Quantity of zero or more.
 pub(super) fn from_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
     checked(dimension, " from 0", |value| value >= 0.0)
 }
 
-/// More than zero.
+/// Quantity above zero.
 pub(super) fn above_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
     checked(dimension, " above 0", |value| value > 0.0)
 }
 
-/// Numbers parted by `separator`, or quantities, of which one without a unit takes that to its right.
+/// Numbers or quantities between separators. A number without a unit takes the unit to its right.
 fn several(text: &str, separator: char, dimension: Dimension) -> Result<Vec<f64>, String> {
     let parts: Vec<&str> = text.split(separator).collect();
     let numbers: Result<Vec<f64>, String> = parts.iter().map(|part| finite(part.trim())).collect();
@@ -184,7 +193,7 @@ pub(super) fn vector(dimension: Dimension) -> impl Fn(&str) -> Result<DVec3, Str
     }
 }
 
-/// A place of the Earth: `52.1,4.3` or `52.1,4.3,43`.
+/// Position on the Earth: `52.1,4.3` or `52.1,4.3,43`.
 pub(super) fn geodetic(text: &str) -> Result<Geodetic, String> {
     let numbers: Result<Vec<f64>, String> =
         text.split(',').map(|part| finite(part.trim())).collect();
@@ -226,13 +235,20 @@ fn pair(text: &str, separator: char) -> Option<(f64, f64)> {
     Some((finite(first.trim()).ok()?, finite(second.trim()).ok()?))
 }
 
-/// A place as typed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Position in the scene as given.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(from = "[f64; 2]")]
 pub(crate) struct At {
     pub(crate) x: f64,
     pub(crate) y: f64,
-    /// `None` if it was not given.
+    /// `None` if not given.
     pub(crate) z: Option<f64>,
+}
+
+impl From<[f64; 2]> for At {
+    fn from([x, y]: [f64; 2]) -> Self {
+        Self { x, y, z: None }
+    }
 }
 
 /// `10.5,-3` or `10.5,-3,2`.
@@ -300,7 +316,7 @@ pub(super) fn size(text: &str) -> Result<u64, String> {
     size_from(text, 1 << 20).ok_or_else(|| "give a size such as 512M or 2G, at least 1M".to_owned())
 }
 
-/// As [`size`], for a small machine.
+/// As [`size`], for an embedded module.
 pub(super) fn ram_size(text: &str) -> Result<u64, String> {
     size_from(text, 1 << 10).ok_or_else(|| "give a size such as 512K or 1M, at least 1K".to_owned())
 }

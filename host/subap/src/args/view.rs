@@ -8,37 +8,37 @@ use clap::{Args as Group, ValueHint};
 /// `subap view`.
 #[derive(Debug, Group)]
 #[command(
-    after_help = "The page's address is printed; Ctrl-C ends it. The address ends with a random secret, new in each run: without it nothing is\n\
-    answered, to other users of this machine neither. On the page, ? shows all keys. What follows # in its address is the view: keep that, and put\n\
-    it behind the address of a later run.\n\n\
+    after_help = "The address of the page is printed; Ctrl-C ends the command. The address ends with a random secret, new in each run, without which\n\
+    no request is answered, not even from other users of this machine. On the page, ? lists all keys. The part of the address after # is\n\
+    the view; append it to the address of a later run to restore it.\n\n\
     Example:\n  \
     subap view before after --layer detections.geojson --port 8080"
 )]
 pub(crate) struct View {
-    /// Images: folders of products, whole or still being formed in tiles, complex64 arrays (.npy) or anyone's SICD
+    /// Images: folders of products, complete or still being formed in tiles, complex64 arrays (.npy) or SICD
     #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) images: Vec<PathBuf>,
 
-    /// Draw shapes over the images: GeoJSON (longitude and latitude; metres in the scene frame where the image is not on the Earth), or a track (.csv); any
-    /// number of times
+    /// Shapes to draw over the images: GeoJSON (longitude and latitude; metres in the scene frame if the image has no position on the Earth), or a track
+    /// (.csv). May be repeated
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) layer: Vec<PathBuf>,
 
-    /// Show range-Doppler maps about a place of the image: those of a file of a module's maps, whose patches they are of, or made of the recording (CPHD, GOTCHA .mat, a
-    /// description) about the very place; any number of times
+    /// Range-Doppler maps to show for a selected position: of the nearest patch from a file of a module's maps, or computed about that position from a
+    /// recording (CPHD, GOTCHA .mat, description). May be repeated
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) maps: Vec<PathBuf>,
 
-    /// Pulses of a sub-CPI of maps that are made of a recording
+    /// Number of pulses per sub-CPI of maps computed from a recording
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = super::values::positive)]
     pub(crate) sub_cpi: usize,
 
-    /// Serve the page at this port of 127.0.0.1 [default: any that is free]
+    /// Port of 127.0.0.1 to serve the page at [default: a free one]
     #[arg(long, value_name = "PORT", conflicts_with = "listen")]
     pub(crate) port: Option<u16>,
 
-    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it and has the whole address that is printed, with its
-    /// secret, can look; nothing is encrypted
+    /// Address to serve the page at. At addresses other than 127.0.0.1 and ::1, everyone who can connect and has the printed address with its secret
+    /// can view the images; traffic is not encrypted
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) listen: Option<SocketAddr>,
 }

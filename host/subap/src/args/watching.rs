@@ -1,4 +1,4 @@
-//! `subap live`, and how a capture is watched while it runs.
+//! `subap live`, and the web page of a running capture.
 
 #[cfg(feature = "page")]
 use std::net::SocketAddr;
@@ -10,23 +10,23 @@ use subaperture::signal::window::Window;
 use super::Writing;
 use super::values::{error_bound, output, setting};
 
-/// Who may look at a capture, beside this terminal.
+/// Web page of a running capture.
 #[derive(Clone, Debug, Group)]
 pub(crate) struct Watching {
-    /// Serve the same as a web page with moving pictures, to browsers of this machine; its address is told
+    /// Serve the display as a web page to browsers of this machine, and print its address
     #[cfg(feature = "page")]
     #[arg(long)]
     pub(crate) page: bool,
 
-    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it and has the whole address that is printed,
-    /// with its secret, can look; nothing is encrypted
+    /// Address to serve the page at. At addresses other than 127.0.0.1 and ::1, everyone who can connect and has the printed address with its
+    /// secret can view it; traffic is not encrypted
     #[cfg(feature = "page")]
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) listen: Option<SocketAddr>,
 }
 
 impl Watching {
-    /// Whether there is to be a page.
+    /// Whether a page is requested.
     pub(crate) fn is_asked(&self) -> bool {
         #[cfg(feature = "page")]
         return self.page || self.listen.is_some();
@@ -38,26 +38,26 @@ impl Watching {
 /// `subap live`.
 #[derive(Debug, Group)]
 #[command(
-    after_help = "The experiment's section [live] says which pixels, and how the antennas move: a track file, a rail at constant\n\
-    speed, or as the echoes of two receivers tell where nobody knows (MPGA). See subap capture --keys, and subap capture\n\
+    after_help = "The section [live] of the experiment states the pixels and the motion of the antennas: a track file, a rail at constant\n\
+    speed, or an estimate from the echoes of two receivers (MPGA). See subap capture --keys, and subap capture\n\
     --example rail with rail-scene, or walk with walk-scene.\n\n\
-    Ctrl-C ends it; what was recorded and imaged by then is whole (exit status 130, or 0 where plan.sweeps = 0)."
+    Ctrl-C ends the capture; recording and image up to then are complete (exit status 130, or 0 if plan.sweeps = 0)."
 )]
 pub(crate) struct Live {
-    /// The experiment, in TOML, as for subap capture
+    /// Experiment in TOML, as for subap capture
     #[arg(value_name = "EXPERIMENT", value_hint = ValueHint::FilePath)]
     pub(crate) experiment: PathBuf,
 
-    /// Name of the recording; .sigmf-data and .sigmf-meta are added, and nothing is written over [default:
-    /// files.recording of the experiment]
+    /// Name of the recording, to which .sigmf-data and .sigmf-meta are added; existing files are not replaced [default: files.recording
+    /// of the experiment]
     #[arg(long, short, value_name = "NAME", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: Option<PathBuf>,
 
-    /// Folder for the image at the end: image.npy, image.json and image.png, as subap focus leaves them
+    /// Folder for the final image: image.npy, image.json and image.png, as from subap focus
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) image: Option<PathBuf>,
 
-    /// Override a key of the experiment, as plan.sweeps=100; any number of times
+    /// Override a key of the experiment, such as plan.sweeps=100. May be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, String)>,
 
@@ -65,7 +65,7 @@ pub(crate) struct Live {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) window: Window,
 
-    /// Most that the image may err, relative RMS in dB; a sweep that would make it worse is left out
+    /// Bound on the relative RMS error of the image, dB; sweeps that would exceed it are left out
     #[arg(long, value_name = "DB", default_value_t = -40.0, allow_hyphen_values = true, value_parser = error_bound)]
     pub(crate) error_db: f64,
 

@@ -3,7 +3,7 @@
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::{PhaseHistory, ReadError, ThroughAir};
 
-use crate::args::Surfacing;
+use crate::args::GridSettings;
 use crate::config::Session;
 
 /// A recording, with or without the air's delay.
@@ -15,7 +15,7 @@ pub(crate) enum Recorded<'a> {
 impl<'a> Recorded<'a> {
     /// The recording less the delay that is asked to be taken away.
     pub(crate) fn new(
-        typed: &Surfacing,
+        typed: &GridSettings,
         history: Box<dyn PhaseHistory + 'a>,
     ) -> Result<Self, ReadError> {
         Ok(match typed.troposphere.0 {

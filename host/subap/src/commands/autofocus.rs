@@ -21,7 +21,7 @@ use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
 
 use crate::ahead::Ahead;
-use crate::args::{Autofocus, Way};
+use crate::args::{self, Autofocus};
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
@@ -54,12 +54,12 @@ pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Valu
 /// The result and the recording; `None` for a dry run.
 fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sharpened, Joined)>> {
     let former = typed.former.former()?;
-    if let Some(grid) = &typed.grid {
+    if let Some(grid) = &typed.settings.grid {
         session.check_grid(grid, 4)?;
     }
     let _claims = claim(session, typed)?;
     let history = session.open(&typed.input)?;
-    let grid = match typed.grid.clone() {
+    let grid = match typed.settings.grid.clone() {
         Some(grid) => grid,
         None => session.default_grid(&forming::survey(&history)?)?,
     };
@@ -72,13 +72,13 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
         history: &history,
         grid: &grid,
         former: &*former,
-        windows: [typed.window, typed.slow_window],
-        measure: typed.measure,
+        windows: typed.windows.both(),
+        measure: typed.settings.measure,
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
     let stopping = Stopping {
-        rounds: typed.rounds,
+        rounds: typed.settings.rounds,
         keep_unjudged: typed.keep_unjudged,
         ..Stopping::default()
     };
@@ -122,7 +122,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
 
 /// Claims what is to be written. Held until the command's end.
 fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<OutputClaims> {
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    let mut claims = session.claims(&typed.writing, &typed.input.files);
     if let Some(path) = &typed.out {
         claims.file(path, Kind::Text)?;
     }
@@ -147,7 +147,11 @@ fn ahead(
     let task = Task {
         history,
         grid,
-        weights: &Weights::new(history.collection(), typed.window, typed.slow_window),
+        weights: &Weights::new(
+            history.collection(),
+            typed.windows.window,
+            typed.windows.slow_window,
+        ),
         numerics: Default::default(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
@@ -157,7 +161,7 @@ fn ahead(
         None => None,
     };
     progress.finish();
-    let images = most_images(typed.rounds, typed.finds_track());
+    let images = most_images(typed.settings.rounds, typed.settings.finds_track());
     let time = one.map(|one| Forecast {
         seconds: one.seconds * images as f64,
         ..one
@@ -175,34 +179,34 @@ fn ahead(
 /// The method with its options.
 fn method(typed: &Autofocus) -> Box<dyn Method> {
     let points = |default: Points| Points {
-        most: typed.points.unwrap_or(default.most),
-        within_db: typed.within.unwrap_or(default.within_db),
+        most: typed.settings.points.unwrap_or(default.most),
+        within_db: typed.settings.within.unwrap_or(default.within_db),
     };
-    match typed.method {
-        Way::Pga => {
+    match typed.settings.method {
+        args::Method::Pga => {
             let default = PhaseGradient::default();
             Box::new(PhaseGradient {
-                estimator: typed.estimator,
+                estimator: typed.settings.estimator,
                 points: points(default.points),
             })
         }
-        Way::MpgaImage => {
+        args::Method::MpgaImage => {
             let default = ModifiedPhaseGradient::default();
             Box::new(ModifiedPhaseGradient {
                 points: points(default.points),
             })
         }
-        Way::Sharpness => {
+        args::Method::Sharpness => {
             let default = Sharpness::default();
             Box::new(Sharpness {
-                unknown: typed.unknown,
+                unknown: typed.settings.unknown,
                 points: points(default.points),
-                patch: typed.patch_pixels,
-                goal: typed.goal,
+                patch: typed.settings.patch_pixels,
+                goal: typed.settings.goal,
             })
         }
-        Way::MapDrift => Box::new(MapDrift {
-            looks: typed.looks.into(),
+        args::Method::MapDrift => Box::new(MapDrift {
+            looks: typed.settings.looks.into(),
         }),
     }
 }
@@ -217,7 +221,7 @@ fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) 
     found
         .correction
         .clone()
-        .unwrap_or_else(|| match typed.finds_track() {
+        .unwrap_or_else(|| match typed.settings.finds_track() {
             true => Correction::Track {
                 displacement_m: vec![Default::default(); pulses],
             },
@@ -259,7 +263,7 @@ fn record(
         "command_line": command_line(),
         "method": name(typed),
         "algorithm": typed.former.record(),
-        "measure": typed.measure.to_string(),
+        "measure": typed.settings.measure.to_string(),
         "gained": found.outcome == Outcome::Sharper,
         "kept": found.correction.is_some(),
         "outcome": found.outcome,
@@ -419,6 +423,6 @@ fn doubt(found: &Sharpened) -> Option<String> {
 fn correction_is_phase(typed: &Autofocus, found: &Sharpened) -> bool {
     match &found.correction {
         Some(correction) => matches!(correction, Correction::Phase { .. }),
-        None => !typed.finds_track(),
+        None => !typed.settings.finds_track(),
     }
 }

@@ -33,15 +33,15 @@ use crate::{advice, interrupt, messages, text};
 /// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
 const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
 
-/// Images in memory, and at most on the disk: the exact one, and of each way image and difference;
-/// the room of one more for pictures.
+/// Largest number of images in memory or on the disk: the exact one, and image and difference of each method; plus one for the
+/// pictures.
 const IMAGES: u64 = 20;
 
 /// Error bound of the formers that plan, dB.
 const ERROR_DB: f64 = -60.0;
 
-/// A way to form the image, and how good it has to be.
-struct Way {
+/// Image former of the demonstration, with its error bound.
+struct Method {
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
@@ -49,9 +49,9 @@ struct Way {
     bound_db: Option<f64>,
 }
 
-/// An image and how it came out.
+/// Image with its error and processing time.
 struct Outcome {
-    way: Way,
+    method: Method,
     image: Image,
     difference: Image,
     comparison: Comparison,
@@ -59,14 +59,14 @@ struct Outcome {
     taken: Duration,
 }
 
-/// A way whose former chooses everything by its bound.
-fn way(
+/// Method whose former plans for its bound.
+fn method(
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
     bound_db: Option<f64>,
-) -> Way {
-    Way {
+) -> Method {
+    Method {
         folder,
         title,
         former,
@@ -74,8 +74,8 @@ fn way(
     }
 }
 
-fn ways() -> Vec<Way> {
-    let range_doppler = |folder, title, mode, pulses, bound_db| Way {
+fn methods() -> Vec<Method> {
+    let range_doppler = |folder, title, mode, pulses, bound_db| Method {
         folder,
         title,
         former: Box::new(RangeDopplerBackprojection {
@@ -89,7 +89,7 @@ fn ways() -> Vec<Way> {
     let thesis = Mode::Thesis(Thesis::default());
     let precise = Mode::Precise;
     vec![
-        way(
+        method(
             "bp",
             "bp",
             Box::new(Backprojection { error_db: ERROR_DB }),
@@ -111,19 +111,19 @@ fn ways() -> Vec<Way> {
             130,
             Some(-45.0),
         ),
-        way(
+        method(
             "ffbp",
             "ffbp",
             Box::new(FastFactorised { error_db: ERROR_DB }),
             Some(ERROR_DB),
         ),
-        way(
+        method(
             "omega-k",
             "omega-k",
             Box::new(OmegaK { error_db: ERROR_DB }),
             Some(ERROR_DB),
         ),
-        way(
+        method(
             "rda",
             "rda",
             Box::new(RangeDopplerAlgorithm {
@@ -132,7 +132,7 @@ fn ways() -> Vec<Way> {
             }),
             Some(ERROR_DB),
         ),
-        way(
+        method(
             "pfa",
             "pfa",
             Box::new(PolarFormat {
@@ -146,8 +146,8 @@ fn ways() -> Vec<Way> {
 }
 
 /// What is compared with.
-fn oracle() -> Way {
-    way("exact", "exact", Box::new(Exact), None)
+fn oracle() -> Method {
+    method("exact", "exact", Box::new(Exact), None)
 }
 
 /// Simulates, focuses, compares, and writes everything under the folder.
@@ -195,7 +195,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
             "{} misses its bound; see the table",
-            outcome.way.title
+            outcome.method.title
         ));
     }
     if session.json() {
@@ -218,7 +218,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
 /// Claims everything that is to be written. Held until the command's end.
 fn claim(session: &Session, typed: &Demo) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims::<&Path>(&typed.writing, &[]);
-    let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
+    let folders: Vec<&str> = methods().iter().map(|method| method.folder).collect();
     let pictures = folders
         .iter()
         .map(|folder| format!("difference-{folder}.png"));
@@ -230,19 +230,19 @@ fn claim(session: &Session, typed: &Demo) -> anyhow::Result<OutputClaims> {
     Ok(claims)
 }
 
-/// An image by one of the ways, and how long it took.
-fn form(session: &Session, task: &Task, way: &Way) -> (Result<Formed, FormError>, Duration) {
-    let progress = session.progress(way.title);
+/// Image by one method, and its processing time.
+fn form(session: &Session, task: &Task, method: &Method) -> (Result<Formed, FormError>, Duration) {
+    let progress = session.progress(method.title);
     let begun = Instant::now();
     // The demonstration measures every image's error and shows it.
-    let formed = way.former.form_best(&Task {
+    let formed = method.former.form_best(&Task {
         monitor: &progress,
         ..*task
     });
     (formed, begun.elapsed())
 }
 
-/// The images of all ways, compared with the exact one.
+/// Images of all methods, compared with the exact one.
 fn outcomes(
     session: &Session,
     typed: &Demo,
@@ -250,17 +250,17 @@ fn outcomes(
     exact: &Image,
 ) -> anyhow::Result<Vec<Outcome>> {
     let mut outcomes = Vec::new();
-    for mut way in ways() {
+    for mut method in methods() {
         if typed.grid.is_some() {
             // Bounds are relative to an image of all the scene's bright scatterers.
-            way.bound_db = None;
+            method.bound_db = None;
         }
-        let (formed, taken) = form(session, task, &way);
+        let (formed, taken) = form(session, task, &method);
         let formed = match formed {
             // On a grid that somebody chose, not every former need be able.
             Err(error @ FormError::Unsuited(_)) if typed.grid.is_some() => {
-                let why = advice::told(&error);
-                messages::warning(format!("{} is left out: {why}", way.title));
+                let why = advice::explained(&error);
+                messages::warning(format!("{} is left out: {why}", method.title));
                 continue;
             }
             formed => formed?,
@@ -269,7 +269,7 @@ fn outcomes(
         let difference = subtract(&formed.image, exact);
         let (image, settings) = (formed.image, formed.settings);
         outcomes.push(Outcome {
-            way,
+            method,
             image,
             difference,
             comparison,
@@ -288,10 +288,10 @@ fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> 
         ..*task
     };
     let (mut parts, mut count) = (Vec::new(), 0);
-    for way in std::iter::once(oracle()).chain(ways()) {
+    for method in std::iter::once(oracle()).chain(methods()) {
         count += 1;
         // A former that cannot leaves its image out.
-        parts.extend(forecast::forecast(&*way.former, &task)?);
+        parts.extend(forecast::forecast(&*method.former, &task)?);
     }
     progress.finish();
     let (columns, rows) = (task.grid.columns.count, task.grid.rows.count);
@@ -309,7 +309,7 @@ impl Outcome {
     /// Whether there is a bound and the error is not known to be within it.
     fn misses_bound(&self) -> bool {
         let error_db = self.comparison.error_db.unwrap_or(f64::NAN);
-        self.way.bound_db.is_some_and(|bound_db| {
+        self.method.bound_db.is_some_and(|bound_db| {
             let within = error_db <= bound_db;
             !within
         })

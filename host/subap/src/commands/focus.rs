@@ -52,27 +52,27 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if typed.tiled.wanted() {
         return tiled::run(session, typed);
     }
-    if typed.image.scratch.is_some() {
+    if typed.image.forming.scratch.is_some() {
         return Err(
             Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
         );
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
-    typed.image.former.former()?;
+    typed.image.forming.former.former()?;
     let model = forming::time_model(&typed.image)?;
-    if let Some(grid) = &typed.image.grid {
+    if let Some(grid) = &typed.image.grid.pixels {
         room(typed, grid)?;
     }
-    let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
+    let _claims = forming::claim(session, &typed.writing, &typed.input.files, &typed.out, 0)?;
     let products = products(typed);
-    let _products = products.claim(session, &typed.input.paths)?;
+    let _products = products.claim(session, &typed.input.files)?;
 
     let (recorded, movers) = match &typed.track {
         None => (session.open(&typed.input)?, Value::Null),
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
-    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
     let recorded = air.history();
     products.check_place(&recorded.collection().frame)?;
     let corrected = corrected::corrected(typed, recorded)?;
@@ -83,7 +83,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let survey = Surveying::of(recorded)?;
     let moving = moving(typed, recorded)?;
     let job = Job {
-        numerics: typed.image.numerics(model.as_ref()),
+        numerics: typed.image.forming.numerics(model.as_ref()),
         session,
         typed,
         history: match &moving {
@@ -100,7 +100,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         let grid = job.grid()?;
         air.tell(session, &grid);
         room(typed, &grid)?;
-        let of = (job.history, typed.velocity);
+        let of = (job.history, typed.motion.velocity);
         let former = beam::former(session, &typed.image, of, &grid)?;
         make(&job, &*former, &grid)
     })
@@ -161,7 +161,7 @@ fn with_history<T>(
         None => (session.open(&typed.input)?, Value::Null),
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
-    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
     let corrected = corrected::corrected(typed, air.history())?;
     let recorded: &dyn PhaseHistory = match &corrected {
         Some(corrected) => corrected,
@@ -178,14 +178,14 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
     with_history(session, typed, |history, _| {
         let stored = product::open(&typed.out)?;
         let progress = session.progress("checking");
-        let of = (history, typed.velocity);
+        let of = (history, typed.motion.velocity);
         let former = beam::former(session, &typed.image, of, &stored.grid)?;
         let collection = history.collection();
         let task = Task {
             history,
             grid: &stored.grid,
             weights: &tiled::weights(&typed.image, &*former, collection, &stored.grid)?,
-            numerics: typed.image.numerics(None),
+            numerics: typed.image.forming.numerics(None),
             memory_bytes: session.memory_bytes,
             monitor: &progress,
         };
@@ -203,7 +203,7 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
 fn products(typed: &Focus) -> Products<'_> {
     Products {
         folder: &typed.out,
-        formats: &typed.producing.product,
+        formats: &typed.producing.formats,
         place: typed.producing.place,
         writing: typed.writing,
     }
@@ -240,7 +240,10 @@ pub(crate) struct Job<'a> {
 /// The recording as seen from what moves, if that is asked for.
 fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<Option<Moving<'a>>> {
     let first_s = recorded.collection().pulses[0].time_s;
-    let moving = typed.velocity.map(|v| Moving::new(recorded, v, first_s));
+    let moving = typed
+        .motion
+        .velocity
+        .map(|v| Moving::new(recorded, v, first_s));
     Ok(moving.transpose()?)
 }
 
@@ -266,7 +269,7 @@ impl Job<'_> {
         let mut inputs = self.history.inputs()?;
         let track = typed.track.as_ref().and_then(TrackSource::file);
         let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
-        let surfacing = &typed.image.surfacing;
+        let surfacing = &typed.image.grid;
         let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
         // Of a folder of elevation models the relief says the name.
         let ground = surfacing.surface.file().into_iter().chain(geoid);
@@ -370,12 +373,12 @@ fn tell_settings(settings: &Map<String, Value>) {
 }
 
 /// `error`, with what the command line can do about a missed bound.
-fn with_advice(error: FormError) -> anyhow::Error {
+fn explained(error: FormError) -> anyhow::Error {
     match error {
         FormError::BoundMissed { .. } => {
             anyhow::anyhow!(
                 "{}: raise --error-db, or take the best there is with --allow-error",
-                advice::told(&error)
+                advice::explained(&error)
             )
         }
         error => error.into(),

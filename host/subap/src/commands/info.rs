@@ -29,7 +29,7 @@ use crate::text::{self};
 
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
-    let kinds = typed.input.paths.iter();
+    let kinds = typed.input.files.iter();
     let kinds: Vec<(&PathBuf, FileKind)> =
         kinds.map(|path| (path, stored::kind_of(path))).collect();
     if kinds.iter().any(|(_, kind)| *kind != FileKind::Recording) {
@@ -50,8 +50,8 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let advice = Advice::of(session, &history, &survey);
     let track_error = TrackError::of(&history);
     let left_bytes = session.memory_bytes.saturating_sub(history.held_bytes());
-    let containers = containers(&typed.input.paths, left_bytes)?;
-    let sampled = sampled_patterns(&typed.input.paths)?;
+    let containers = containers(&typed.input.files, left_bytes)?;
+    let sampled = sampled_patterns(&typed.input.files)?;
     if session.json() {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();

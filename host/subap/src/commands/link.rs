@@ -34,7 +34,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
     check_firmware(typed)?;
     typed.input.refuse_several("a module")?;
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    let mut claims = session.claims(&typed.writing, &typed.input.files);
     claims.file(&typed.out, Kind::Maps)?;
     if let Some(picture) = &typed.picture {
         claims.file(picture, Kind::Picture).context("--picture")?;
@@ -165,10 +165,10 @@ fn report(
         TransferEnd::Failed(error) if maps > 0 => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
-                advice::told(error)
+                advice::explained(error)
             )
         }
-        TransferEnd::Failed(error) => bail!("{}", advice::told(error)),
+        TransferEnd::Failed(error) => bail!("{}", advice::explained(error)),
     }
 }
 

@@ -80,15 +80,15 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     let measuring = session.progress("measuring");
     let source = Source::open(session, &typed.image)?;
     if let Some(why) = source.without_phase()
-        && (!typed.at.is_empty() || !typed.from.is_empty())
+        && (!typed.points.at.is_empty() || !typed.from.is_empty())
     {
         anyhow::bail!("{why}");
     }
-    if typed.line_of_sight.is_some() && source.grid.polar {
+    if typed.measuring.line_of_sight.is_some() && source.grid.polar {
         let what = "--line-of-sight says nothing to a polar grid: leave it out";
         return Err(Usage(what.to_owned()).into());
     }
-    let basis = Basis::new(&source, typed.window);
+    let basis = Basis::new(&source, typed.measuring.window);
     let (settings, targets) = targets(session, typed, &source, &basis)?;
     let from = match typed.from.is_empty() {
         true => None,
@@ -160,9 +160,9 @@ pub(crate) fn of_job(
 ) -> anyhow::Result<(Value, Vec<String>)> {
     let measuring = session.progress("measuring");
     let source = Source::open(session, &typed.image)?;
-    let basis = Basis::new(&source, typed.window);
+    let basis = Basis::new(&source, typed.measuring.window);
     let (settings, targets) = targets(session, typed, &source, &basis)?;
-    let points = match typed.at.is_empty() {
+    let points = match typed.points.at.is_empty() {
         true => strongest_points(&source, &basis, strongest, &settings)?,
         false => points(None, &source, &basis, targets, &settings)?,
     };
@@ -217,7 +217,7 @@ fn strongest_points(
 }
 
 fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
-    let region = match typed.extent {
+    let region = match typed.measuring.extent {
         None => Region {
             rows: 0..source.grid.rows.count,
             columns: 0..source.grid.columns.count,
@@ -243,13 +243,13 @@ fn targets<'a>(
 ) -> anyhow::Result<(Settings<'a>, Vec<Target>)> {
     // Of a recording's own chips the image need only tell the place.
     let settings = Settings {
-        line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
+        line_of_sight_rad: typed.measuring.line_of_sight.map(f64::to_radians),
         carrier: source.carrier,
         looks: basis.looks().filter(|_| typed.from.is_empty()),
         memory_bytes: session.memory_bytes,
         ..Settings::default()
     };
-    let near = typed.at.iter().map(|at| {
+    let near = typed.points.at.iter().map(|at| {
         let [row_value, column_value] = source.coordinates(at)?;
         anyhow::Ok(Target::Near {
             column_value,
@@ -317,8 +317,8 @@ fn against(
         comparison.scale_deg = None;
         comparison.peak_phase_error_deg = None;
     }
-    let difference = percent_difference(&image, &reference, typed.floor)?;
-    let coherence = coherence(&image, &reference, typed.coherence)?;
+    let difference = percent_difference(&image, &reference, typed.measuring.floor)?;
+    let coherence = coherence(&image, &reference, typed.measuring.coherence)?;
     let offset_pixels = match offset(&image, &reference) {
         Ok(offset) => Some(offset),
         Err(PairError::Unsuited(_)) => None,

@@ -1,13 +1,31 @@
 //! `subap run`: run a processing pipeline from one TOML file; unchanged stages are reused.
 //!
-//! [`subaperture::job`] contains the schema, the stage logic and the state. Modules here: options of each stage (`options`), dependencies
-//! (`chain`), processing (`work`), and the report (`report`, `tables`, `page`).
+//! Every setting is defined once, as a field of a settings struct: the arguments of a command (`args`), or a section that only a job has
+//! (`sections`). Its value in a job is parsed once:
+//!
+//! ```text
+//! settings structs ── clap ──> options of the commands
+//!        │    └────── keys ──> schema: names, help, defaults and words of the arguments; units, bounds and conditions by rules
+//!        │                        │
+//!        │   job.toml ── describe ┴─> settings by key (JSON, SI units) ──> fingerprint of each stage (chain)
+//!        │                                 │
+//!        └───────────── serde ─────────────┴─> sections ──> job: the arguments of each stage's command ──> work
+//! ```
+//!
+//! A key has the name of its field. A key whose value is a text is read by the value parser of the option; a quantity is a number in SI units,
+//! dB, or degrees where the option has degrees. Faults are collected: the schema reports names, types and bounds, `sections` invalid texts and
+//! contradictions, each with its line.
+//!
+//! [`subaperture::job`] contains the text, the dependencies and the state of stages. Modules here: dependencies (`chain`), processing (`work`),
+//! forecast (`forecast`), and the report (`report`, `tables`, `page`).
 
 mod chain;
-mod options;
+mod forecast;
+mod job;
+pub(crate) mod keys;
 mod page;
-mod rehearsal;
 mod report;
+mod sections;
 mod tables;
 mod work;
 
@@ -18,7 +36,7 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::OutputClaims;
-use subaperture::job::{self, FinishedStage, JobText, RunReason, State, stamp};
+use subaperture::job::{FinishedStage, JobText, NAME, RunReason, State, stamp};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
 use crate::args::{Run, Writing};
@@ -26,91 +44,100 @@ use crate::config::Session;
 use crate::failure::InterruptedJob;
 use crate::{interrupt, messages, text};
 use chain::{Link, REPORT, Stage};
-use options::Options;
+use job::Job;
 use work::Worker;
 
-/// Does a job, or prints what there is to know of jobs.
-pub(crate) fn run(session: &Session, typed: &Run) -> anyhow::Result<()> {
-    if typed.keys {
-        text::say(job::reference())?;
+/// Run a job, or print the keys or an example of jobs.
+pub(crate) fn run(session: &Session, args: &Run) -> anyhow::Result<()> {
+    if args.keys {
+        text::say(keys::SCHEMA.reference())?;
     }
-    if typed.example {
-        text::say(job::EXAMPLE)?;
+    if args.example {
+        text::say(keys::EXAMPLE)?;
     }
-    let Some(path) = &typed.job else {
+    let Some(path) = &args.job else {
         return Ok(());
     };
-    let job = JobText::read(path, "--set", &typed.set, session.memory_bytes)?;
-    let options = Options::of(&job, path, typed.writing).map_err(|found| job.explain(found))?;
-    // Settings that say nothing together are told before anything is read.
-    options.focus.typed.image.former.former()?;
-    if typed.rehearsal.dry_run {
-        let state = State::read(&options.out)?;
-        let (inputs, frame) = inputs(session, &options)?;
-        check_place(&job, &options, &frame)?;
-        let chain = chain::chain(&job, &options, &inputs)?;
-        return rehearsal::tell(session, &options, &chain, &state);
+    let text = JobText::read(
+        path,
+        &keys::SCHEMA,
+        "--set",
+        &args.set,
+        session.memory_bytes,
+    )?;
+    let job = Job::new(&text, path, args.writing).map_err(|faults| text.explain(faults))?;
+    // Options of the former that exclude each other are refused before any file is read.
+    job.focus.image.forming.former.former()?;
+    if args.rehearsal.dry_run {
+        let state = State::read(&job.out)?;
+        let (inputs, frame) = inputs(session, &job)?;
+        check_place(&text, &job, &frame)?;
+        let chain = chain::chain(&text, &job, &inputs)?;
+        return forecast::print(session, &job, &chain, &state);
     }
-    let done = whole(session, typed, &job, &options);
-    match done {
-        Err(error) if interrupt::pressed() => {
-            // What was done stands, and is worth a word.
-            Err(match options.out.join(job::NAME).exists() {
-                true => InterruptedJob(options.out.display().to_string()).into(),
-                false => error,
-            })
+    match run_stages(session, args, path, &text, &job) {
+        // Finished stages remain, which the message states.
+        Err(_) if interrupt::pressed() && job.out.join(NAME).exists() => {
+            Err(InterruptedJob(job.out.display().to_string()).into())
         }
-        done => done,
+        result => result,
     }
 }
 
-/// What was done of a stage.
-struct Stood {
+/// Outcome of a stage.
+struct StageOutcome {
     name: &'static str,
-    /// Why it was done; `None` if it stood.
+    /// Why the stage was run; `None` if its outputs were up to date.
     why: Option<RunReason>,
+    /// Processing time, seconds; for a reused stage that of its run.
     seconds: f64,
 }
 
-fn whole(session: &Session, typed: &Run, job: &JobText, options: &Options) -> anyhow::Result<()> {
-    let out = &options.out;
-    let path = typed.job.as_deref().expect("a job is done");
-    let _claims = claim(session, &typed.writing, path, options)?;
-    let ours = out.join(job::NAME).exists();
+/// Run the stages that are not up to date, and write the report.
+fn run_stages(
+    session: &Session,
+    args: &Run,
+    path: &Path,
+    text: &JobText,
+    job: &Job,
+) -> anyhow::Result<()> {
+    let out = &job.out;
+    let _claims = claim(session, &args.writing, path, job)?;
+    let is_job_folder = out.join(NAME).exists();
     let mut state = match State::read(out) {
-        Err(_) if typed.writing.force => State::default(),
+        Err(_) if args.writing.force => State::default(),
         state => state?,
     };
     let silent = session.silent();
     let worker = Worker {
         session: &silent,
-        options,
-        writing: typed.writing,
-        ours,
+        job,
+        writing: args.writing,
+        is_job_folder,
     };
-    worker.refuse_others()?;
-    let (inputs, frame) = inputs(&silent, options)?;
-    check_place(job, options, &frame)?;
+    worker.refuse_foreign_image()?;
+    let (inputs, frame) = inputs(&silent, job)?;
+    check_place(text, job, &frame)?;
     let reading = messages::part();
-    let chain = chain::chain(job, options, &inputs)?;
+    let chain = chain::chain(text, job, &inputs)?;
     let names: Vec<&str> = chain.iter().map(Link::name).collect();
-    for gone in state.keep(&[&names[..], &[REPORT]].concat()) {
-        worker.sweep(&gone.outputs);
+    for removed in state.keep(&[&names[..], &[REPORT]].concat()) {
+        worker.remove_outputs(&removed.outputs);
     }
-    let mut all = Vec::new();
+    let mut outcomes = Vec::new();
     for link in &chain {
-        all.push(done(session, &worker, link, &mut state)?);
+        outcomes.push(run_stage(session, &worker, link, &mut state)?);
         interrupt::check()?;
     }
     let warnings = warnings(&reading.warnings, &chain, &state);
-    report::stage(
-        session, &worker, job, &inputs, &chain, &mut state, &mut all, &warnings,
-    )?;
+    outcomes.push(report::run_stage(
+        session, &worker, text, &inputs, &chain, &mut state, &warnings,
+    )?);
     messages::keep(warnings);
-    tell(session, options, &state, &all)
+    print(session, job, &state, &outcomes)
 }
 
-/// Every warning, once: of the recordings, and of all stages, those that stand too.
+/// Warnings of the recordings and of all stages, reused ones included, each once.
 fn warnings(reading: &[String], chain: &[Link], state: &State) -> Vec<String> {
     let of_stages = chain.iter().filter_map(|link| state.made(link.name()));
     let of_stages = of_stages.flat_map(|made| &made.warnings);
@@ -123,28 +150,28 @@ fn warnings(reading: &[String], chain: &[Link], state: &State) -> Vec<String> {
     all
 }
 
-/// Keeps other runs from the folder, and refuses what may not be replaced of the files that are no stage's own to claim.
+/// Lock the output folder, and refuse to replace files of other programs in it.
 fn claim(
     session: &Session,
     writing: &Writing,
     path: &Path,
-    options: &Options,
+    job: &Job,
 ) -> anyhow::Result<OutputClaims> {
-    let typed = &options.focus.typed;
-    let inputs = std::iter::once(path).chain(typed.input.paths.iter().map(AsRef::as_ref));
+    let recordings = job.focus.input.files.iter().map(AsRef::as_ref);
+    let inputs = std::iter::once(path).chain(recordings);
     let mut claims = session.claims(writing, &inputs.collect::<Vec<_>>());
     claims.folder(
-        &options.out,
+        &job.out,
         [
-            job::NAME,
+            NAME,
             report::NAME,
             "image.json",
             "image.png",
-            options::PICTURE_PNG,
-            options::TRACK_CSV,
-            options::TRACK_PNG,
-            options::CORRECTION,
-            options::AUTOFOCUS_PNG,
+            job::PICTURE_PNG,
+            job::TRACK_CSV,
+            job::TRACK_PNG,
+            job::CORRECTION,
+            job::AUTOFOCUS_PNG,
             work::AUTOFOCUS_JSON,
             work::CHECK_JSON,
             work::QUALITY_JSON,
@@ -153,27 +180,27 @@ fn claim(
     Ok(claims)
 }
 
-/// Refuses products that have no place on the Earth, where the recording is to be one's that has none.
-fn check_place(job: &JobText, options: &Options, frame: &SceneFrame) -> anyhow::Result<()> {
-    let mut formats = options.formats.iter();
-    let of_the_earth = formats.find(|format| format.is_of_the_earth());
-    match (of_the_earth, options.place, frame) {
+/// Refuse products that need a position on the Earth if neither the job nor the recording states one.
+fn check_place(text: &JobText, job: &Job, frame: &SceneFrame) -> anyhow::Result<()> {
+    let mut formats = job.products.formats.iter();
+    let placed = formats.find(|format| format.is_of_the_earth());
+    match (placed, job.products.place, frame) {
         (Some(format), None, SceneFrame::Local) => {
-            let products = job.values().section("products");
+            let products = text.values().section("products");
             let what = format!(
-                "{} says where on the Earth an image is, and the recording ties its scene to no place there: say where its origin is, as \
+                "{} needs the position of the scene on the Earth, which the recording does not state: give that of the scene's origin, as \
                  place = \"39.78, -84.08, 230\"",
                 format.name()
             );
-            Err(job.explain(vec![products.fault("formats", what)]).into())
+            Err(text.explain(vec![products.fault("formats", what)]).into())
         }
         _ => Ok(()),
     }
 }
 
-/// Reads the recordings whole, for their sizes and checksums, and where the scene is.
-fn inputs(session: &Session, options: &Options) -> anyhow::Result<(Vec<InputFile>, SceneFrame)> {
-    let history = session.open(&options.focus.typed.input)?;
+/// Files of the recordings with sizes and checksums, and the frame of the scene. Reads the recordings completely.
+fn inputs(session: &Session, job: &Job) -> anyhow::Result<(Vec<InputFile>, SceneFrame)> {
+    let history = session.open(&job.focus.input)?;
     let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
     checksums.finish();
@@ -183,20 +210,20 @@ fn inputs(session: &Session, options: &Options) -> anyhow::Result<(Vec<InputFile
     Ok((inputs, history.collection().frame))
 }
 
-/// Does a stage, unless it stands.
-fn done(
+/// Run a stage, unless it is up to date.
+fn run_stage(
     session: &Session,
     worker: &Worker,
     link: &Link,
     state: &mut State,
-) -> anyhow::Result<Stood> {
+) -> anyhow::Result<StageOutcome> {
     let name = link.name();
-    let out = &worker.options.out;
+    let out = &worker.job.out;
     let why = state
         .why(out, &link.basis, &link.before)
-        .with_context(|| format!("cannot read what {name} left in {}", out.display()))?;
+        .with_context(|| format!("cannot read the outputs of {name} in {}", out.display()))?;
     let Some(why) = why else {
-        let made = state.made(name).expect("it stands");
+        let made = state.made(name).expect("an up-to-date stage is finished");
         for warning in &made.warnings {
             match made.bound_missed {
                 true => messages::bound_missed(warning),
@@ -205,20 +232,20 @@ fn done(
         }
         messages::part();
         if session.tells() {
-            text::say(format!("{name:<10} stands"))?;
+            text::say(format!("{name:<10} up to date"))?;
         }
-        return Ok(Stood {
+        return Ok(StageOutcome {
             name,
             why: None,
             seconds: made.seconds,
         });
     };
-    messages::note(&format!("{name}: {} ({why})", link.stage.what()));
-    // Their files have names that depend on what is asked for.
+    messages::note(&format!("{name}: {} ({why})", link.stage.result()));
+    // The names of these files depend on the settings.
     if matches!(link.stage, Stage::Products | Stage::Quality)
         && let Some(made) = state.made(name)
     {
-        worker.sweep(&made.outputs.clone());
+        worker.remove_outputs(&made.outputs.clone());
     }
     let resumed = worker.begin(link, &why, state)?;
     let begun = Instant::now();
@@ -228,7 +255,7 @@ fn done(
         let path = out.join(output);
         let stamped =
             stamp(&path, output).with_context(|| format!("cannot read {}", path.display()))?;
-        stamped.with_context(|| format!("{} is gone", path.display()))
+        stamped.with_context(|| format!("{} is missing", path.display()))
     });
     let part = messages::part();
     let seconds = begun.elapsed().as_secs_f64();
@@ -247,25 +274,30 @@ fn done(
             text::duration(begun.elapsed())
         ))?;
     }
-    Ok(Stood {
+    Ok(StageOutcome {
         name,
         why: Some(why),
         seconds,
     })
 }
 
-/// Says what is there.
-fn tell(session: &Session, options: &Options, state: &State, all: &[Stood]) -> anyhow::Result<()> {
-    let page = options.out.join(report::NAME);
+/// Print the stages and the path of the report.
+fn print(
+    session: &Session,
+    job: &Job,
+    state: &State,
+    outcomes: &[StageOutcome],
+) -> anyhow::Result<()> {
+    let page = job.out.join(report::NAME);
     if session.json() {
-        let stages: Vec<Value> = all
+        let stages: Vec<Value> = outcomes
             .iter()
-            .map(|stood| {
+            .map(|stage| {
                 json!({
-                    "stage": stood.name,
-                    "done": stood.why.is_some(),
-                    "why": stood.why.as_ref().map(ToString::to_string),
-                    "seconds": stood.seconds,
+                    "stage": stage.name,
+                    "done": stage.why.is_some(),
+                    "why": stage.why.as_ref().map(ToString::to_string),
+                    "seconds": stage.seconds,
                 })
             })
             .collect();
@@ -273,7 +305,7 @@ fn tell(session: &Session, options: &Options, state: &State, all: &[Stood]) -> a
         return text::say_json(
             "run",
             json!({
-                "folder": options.out.display().to_string(),
+                "folder": job.out.display().to_string(),
                 "report": page.display().to_string(),
                 "stages": stages,
                 "products": products.map_or(&[][..], |made| &made.outputs),

@@ -21,14 +21,14 @@ const TOLD: f64 = 1.0;
 
 /// Refuses what cannot be, before anything is read.
 pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
-    let own = &typed.surfacing;
+    let own = &typed.grid;
     let is_dem = matches!(own.surface, SurfaceKind::Dem(_));
     if own.geoid.is_some() && !is_dem {
         let what =
             "--geoid is for --surface dem:FILE: other surfaces state heights above the ellipsoid";
         return Err(Usage(what.to_owned()).into());
     }
-    if let (SurfaceKind::Slant, Some(grid)) = (&own.surface, &typed.grid)
+    if let (SurfaceKind::Slant, Some(grid)) = (&own.surface, &own.pixels)
         && (grid.x_axis != DVec3::X || grid.y_axis != DVec3::Y || grid.polar)
     {
         let what = "--surface slant turns the grid itself: give --grid x and y (cross-range and range), and no yaw, pitch or roll";
@@ -49,11 +49,11 @@ pub(crate) fn grid<'s>(
     survey: impl FnOnce() -> &'s Survey,
 ) -> anyhow::Result<ImageGrid> {
     let collection = history.collection();
-    let plane = match typed.grid.clone() {
+    let plane = match typed.grid.pixels.clone() {
         Some(grid) => grid,
         None => session.default_grid(survey())?,
     };
-    match &typed.surfacing.surface {
+    match &typed.grid.surface {
         SurfaceKind::Plane => Ok(plane),
         SurfaceKind::Slant => slant(typed, collection, plane),
         SurfaceKind::Ellipsoid(height_m) => {
@@ -64,7 +64,7 @@ pub(crate) fn grid<'s>(
         }
         SurfaceKind::Dem(path) => {
             let region = Region::of(&plane, &collection.frame)?;
-            let geoid = typed.surfacing.geoid.as_ref();
+            let geoid = typed.grid.geoid.as_ref();
             let geoid = geoid.map_or(Geoid::None, |geoid| geoid.geoid());
             let ground = Ground::open(path, &geoid, &region, session.memory_bytes / SHARE)?;
             for warning in ground.warnings() {
@@ -76,7 +76,7 @@ pub(crate) fn grid<'s>(
 }
 
 fn slant(typed: &Imaging, collection: &Collection, plane: ImageGrid) -> anyhow::Result<ImageGrid> {
-    if typed.grid.is_none() {
+    if typed.grid.pixels.is_none() {
         return Ok(slant_grid(collection, &plane)?);
     }
     let [x_axis, y_axis] = slant_axes(collection, plane.origin_m).context(

@@ -45,7 +45,7 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         inference: Some(INFERENCE),
     };
     let reading = session.progress("reading");
-    let channels = open_channels(&typed.input, typed.channels.named(), &options)?;
+    let channels = open_channels(&typed.input, typed.tracking.channels.named(), &options)?;
     reading.finish();
     for warning in channels.channel(0).warnings() {
         messages::warning(warning);
@@ -54,13 +54,13 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let name = channels.channel(0).collection().name.clone();
     let defaults = Settings::default();
     let mut settings = Settings {
-        window: typed.window,
-        ranges_m: typed.range,
-        most_targets: typed.targets,
-        least_snr_db: typed.least_snr,
+        window: typed.tracking.window,
+        ranges_m: typed.tracking.range,
+        most_targets: typed.tracking.targets,
+        least_snr_db: typed.tracking.least_snr,
         ..defaults
     };
-    settings.follow.bridge = typed.bridge;
+    settings.follow.bridge = typed.tracking.bridge;
     let about = track_fusion::about(&channels)?;
     let mut found = find(session, channels, &settings)?;
     let both = match typed.logs.navigation.is_empty() {
@@ -91,9 +91,9 @@ pub(super) fn find(
     settings: &Settings,
 ) -> anyhow::Result<Recovered> {
     let progress = session.progress("following targets");
-    let found = recover(channels, settings, &progress).map_err(with_advice)?;
+    let found = recover(channels, settings, &progress).map_err(explained)?;
     progress.finish();
-    found.trusted().map_err(with_advice)?;
+    found.trusted().map_err(explained)?;
     for event in &found.seen.events {
         session.note(1, || told(event));
     }
@@ -127,7 +127,7 @@ fn found_fix(moment: &Moment) -> EstimatedFix {
 }
 
 /// `error` with advice on options.
-fn with_advice(error: TargetsError) -> anyhow::Error {
+fn explained(error: TargetsError) -> anyhow::Error {
     let advice = match &error {
         TargetsError::Nothing { .. } => "place reflectors, or search other ranges with --range",
         TargetsError::TooFew { .. } | TargetsError::Sparse { .. } => {

@@ -63,7 +63,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         intervals: &intervals,
         search: search(typed),
         sight: &sight,
-        windows: [typed.window, typed.slow_window],
+        windows: typed.windows.both(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };

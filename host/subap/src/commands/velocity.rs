@@ -31,7 +31,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let _claims = forming::claim(
         session,
         &typed.writing,
-        &typed.input.paths,
+        &typed.input.files,
         &typed.out,
         num_pixels,
     )?;
@@ -51,7 +51,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let task = Task {
         history: &history,
         grid: &grid,
-        weights: &Weights::new(collection, typed.window, typed.slow_window),
+        weights: &Weights::new(collection, typed.windows.window, typed.windows.slow_window),
         numerics: typed.numerics(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
@@ -188,8 +188,8 @@ impl Plane<'_> {
             "epoch_s": self.former.epoch_s,
             "resolution_m_s": { "v_x": resolution(DVec3::X), "v_y": resolution(DVec3::Y) },
             "settings": {
-                "window": self.typed.window.to_string(),
-                "slow_window": self.typed.slow_window.to_string(),
+                "window": self.typed.windows.window.to_string(),
+                "slow_window": self.typed.windows.slow_window.to_string(),
                 "resolved": self.formed.settings,
             },
             "collection": forming::about(self.survey, self.history)?,

@@ -65,14 +65,14 @@ mod tests {
     }
 
     #[test]
-    fn digests_are_those_of_the_algorithm() {
-        // Of nothing it is the start; of "a" that times the prime, which Python's integers say.
+    fn digests_agree_with_the_definition_of_fnv_1a() {
+        // The digest of no bytes is the offset; that of "a" was computed with Python's integers.
         assert_eq!(fingerprint(b""), "6c62272e07bb014262b821756295c58d");
         assert_eq!(fingerprint(b"a"), "d228cb696f1a8caf78912b704e4a8964");
     }
 
     #[test]
-    fn everything_but_a_files_place_is_part_of_it() {
+    fn fingerprint_covers_all_fields_except_paths() {
         let first = basis(-60);
         let other = |change: &dyn Fn(&mut Basis)| {
             let mut changed = first.clone();

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! inputs ─> track | autofocus ─> focus ─┬─> check
-//!  (always)      (if asked for)         ├─> picture
+//!  (always)       (if in the job)       ├─> picture
 //!                                       ├─> quality
 //!                                       └─> products ─────> report (of all of them)
 //! ```
@@ -35,10 +35,10 @@
 //! the machine are not part of the basis: they do not change the result, except for the rounding of transforms without `portable` of
 //! `[former]`.
 //!
-//! This module defines stages and their state. The command `subap run` does the processing.
+//! This module defines stages, their state, and the text of a job. The command `subap run` does the processing, and defines the schema of
+//! jobs by the settings of its commands.
 
 mod basis;
-mod keys;
 mod stamp;
 mod state;
 mod text;
@@ -47,11 +47,3 @@ pub use basis::{Basis, fingerprint};
 pub use stamp::{FileStamp, stamp};
 pub use state::{FinishedStage, NAME, RunReason, State, StateError};
 pub use text::{JobError, JobText};
-
-/// Example job with every section, and its keys with explanations.
-pub const EXAMPLE: &str = include_str!("example.toml");
-
-/// Reference of all keys, with kind, default and explanation.
-pub fn reference() -> String {
-    keys::SCHEMA.reference()
-}

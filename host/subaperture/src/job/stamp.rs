@@ -18,11 +18,11 @@ pub struct FileStamp {
     pub crc32: String,
 }
 
-/// Stamp of the file or folder at `path`, named `called`; `None` if `path` does not exist. Hidden files in a folder (locks, leftovers) are ignored.
+/// Stamp of the file or folder at `path`, with `name` as its path; `None` if `path` does not exist. Hidden files in a folder (locks, leftovers) are ignored.
 ///
 /// # Errors
 /// The error of the operating system.
-pub fn stamp(path: &Path, called: &str) -> io::Result<Option<FileStamp>> {
+pub fn stamp(path: &Path, name: &str) -> io::Result<Option<FileStamp>> {
     let about = match fs::metadata(path) {
         Ok(about) => about,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -34,7 +34,7 @@ pub fn stamp(path: &Path, called: &str) -> io::Result<Option<FileStamp>> {
         checksum(&mut File::open(path)?)?
     };
     Ok(Some(FileStamp {
-        path: called.to_owned(),
+        path: name.to_owned(),
         bytes,
         crc32,
     }))
@@ -58,7 +58,7 @@ fn of_folder(root: &Path) -> io::Result<(u64, String)> {
             }
         }
     }
-    // A folder's order is the system's own.
+    // The order of directory entries depends on the system.
     files.sort();
     let (mut bytes, mut all) = (0, String::new());
     for file in files {

@@ -75,7 +75,7 @@ pub enum StateError {
         source: io::Error,
     },
     /// The file is not a valid state.
-    #[error("{}: this is no state of a job that can be read ({what}): move it, and the job is done anew", path.display())]
+    #[error("{}: not a valid state of a job ({what}): move or remove it to run all stages again", path.display())]
     Damaged {
         /// Path of the state file.
         path: PathBuf,
@@ -132,9 +132,9 @@ impl fmt::Display for Change {
 impl fmt::Display for RunReason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotDone => f.write_str("not done yet"),
-            Self::Begun => f.write_str("begun, and goes on"),
-            Self::Version { was } => write!(f, "done by version {was}"),
+            Self::NotDone => f.write_str("not run yet"),
+            Self::Begun => f.write_str("interrupted, resumes"),
+            Self::Version { was } => write!(f, "run by version {was}"),
             Self::Settings(changes) => {
                 for (i, change) in changes.iter().take(MAX_LISTED).enumerate() {
                     let before = if i == 0 { "" } else { "; " };
@@ -145,9 +145,9 @@ impl fmt::Display for RunReason {
                     more => write!(f, "; and {more} more"),
                 }
             }
-            Self::Files => f.write_str("files that it reads have changed"),
-            Self::After(stage) => write!(f, "follows {stage}, which is another"),
-            Self::Output(path) => write!(f, "{path} is not there as it was left"),
+            Self::Files => f.write_str("input files have changed"),
+            Self::After(stage) => write!(f, "{stage} has changed"),
+            Self::Output(path) => write!(f, "{path} is missing or has changed"),
         }
     }
 }
@@ -328,13 +328,14 @@ impl State {
 
     /// Remove stages that the job no longer has, and return them.
     pub fn keep(&mut self, stages: &[&str]) -> Vec<FinishedStage> {
-        let gone: Vec<String> = self
+        let removed: Vec<String> = self
             .stages
             .keys()
             .filter(|name| !stages.contains(&name.as_str()))
             .cloned()
             .collect();
-        gone.iter()
+        removed
+            .iter()
             .filter_map(|name| self.stages.remove(name))
             .collect()
     }
@@ -352,10 +353,10 @@ fn differs(was: &Basis, is: &Basis, before: &[&str]) -> RunReason {
     if !changed.is_empty() {
         return RunReason::Settings(changed);
     }
-    let known = |files: &[FileStamp]| -> Vec<(u64, String)> {
+    let contents = |files: &[FileStamp]| -> Vec<(u64, String)> {
         files.iter().map(|f| (f.bytes, f.crc32.clone())).collect()
     };
-    if known(&was.files) != known(&is.files) {
+    if contents(&was.files) != contents(&is.files) {
         return RunReason::Files;
     }
     let other = |name: &&&str| was.after.get(**name) != is.after.get(**name);
@@ -393,7 +394,7 @@ mod tests {
                 .collect(),
             seconds: 1.5,
             resumed: false,
-            warnings: vec!["mind".to_owned()],
+            warnings: vec!["a warning".to_owned()],
             bound_missed: false,
         }
     }
@@ -437,7 +438,7 @@ mod tests {
             state.why(at, &follows, &["focus"]).unwrap(),
             Some(RunReason::After("focus".to_owned()))
         );
-        // Its own change says more.
+        // A change of its own settings is more specific.
         let both = basis("quality", Value::Null, &[("focus", focus.fingerprint())]);
         let why = state.why(at, &both, &["focus"]).unwrap().unwrap();
         assert_eq!(why.to_string(), "x.key was \"a\" and is not given");
@@ -445,14 +446,14 @@ mod tests {
     }
 
     #[test]
-    fn an_output_that_is_gone_or_another_is_made_again_and_no_more() {
+    fn missing_or_changed_output_reruns_its_stage_only() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (state, focus, quality) = two(at);
         fs::write(at.join("image"), "I").unwrap();
         let output = Some(RunReason::Output("image".to_owned()));
         assert_eq!(state.why(at, &focus, &[]).unwrap(), output);
-        // The same basis makes the same image.
+        // Stages after it depend on its basis, which is unchanged.
         assert_eq!(state.why(at, &quality, &["focus"]).unwrap(), None);
         fs::remove_file(at.join("image")).unwrap();
         assert_eq!(state.why(at, &focus, &[]).unwrap(), output);
@@ -481,9 +482,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         let (mut state, ..) = two(at);
-        let gone = state.keep(&["focus"]);
-        assert_eq!(gone.len(), 1);
-        assert_eq!(gone[0].outputs[0].path, "quality");
+        let removed = state.keep(&["focus"]);
+        assert_eq!(removed.len(), 1);
+        assert_eq!(removed[0].outputs[0].path, "quality");
         assert!(state.made("focus").is_some() && state.made("quality").is_none());
     }
 
@@ -501,9 +502,12 @@ mod tests {
         ] {
             fs::write(at.join(NAME), text).unwrap();
             let error = State::read(at).unwrap_err().to_string();
-            assert!(error.contains("no state of a job"), "{text}: {error}");
+            assert!(
+                error.contains("not a valid state of a job"),
+                "{text}: {error}"
+            );
         }
-        // An output is never elsewhere.
+        // Outputs lie in the job's folder.
         for path in ["/etc/passwd", "../image", "a/../../b", ""] {
             let (mut state, ..) = two(at);
             let mut made = state.made("focus").unwrap().clone();

@@ -49,9 +49,9 @@ impl Report<'_> {
                 ""
             };
             vec![
-                outcome.way.title.to_owned(),
+                outcome.method.title.to_owned(),
                 number(comparison.error_db, 1),
-                number(outcome.way.bound_db, 0) + miss,
+                number(outcome.method.bound_db, 0) + miss,
                 number(comparison.scaled_error_db, 1),
                 number(comparison.peak_phase_error_deg, 3),
                 number(comparison.correlation, 7),
@@ -70,7 +70,7 @@ impl Report<'_> {
             ),
             None => String::new(),
         };
-        let unjudged = if self.outcomes.iter().all(|o| o.way.bound_db.is_none()) {
+        let unjudged = if self.outcomes.iter().all(|o| o.method.bound_db.is_none()) {
             "\nBounds are for the default grid, which covers all scatterers, and are not judged on \
              another."
         } else {
@@ -108,11 +108,11 @@ impl Report<'_> {
             .iter()
             .map(|outcome| {
                 json!({
-                    "former": outcome.way.former.name(),
-                    "title": outcome.way.title,
-                    "folder": outcome.way.folder,
-                    "bound_db": outcome.way.bound_db,
-                    "within_bound": outcome.way.bound_db.map(|_| !outcome.misses_bound()),
+                    "former": outcome.method.former.name(),
+                    "title": outcome.method.title,
+                    "folder": outcome.method.folder,
+                    "bound_db": outcome.method.bound_db,
+                    "within_bound": outcome.method.bound_db.map(|_| !outcome.misses_bound()),
                     "comparison": outcome.comparison,
                     "settings": outcome.settings,
                     "run_time_s": outcome.taken.as_secs_f64(),

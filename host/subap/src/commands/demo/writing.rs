@@ -63,17 +63,17 @@ pub(super) fn write(
     }];
     for outcome in report.outcomes {
         let Outcome {
-            way,
+            method,
             image,
             difference,
             comparison,
             settings,
             taken,
         } = outcome;
-        let panel = image_panel(image, way.title);
-        let mut metadata = record(session, typed, way.title, json!(settings), *taken);
+        let panel = image_panel(image, method.title);
+        let mut metadata = record(session, typed, method.title, json!(settings), *taken);
         metadata["comparison"] = json!(comparison);
-        save(&mut files, typed, way.folder, metadata, image, &panel)?;
+        save(&mut files, typed, method.folder, metadata, image, &panel)?;
         panels.push(panel);
         let error = comparison.error_db.unwrap_or(f64::NAN);
         differences.push(Panel {
@@ -84,7 +84,7 @@ pub(super) fn write(
     }
     for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
         let picture = plot::quicklook(panel)?;
-        let name = format!("difference-{}.png", outcome.way.folder);
+        let name = format!("difference-{}.png", outcome.method.folder);
         files.write_bytes(&typed.out.join(name), &picture)?;
     }
     interrupt::check()?;

@@ -32,14 +32,14 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let (grid, record) = super::recorded(one, &image)?;
     let sicd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
-        .map_err(with_advice)?;
+        .map_err(explained)?;
     for sentence in sicd.assumptions() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
     let wrote = sicd.write(one.out, &image.pixels, &writing);
     interrupt::check()?;
-    wrote.map_err(with_advice)?;
+    wrote.map_err(explained)?;
     writing.finish();
     Ok(Written::file(one.out, sicd.bytes()))
 }
@@ -60,7 +60,7 @@ pub(super) fn now_ns() -> i64 {
 }
 
 /// `error`, with what the command line can do about it.
-pub(super) fn with_advice(error: SicdError) -> anyhow::Error {
+pub(super) fn explained(error: SicdError) -> anyhow::Error {
     match error {
         SicdError::Nowhere => anyhow::anyhow!("{error} with --place LAT,LON[,HEIGHT]"),
         error => error.into(),

@@ -21,14 +21,14 @@ pub(crate) fn former(
     (history, velocity): (&dyn PhaseHistory, Option<DVec3>),
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
-    let plain = typed.former.former()?;
+    let plain = typed.forming.former.former()?;
     let choice = choice(typed);
     if let BeamChoice::Given {
         width_rad,
         squint_rad,
     } = choice
         && let beam = Beam::new(width_rad, squint_rad, BeamSource::Given)
-        && let Err(error) = InBeam::new(typed.former.former()?, beam)
+        && let Err(error) = InBeam::new(typed.forming.former.former()?, beam)
     {
         let fault = format!("--beam and --squint reach along the track: {error}");
         return Err(Usage(fault).into());
@@ -63,8 +63,8 @@ pub(crate) fn former(
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {
-    let squint_rad = typed.squint.map(f64::to_radians);
-    match typed.beam {
+    let squint_rad = typed.forming.squint.map(f64::to_radians);
+    match typed.forming.beam {
         None => BeamChoice::Stated,
         Some(BeamWidth::None) => BeamChoice::None,
         Some(BeamWidth::Estimated) => BeamChoice::Estimated {

@@ -15,8 +15,8 @@ use subaperture::module::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
 use super::deliver::{Whole, deliver};
+use super::explained;
 use super::record::Record;
-use super::with_advice;
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;
@@ -26,10 +26,15 @@ use crate::messages;
 /// Forms the image and writes its folder, complete or not at all.
 pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
     let start = Instant::now();
-    if let Some(grid) = &typed.image.grid {
+    if let Some(grid) = &typed.image.grid.pixels {
         session.check_grid(grid, 1)?;
     }
-    let num_pixels = typed.image.grid.as_ref().map_or(0, ImageGrid::num_pixels);
+    let num_pixels = typed
+        .image
+        .grid
+        .pixels
+        .as_ref()
+        .map_or(0, ImageGrid::num_pixels);
     let _claims = forming::claim(session, &typed.writing, &[path], &typed.out, num_pixels)?;
 
     let maps = MapFile::open_within(path, session.memory_bytes)?;
@@ -44,11 +49,12 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     let planned = planned.and_then(Value::as_f64);
     let error_db = typed
         .image
+        .forming
         .former
         .error_db()
         .or(planned)
         .unwrap_or(DEFAULT_ERROR_DB);
-    let grid = forming::grid_or(session, typed.image.grid.clone(), &typed.out, || {
+    let grid = forming::grid_or(session, typed.image.grid.pixels.clone(), &typed.out, || {
         Ok(default_grid(&maps, error_db)?)
     })?;
     let progress = session.progress("focusing");
@@ -56,7 +62,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         maps: &maps,
         grid: &grid,
         error_db,
-        bound_policy: typed.image.bound_policy(),
+        bound_policy: typed.image.forming.bound_policy(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
@@ -66,7 +72,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         ahead.announce(session, &typed.rehearsal)?;
         return Ok(());
     }
-    let (formed, report) = form(&task).map_err(with_advice)?;
+    let (formed, report) = form(&task).map_err(explained)?;
     progress.finish();
     warn(&report, error_db, grid.num_pixels());
     for (key, value) in &formed.settings {
@@ -79,7 +85,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         settings: json!({
             "algorithm": "from-maps",
             "window": run.fast_window,
-            "given": { "grid": typed.image.grid.is_some(), "error_db": typed.image.former.error_db() },
+            "given": { "grid": typed.image.grid.pixels.is_some(), "error_db": typed.image.forming.former.error_db() },
             "resolved": formed.settings,
         }),
         grid: &grid,

@@ -47,7 +47,7 @@ pub(super) fn refusal(
     let bound = with_bound(former, spec, predicted_db, monitor);
     anyhow::anyhow!(
         "{}{bound}, or take the best there is with --allow-error",
-        advice::told(&error)
+        advice::explained(&error)
     )
 }
 

@@ -35,8 +35,8 @@ pub(super) fn open(
         settings: &input.set,
         inference: Some(INFERENCE),
     };
-    let mut recordings = Vec::with_capacity(input.paths.len());
-    for path in &input.paths {
+    let mut recordings = Vec::with_capacity(input.files.len());
+    for path in &input.files {
         let opened = open_channels::<&str>(path, None, &left)?;
         left.memory_bytes = left.memory_bytes.saturating_sub(opened.held_bytes());
         recordings.push(opened);
@@ -91,7 +91,7 @@ fn found(
     source: &TrackSource,
     logs: &Logs,
 ) -> anyhow::Result<(Vec<Fix>, Value)> {
-    let [path] = &input.paths[..] else {
+    let [path] = &input.files[..] else {
         return Err(Usage(format!("--track {source} needs exactly one recording")).into());
     };
     let options = Options {
@@ -162,7 +162,7 @@ fn wanted(input: &Input, channels: &Channels, memory_bytes: u64) -> anyhow::Resu
             Some(names) => names.to_vec(),
             None => return Ok((0..channels.len()).collect()),
         },
-        (None, None) => match cphd_info(&input.paths[0], memory_bytes)? {
+        (None, None) => match cphd_info(&input.files[0], memory_bytes)? {
             Some(info) => vec![info.ref_channel],
             None => return Ok((0..channels.len()).collect()),
         },

@@ -104,22 +104,25 @@ impl<'a> Record<'a> {
 pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -> Value {
     let typed = job.typed;
     let image = &typed.image;
-    let mut given = image.former.record();
+    let mut given = image.forming.former.record();
     let others = [
-        ("grid", json!(image.grid.is_some())),
-        ("surface", json!(image.surfacing.surface.to_string())),
+        ("grid", json!(image.grid.pixels.is_some())),
+        ("surface", json!(image.grid.surface.to_string())),
         ("geoid", {
-            let geoid = image.surfacing.geoid.as_ref();
+            let geoid = image.grid.geoid.as_ref();
             json!(geoid.map(ToString::to_string))
         }),
+        ("troposphere", json!(image.grid.troposphere.to_string())),
+        ("allow_error", json!(image.forming.allow_error)),
         (
-            "troposphere",
-            json!(image.surfacing.troposphere.to_string()),
+            "beam",
+            json!(image.forming.beam.map(|beam| beam.to_string())),
         ),
-        ("allow_error", json!(image.allow_error)),
-        ("beam", json!(image.beam.map(|beam| beam.to_string()))),
-        ("squint_deg", json!(image.squint)),
-        ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
+        ("squint_deg", json!(image.forming.squint)),
+        (
+            "velocity_m_s",
+            json!(typed.motion.velocity.map(|v| v.to_array())),
+        ),
         ("track", {
             let track = typed.track.as_ref();
             json!(track.map(ToString::to_string))
@@ -164,8 +167,8 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
     given.extend(others.map(|(key, value)| (key.to_owned(), value)));
     let mut settings = json!({
         "algorithm": former,
-        "window": image.window.to_string(),
-        "slow_window": image.slow_window.to_string(),
+        "window": image.forming.windows.window.to_string(),
+        "slow_window": image.forming.windows.slow_window.to_string(),
         "given": given,
         "resolved": resolved,
     });

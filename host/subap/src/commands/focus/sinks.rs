@@ -236,7 +236,7 @@ impl ImageSink for StoreSink<'_> {
 
 /// Claim the record and the picture. `None` if another process that carries out the same plan has claimed them.
 pub(super) fn claim(session: &Session, typed: &Focus) -> Result<Option<OutputClaims>, WriteError> {
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    let mut claims = session.claims(&typed.writing, &typed.input.files);
     match claims.folder(&typed.out, subaperture::io::product::TILED_NAMES) {
         Ok(()) => Ok(Some(claims)),
         Err(WriteError::Locked { .. }) if typed.tiled.plan.is_some() => Ok(None),

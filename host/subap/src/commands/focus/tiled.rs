@@ -33,7 +33,7 @@ use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{Job, beam, check, missed, record, with_advice};
+use super::{Job, beam, check, explained, missed, record};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
@@ -47,7 +47,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let products = super::products(typed);
-    let _products = products.claim(session, &typed.input.paths)?;
+    let _products = products.claim(session, &typed.input.files)?;
     super::with_history(session, typed, |history, movers| {
         products.check_place(&history.collection().frame)?;
         formed(session, typed, (history, movers), own, start)
@@ -65,7 +65,7 @@ fn formed(
     let survey = Surveying::of(history)?;
     let model = forming::time_model(&typed.image)?;
     let job = Job {
-        numerics: typed.image.numerics(model.as_ref()),
+        numerics: typed.image.forming.numerics(model.as_ref()),
         session,
         typed,
         history,
@@ -84,7 +84,7 @@ fn formed(
         }
         None => {
             let grid = job.grid()?;
-            let of = (job.history, typed.velocity);
+            let of = (job.history, typed.motion.velocity);
             let former = beam::former(session, &typed.image, of, &grid)?;
             let weights = weights(&typed.image, &*former, collection, &grid)?;
             let spec = spec(&typed.image, collection, &grid, &weights, job.numerics);
@@ -112,7 +112,12 @@ pub(super) fn weights(
     collection: &Collection,
     grid: &ImageGrid,
 ) -> Result<Weights, FormError> {
-    former.weights(collection, grid, typed.window, typed.slow_window)
+    former.weights(
+        collection,
+        grid,
+        typed.forming.windows.window,
+        typed.forming.windows.slow_window,
+    )
 }
 
 /// Specification of the image that is typed.
@@ -127,7 +132,7 @@ pub(super) fn spec<'a>(
         collection,
         grid,
         weights,
-        scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
+        scratch_bytes: typed.forming.scratch.unwrap_or(SCRATCH_BYTES),
         numerics,
     }
 }
@@ -140,7 +145,7 @@ pub(super) fn plan(
     spec: &ImageSpec,
 ) -> anyhow::Result<Plan> {
     let progress = session.progress("planning");
-    let plan = Plan::new(former, spec, typed.bound_policy(), &progress)
+    let plan = Plan::new(former, spec, typed.forming.bound_policy(), &progress)
         .map_err(|error| missed::refusal(error, former, spec, &progress))?;
     progress.finish();
     Ok(plan)
@@ -159,7 +164,7 @@ pub(crate) fn plan_recording(
     let weights = weights(typed, &*former, collection, grid)?;
     let spec = spec(typed, collection, grid, &weights, numerics);
     let progress = session.progress("planning");
-    let policy = typed.bound_policy();
+    let policy = typed.forming.bound_policy();
     let plan = Plan::for_recording(&*former, &spec, policy, history, &progress)
         .map_err(|error| missed::refusal(error, &*former, &spec, &progress))?;
     progress.finish();
@@ -233,7 +238,7 @@ impl InParts<'_> {
                     None => refusal,
                 }
             }
-            error => with_advice(error),
+            error => explained(error),
         })?;
         progress.finish();
         Ok(executed)

@@ -7,10 +7,11 @@ use serde_json::{Value, json};
 use subaperture::focus::Plan;
 use subaperture::io::geojson;
 use subaperture::io::input::open_file;
-use subaperture::job;
+use subaperture::job::JobText;
 use subaperture::simulate::scenario::Scenario;
 
 use super::description::{Description, line, read_record, read_text};
+use crate::commands::run::keys;
 use crate::config::Session;
 use crate::text::{bytes, significant};
 
@@ -165,18 +166,8 @@ pub(super) fn scenario(session: &Session, path: &Path) -> anyhow::Result<Descrip
 
 /// Describe the text of a job.
 pub(super) fn job(session: &Session, path: &Path) -> anyhow::Result<Description> {
-    let job = job::JobText::read(path, "--set", &[], session.memory_bytes)?;
-    let values = job.settings(&[
-        "input",
-        "track",
-        "autofocus",
-        "grid",
-        "former",
-        "check",
-        "picture",
-        "quality",
-        "products",
-    ]);
+    let job = JobText::read(path, &keys::SCHEMA, "--set", &[], session.memory_bytes)?;
+    let values = job.settings(&keys::section_names());
     let mut text = line("job", &path.display().to_string());
     let mut all = Vec::new();
     flat("", &Value::Object(values.clone()), &mut all);

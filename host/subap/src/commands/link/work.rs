@@ -87,7 +87,11 @@ impl<'w> Work<'w> {
         grid: &'w ImageGrid,
         plan: &'w ModulePlan,
     ) -> Self {
-        let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
+        let weights = Weights::new(
+            history.collection(),
+            typed.windows.window,
+            typed.windows.slow_window,
+        );
         let fast_sum: f64 = weights.fast.iter().sum();
         Self {
             session,
@@ -152,7 +156,7 @@ impl<'w> Work<'w> {
             name: name.to_owned(),
             setup: self.plan.setup,
             arithmetic: self.plan.arithmetic,
-            fast_window: self.typed.window.to_string(),
+            fast_window: self.typed.windows.window.to_string(),
             fast_weights: self.fast_weights.clone(),
             frame: self.history.collection().frame,
             provenance: self.provenance(identity, job)?,
@@ -249,7 +253,7 @@ impl<'w> Work<'w> {
             "grid": grid_record(grid),
             "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
             "predicted_error_db": plan.predicted_db,
-            "slow_window": typed.slow_window.to_string(),
+            "slow_window": typed.windows.slow_window.to_string(),
             "rate_hz": typed.rate,
             "amplitude_scale": job.pulses.amplitude_scale(),
         });

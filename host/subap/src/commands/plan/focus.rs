@@ -16,12 +16,12 @@ use crate::text;
 /// Makes the plan, writes it, and says what it will take.
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     surface::check(&typed.image)?;
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    let mut claims = session.claims(&typed.writing, &typed.input.files);
     claims.file(&typed.out, Kind::Record)?;
     let model = forming::time_model(&typed.image)?;
-    let means = typed.image.numerics(model.as_ref());
+    let means = typed.image.forming.numerics(model.as_ref());
     let recorded = session.open(&typed.input)?;
-    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
     let history = air.history();
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;

@@ -28,7 +28,7 @@ const DEFAULT_PULSE_S: f64 = 10e-6;
 
 /// Print the plan of a collection.
 pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
-    let collection = if typed.input.paths.is_empty() {
+    let collection = if typed.input.files.is_empty() {
         parameters(typed).collection()?
     } else {
         session.open(&typed.input)?.collection().clone()
@@ -57,7 +57,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let planning = session.progress("planning");
     let plan = RadarPlan::new(&collection, &request)?;
     if let Some(folder) = &typed.plots {
-        let mut claims = session.claims(&typed.writing, &typed.input.paths);
+        let mut claims = session.claims(&typed.writing, &typed.input.files);
         claims.folder(folder, ["response.png", "ambiguity.png"])?;
         let response = plot(&collection, &grid, &plan)?;
         let ambiguity = plot_ambiguity(&pulse(typed, &plan))?;

@@ -97,7 +97,7 @@ impl<'a> From<'a> {
         };
         let given = &metadata["settings"]["given"];
         let recorded = session.open(&Input {
-            paths: typed.from.clone(),
+            files: typed.from.clone(),
             channel: given["channel"].as_str().map(str::to_owned),
             channels: given["channels"]
                 .as_str()
@@ -113,7 +113,12 @@ impl<'a> From<'a> {
                 source.name
             );
         }
-        let Some(windows) = typed.window.map(|window| [window; 2]).or(source.windows) else {
+        let Some(windows) = typed
+            .measuring
+            .window
+            .map(|window| [window; 2])
+            .or(source.windows)
+        else {
             bail!(
                 "{}: its record names no windows: give --window",
                 source.name

@@ -8,8 +8,9 @@ use serde_json::{Map, Value};
 use subaperture::job::{Basis, FileStamp, JobText, stamp};
 use subaperture::phase_history::InputFile;
 
-use super::options::Options;
-use crate::args;
+use super::job::Job;
+use super::keys;
+use crate::args::{FormerOptions, TrackSource, Windows};
 
 /// Stage of a job's chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +24,7 @@ pub(super) enum Stage {
     Products,
 }
 
-/// The report, which is made of all others.
+/// The report, which depends on all other stages.
 pub(super) const REPORT: &str = "report";
 
 impl Stage {
@@ -39,25 +40,25 @@ impl Stage {
         }
     }
 
-    /// What it does, for people.
-    pub(super) fn what(self) -> &'static str {
+    /// Result of the stage, for progress notes.
+    pub(super) fn result(self) -> &'static str {
         match self {
-            Self::Track => "the radar's track",
-            Self::Autofocus => "what sharpens the image",
+            Self::Track => "the track of the radar",
+            Self::Autofocus => "phase errors or the track, by autofocus",
             Self::Focus => "the image",
-            Self::Check => "its error against the exact sum",
-            Self::Picture => "the report's picture",
-            Self::Quality => "points and levels measured",
-            Self::Products => "files for other programs",
+            Self::Check => "the error of the image against the exact sum",
+            Self::Picture => "the picture of the report",
+            Self::Quality => "point responses and image statistics",
+            Self::Products => "products for other programs",
         }
     }
 }
 
-/// A stage of a job, and what it depends on.
+/// Stage of a job with its dependencies.
 pub(super) struct Link {
     pub(super) stage: Stage,
     pub(super) basis: Basis,
-    /// The stages that it goes on from, the nearest first.
+    /// Preceding stages, the nearest first.
     pub(super) before: Vec<&'static str>,
 }
 
@@ -67,15 +68,11 @@ impl Link {
     }
 }
 
-/// The stages that a job has, in their order, made of recordings of which `inputs` are the files.
+/// The stages of a job, in order. `inputs` are the files of its recordings.
 ///
 /// # Errors
 /// If a file that a stage reads cannot be read.
-pub(super) fn chain(
-    job: &JobText,
-    options: &Options,
-    inputs: &[InputFile],
-) -> anyhow::Result<Vec<Link>> {
+pub(super) fn chain(text: &JobText, job: &Job, inputs: &[InputFile]) -> anyhow::Result<Vec<Link>> {
     let recordings: Vec<FileStamp> = inputs
         .iter()
         .map(|input| FileStamp {
@@ -85,8 +82,8 @@ pub(super) fn chain(
         })
         .collect();
     let mut chain: Vec<Link> = Vec::new();
-    let mut add = |stage: Stage, settings: Map<String, Value>, files: Vec<FileStamp>| {
-        // Of those before, focus goes on from what it is told of, and all others from focus.
+    let mut add = |stage: Stage, files: Vec<FileStamp>| {
+        // Focusing depends on the stages before it, and all stages after it on focusing.
         let before: Vec<&'static str> = match stage {
             Stage::Track | Stage::Autofocus | Stage::Focus => {
                 chain.iter().map(Link::name).collect()
@@ -95,7 +92,7 @@ pub(super) fn chain(
         };
         let fingerprint = |name: &&'static str| {
             let link = chain.iter().find(|link| link.name() == *name);
-            let link = link.expect("stages follow those that they go on from");
+            let link = link.expect("a stage follows those that it depends on");
             ((*name).to_owned(), link.basis.fingerprint())
         };
         let after: BTreeMap<String, String> = before.iter().map(fingerprint).collect();
@@ -104,63 +101,77 @@ pub(super) fn chain(
             basis: Basis {
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 stage: stage.name().to_owned(),
-                settings,
+                settings: settings(text, stage),
                 files,
                 after,
             },
             before,
         });
     };
-    if let Some(track) = &options.track {
-        let logs = track.typed.logs.navigation.iter();
-        let logs = logs
-            .map(|path| beside(path))
-            .collect::<Result<Vec<_>, _>>()?;
-        let files = recordings.iter().cloned().chain(logs).collect();
-        add(Stage::Track, track.settings.clone(), files);
+    if let Some(track) = &job.track {
+        let logs = stamps(track.logs.navigation.iter().map(AsRef::as_ref))?;
+        add(Stage::Track, [recordings.clone(), logs].concat());
     }
-    if let Some(autofocus) = &options.autofocus {
-        add(
-            Stage::Autofocus,
-            autofocus.settings.clone(),
-            recordings.clone(),
-        );
+    if job.autofocus.is_some() {
+        add(Stage::Autofocus, recordings.clone());
     }
-    let mut files = recordings;
-    for path in read_by(
-        &options.focus.typed,
-        options.track.is_none() && options.autofocus.is_none(),
-    ) {
-        files.push(beside(path)?);
+    let more = stamps(read_by_focus(job))?;
+    add(Stage::Focus, [recordings, more].concat());
+    if job.check > 0 {
+        add(Stage::Check, Vec::new());
     }
-    add(Stage::Focus, options.focus.settings.clone(), files);
-    if options.check > 0 {
-        add(Stage::Check, job.settings(&["check"]), Vec::new());
-    }
-    add(Stage::Picture, options.picture.settings.clone(), Vec::new());
-    add(Stage::Quality, job.settings(&["quality"]), Vec::new());
-    if !options.formats.is_empty() {
-        add(Stage::Products, job.settings(&["products"]), Vec::new());
+    add(Stage::Picture, Vec::new());
+    add(Stage::Quality, Vec::new());
+    if !job.products.formats.is_empty() {
+        add(Stage::Products, Vec::new());
     }
     Ok(chain)
 }
 
-/// Files that focusing reads beside the recordings; the track if it is `given`, and no stage's.
-fn read_by(typed: &args::Focus, given: bool) -> impl Iterator<Item = &Path> {
-    let surfacing = &typed.image.surfacing;
-    let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
-    let track = typed.track.as_ref().and_then(args::TrackSource::file);
-    let track = track.filter(|_| given);
-    surfacing
-        .surface
-        .file()
-        .into_iter()
-        .chain(geoid)
-        .chain(track)
+/// Settings on which a stage depends, by key. The files of the recordings are dependencies by content, not by name.
+fn settings(text: &JobText, stage: Stage) -> Map<String, Value> {
+    match stage {
+        Stage::Focus => {
+            let mut settings = text.settings(&["input", "grid", "former"]);
+            settings.remove("input.files");
+            let track = text.settings(&["track"]).remove_entry("track.source");
+            settings.extend(track);
+            settings
+        }
+        Stage::Autofocus => {
+            let mut settings = text.settings(&["input", "autofocus"]);
+            settings.remove("input.files");
+            if !settings.contains_key("autofocus.grid") {
+                settings.extend(text.settings(&["grid"]).remove_entry("grid.pixels"));
+            }
+            let shared = [keys::names::<FormerOptions>(), keys::names::<Windows>()].concat();
+            let former = text.section("former").map(|(_, former)| former);
+            let former = former.into_iter().flatten();
+            let former = former.filter(|(key, _)| shared.contains(&key.as_str()));
+            settings.extend(former.map(|(key, value)| (format!("former.{key}"), value)));
+            settings
+        }
+        // Their sections have the names of the stages.
+        Stage::Track | Stage::Check | Stage::Picture | Stage::Quality | Stage::Products => {
+            text.settings(&[stage.name()])
+        }
+    }
 }
 
-fn beside(path: &Path) -> anyhow::Result<FileStamp> {
-    let named = || format!("cannot read {}", path.display());
-    let found = stamp(path, &path.display().to_string()).with_context(named)?;
-    found.with_context(|| format!("cannot read {}: it is not there", path.display()))
+/// Files that focusing reads besides the recordings, except outputs of other stages.
+fn read_by_focus(job: &Job) -> impl Iterator<Item = &Path> {
+    let grid = &job.focus.image.grid;
+    let geoid = grid.geoid.as_ref().and_then(|geoid| geoid.file());
+    let track = job.focus.track.as_ref().and_then(TrackSource::file);
+    let track = track.filter(|_| job.track.is_none() && job.autofocus.is_none());
+    grid.surface.file().into_iter().chain(geoid).chain(track)
+}
+
+fn stamps<'a>(paths: impl Iterator<Item = &'a Path>) -> anyhow::Result<Vec<FileStamp>> {
+    let one = |path: &Path| {
+        let named = || format!("cannot read {}", path.display());
+        let found = stamp(path, &path.display().to_string()).with_context(named)?;
+        found.with_context(|| format!("cannot read {}: it is not there", path.display()))
+    };
+    paths.map(one).collect()
 }

@@ -1,4 +1,4 @@
-//! A page of HTML that needs no other file and no network: text, tables, pictures within.
+//! HTML page with text, tables and embedded pictures; it needs no other file and no network.
 
 use std::fmt::Write as _;
 
@@ -6,7 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use subaperture::io::ours::TEXT_MARK;
 
-/// For screens of any width, bright or dark, and for paper, on which colours are those of the bright page and nothing is cut.
+/// Style for screens of any width in light and dark mode, and for paper, in light mode and without clipping.
 const STYLE: &str = "\
 :root { color-scheme: light dark; --ink: #1b1b1b; --soft: #5a5a5a; --paper: #fff; --raised: #f5f6f7; --line: #d8d8d8; --good: #1a6b32; --bad: #9a3400 }
 @media (prefers-color-scheme: dark) { :root { --ink: #e8e8e8; --soft: #a8a8a8; --paper: #16181a; --raised: #1f2225; --line: #3a3d40; --good: #6fcf8a; --bad: #ff9d66 } }
@@ -142,7 +142,7 @@ impl Page {
         self.html.push_str("</table></div>\n");
     }
 
-    /// Pictures side by side where there is room: PNG and what is seen on it.
+    /// Row of pictures: PNG and caption.
     pub(super) fn pictures(&mut self, pictures: &[(Vec<u8>, String)]) {
         self.html.push_str(match pictures.len() {
             1 => "<div>\n",

@@ -14,9 +14,10 @@ use subaperture::io::product::RECORD_LIMITS;
 use subaperture::job::{Basis, FinishedStage, JobText, RunReason, State, fingerprint, stamp};
 use subaperture::phase_history::InputFile;
 
-use super::Stood;
+use super::StageOutcome;
 use super::chain::{Link, REPORT, Stage};
-use super::options::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
+use super::job::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
+use super::keys;
 use super::page::{Cells, Page, Row, escaped};
 use super::tables::{self, decibels, seconds, words};
 use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
@@ -26,50 +27,46 @@ use crate::{log, text};
 /// File name of the report.
 pub(super) const NAME: &str = "report.html";
 
-/// Makes the report, unless nothing was done since.
-#[expect(clippy::too_many_arguments, reason = "a report is of everything")]
-pub(super) fn stage(
+/// Write the report, unless it is up to date.
+pub(super) fn run_stage(
     session: &Session,
     worker: &Worker,
-    job: &JobText,
+    text: &JobText,
     inputs: &[InputFile],
     chain: &[Link],
     state: &mut State,
-    all: &mut Vec<Stood>,
     warnings: &[String],
-) -> anyhow::Result<()> {
-    let out = &worker.options.out;
+) -> anyhow::Result<StageOutcome> {
+    let out = &worker.job.out;
     let last = chain.last().expect("a job has stages");
     let made: Vec<&FinishedStage> = chain.iter().filter_map(|l| state.made(l.name())).collect();
-    // Of all that is told: times, sizes, warnings.
-    let mut settings = job.settings(&["input", "track", "autofocus", "grid", "former", "check"]);
-    settings.extend(job.settings(&["picture", "quality", "products"]));
-    settings.insert("name".to_owned(), worker.options.name.clone().into());
-    let told = json!([made, warnings]).to_string();
+    // The report contains times, sizes and warnings.
+    let mut settings = text.settings(&keys::section_names());
+    settings.insert("name".to_owned(), worker.job.name.clone().into());
+    let records = json!([made, warnings]).to_string();
     let basis = Basis {
         version: last.basis.version.clone(),
         stage: REPORT.to_owned(),
         settings,
         files: last.basis.files.clone(),
-        after: [(last.name().to_owned(), fingerprint(told.as_bytes()))].into(),
+        after: [(last.name().to_owned(), fingerprint(records.as_bytes()))].into(),
     };
     let why = state.why(out, &basis, &[last.name()])?;
     let Some(mut why) = why else {
         if session.tells() {
-            text::say(format!("{REPORT:<10} stands"))?;
+            text::say(format!("{REPORT:<10} up to date"))?;
         }
-        all.push(Stood {
+        return Ok(StageOutcome {
             name: REPORT,
             why: None,
             seconds: state.made(REPORT).map_or(0.0, |made| made.seconds),
         });
-        return Ok(());
     };
     if let RunReason::After(_) = why {
-        why = RunReason::After("what was done".to_owned());
+        why = RunReason::After("the stages".to_owned());
     }
     let begun = Instant::now();
-    let about = About {
+    let report = Report {
         session,
         worker,
         basis: &basis,
@@ -78,7 +75,7 @@ pub(super) fn stage(
         state,
         warnings,
     };
-    let html = about.page()?;
+    let html = report.page()?;
     state.forget(REPORT);
     state.write(out)?;
     write_atomically(&out.join(NAME), html.len() as u64, |file| {
@@ -101,16 +98,15 @@ pub(super) fn stage(
             text::duration(begun.elapsed())
         ))?;
     }
-    all.push(Stood {
+    Ok(StageOutcome {
         name: REPORT,
         why: Some(why),
         seconds,
-    });
-    Ok(())
+    })
 }
 
-/// What a report is of.
-struct About<'a> {
+/// Contents of a report.
+struct Report<'a> {
     session: &'a Session,
     worker: &'a Worker<'a>,
     basis: &'a Basis,
@@ -120,9 +116,9 @@ struct About<'a> {
     warnings: &'a [String],
 }
 
-impl About<'_> {
+impl Report<'_> {
     fn out(&self) -> &Path {
-        &self.worker.options.out
+        &self.worker.job.out
     }
 
     fn has(&self, stage: Stage) -> bool {
@@ -149,7 +145,7 @@ impl About<'_> {
             false => None,
         };
         let quality = self.record(QUALITY_JSON)?;
-        let mut page = Page::new(&self.worker.options.name);
+        let mut page = Page::new(&self.worker.job.name);
         self.head(&mut page, &image, check.as_ref());
         if !self.warnings.is_empty() {
             page.section("warnings", "Warnings");
@@ -172,7 +168,7 @@ impl About<'_> {
         }
         if self.has(Stage::Track) {
             page.section("track", "Track");
-            let caption = "the track found, over the recorded one".to_owned();
+            let caption = "estimated track over the recorded one".to_owned();
             page.pictures(&[(self.picture(TRACK_PNG)?, caption)]);
         }
         self.products(&mut page);
@@ -293,7 +289,7 @@ impl About<'_> {
                     link.name().to_owned(),
                     seconds(made.seconds),
                     match made.resumed {
-                        true => "gone on with; the time is the last run's".to_owned(),
+                        true => "resumed; time of the last run".to_owned(),
                         false => String::new(),
                     },
                 ],
@@ -309,7 +305,7 @@ impl About<'_> {
         page.paragraph(
             "soft small",
             &format!(
-                "Times on the clock. The last run had {threads} threads and {memory} of memory."
+                "Wall-clock times. The last run had {threads} threads and {memory} of memory."
             ),
         );
     }
@@ -357,7 +353,7 @@ impl About<'_> {
             })
             .collect();
         if !rows.is_empty() {
-            page.section("chosen", "What the former chose");
+            page.section("chosen", "Settings chosen by the former");
             page.table(Cells::Words, &["", ""], &rows);
         }
     }

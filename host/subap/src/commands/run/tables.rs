@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::page::{Cells, Page, Row, escaped};
 use crate::text;
 
-/// The measured error, and what it is held to.
+/// Measured error, predicted error and bound.
 pub(super) fn error(page: &mut Page, image: &Value, check: &Value) {
     page.section("error", "Error against the exact sum");
     let predicted = &image["settings"]["resolved"]["predicted_error_db"];
@@ -26,20 +26,20 @@ pub(super) fn error(page: &mut Page, image: &Value, check: &Value) {
     page.table(Cells::Numbers, &header, &rows);
     match (measured.as_f64(), bound.as_f64()) {
         (Some(measured), Some(bound)) if measured > bound => {
-            page.paragraph("bad", "The bound is missed.");
+            page.paragraph("bad", "The error exceeds the bound.");
         }
-        (Some(_), Some(_)) => page.paragraph("good", "The bound is kept."),
+        (Some(_), Some(_)) => page.paragraph("good", "The error is within the bound."),
         _ => {}
     }
 }
 
-/// Responses of points, each cut with what theory says of it.
+/// Point responses: two cuts each, with the theory of each cut.
 pub(super) fn points(page: &mut Page, points: &[Value], polar: bool) {
     page.section("points", "Points");
     page.paragraph(
         "soft small",
-        "Each along two cuts through its peak. PSLR and ISLR count what lies outside the first minima; \
-         theory is of all pulses alike, without a beam.",
+        "Two cuts through each peak. PSLR and ISLR are of the side lobes outside the first minima. \
+         Theory weights all pulses equally, without a beam pattern.",
     );
     let mut rows: Vec<Row> = Vec::new();
     for (i, point) in points.iter().enumerate() {
@@ -65,7 +65,7 @@ pub(super) fn points(page: &mut Page, points: &[Value], polar: bool) {
                 _ => vec![String::new(); 4],
             };
             let along = words(&cut["along"]);
-            // Across a polar grid widths are angles.
+            // On a polar grid the first axis is an angle.
             let (along, factor) = match (polar, &along[..]) {
                 (true, "x") => ("angle (deg)", 1f64.to_degrees()),
                 (true, "y") => ("range", 1.0),
@@ -123,11 +123,11 @@ pub(super) fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
         found["rms_phase_rad"].as_f64(),
         found["rms_displacement_m"].as_f64(),
     ) {
-        (Some(phase), _) => format!("phases of {phase:.3} rad rms were taken away"),
+        (Some(phase), _) => format!("phase errors of {phase:.3} rad rms were removed"),
         (None, Some(moved)) => format!("the track was moved by {} rms", text::metres(Some(moved))),
         _ => match &*words(&found["outcome"]) {
-            "unjudged" => "correction refused, for held-out data could not judge it",
-            "not-sharper" => "correction refused, for it does not pass the tests on held-out data",
+            "unjudged" => "correction refused: held-out data cannot judge it",
+            "not-sharper" => "correction refused: it does not pass the tests on held-out data",
             _ => "no correction sharpens the image",
         }
         .to_owned(),
@@ -162,20 +162,20 @@ pub(super) fn statistics(page: &mut Page, statistics: &Value) {
     ]);
 }
 
-/// The former, and which one it left the image to.
+/// The former, and for automatic choice the one chosen.
 pub(super) fn former(image: &Value) -> String {
-    let asked = words(&image["settings"]["algorithm"]);
+    let named = words(&image["settings"]["algorithm"]);
     match image["settings"]["resolved"]["former"].as_str() {
-        Some(took) if took != asked => format!("{asked}: {took}"),
-        _ => asked,
+        Some(chosen) if chosen != named => format!("{named}: {chosen}"),
+        _ => named,
     }
 }
 
-/// What a picture of `point-2-x.png` shows.
+/// Caption of a picture from its file name, such as `point-2-x.png`.
 pub(super) fn caption(name: &str) -> String {
     let name = name.trim_end_matches(".png").trim_start_matches("point-");
     match name.split_once('-') {
-        Some((number, "chip")) => format!("point {number}: its response"),
+        Some((number, "chip")) => format!("point {number}: response"),
         Some((number, along)) => {
             format!("point {number}: cut along {}", along.replace('-', " "))
         }
@@ -199,14 +199,14 @@ fn number(value: &Value, digits: usize) -> String {
         .map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
 }
 
-/// A level, or `none`.
+/// Level in decibels; `none` if absent.
 pub(super) fn decibels(value: &Value) -> String {
     value
         .as_f64()
         .map_or_else(|| "none".to_owned(), text::decibels)
 }
 
-/// JSON as words: texts without their quotes.
+/// Text of a JSON value, without quotes.
 pub(super) fn words(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

@@ -12,49 +12,49 @@ use subaperture::io::tiles::{self, TileStore};
 use subaperture::job::{FileStamp, RunReason, State, stamp};
 
 use super::chain::{Link, Stage};
-use super::options::{AUTOFOCUS_PNG, CORRECTION, Options, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
+use super::job::{AUTOFOCUS_PNG, CORRECTION, Job, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
 use crate::args::{self, ImageFormat};
 use crate::commands::export::Products;
 use crate::commands::{autofocus, focus, picture, quality, track};
 use crate::config::Session;
 
-/// The names of records that stages leave.
+/// File names of the records of stages, and the folder of the plots.
 pub(super) const AUTOFOCUS_JSON: &str = "autofocus.json";
 pub(super) const CHECK_JSON: &str = "check.json";
 pub(super) const QUALITY_JSON: &str = "quality.json";
 pub(super) const PLOTS: &str = "quality";
 
-/// The image's own files.
+/// Files of the image.
 const IMAGE: [&str; 3] = [tiles::NAME, "image.json", "image.png"];
 
-/// Who does a job's stages.
+/// Processing of the stages of one job.
 pub(super) struct Worker<'a> {
-    /// Which says no results.
+    /// Session without output of results.
     pub(super) session: &'a Session,
-    pub(super) options: &'a Options,
+    pub(super) job: &'a Job,
     pub(super) writing: args::Writing,
-    /// Whether the folder was a job's before this run.
-    pub(super) ours: bool,
+    /// Whether the folder contained the state of a job before this run.
+    pub(super) is_job_folder: bool,
 }
 
 impl Worker<'_> {
     fn out(&self) -> &Path {
-        &self.options.out
+        &self.job.out
     }
 
-    /// Refuses, before any work, what may not be replaced.
-    pub(super) fn refuse_others(&self) -> anyhow::Result<()> {
+    /// Refuse to replace an image that no job formed.
+    pub(super) fn refuse_foreign_image(&self) -> anyhow::Result<()> {
         let store = self.out().join(tiles::NAME);
-        if !self.ours && !self.writing.force && store.exists() {
+        if !self.is_job_folder && !self.writing.force && store.exists() {
             bail!(
-                "{}: an image is there that is no job's: say another folder with out, or give --force to form another in its place",
+                "{}: this image was not formed by a job: choose another folder by the key out, or replace the image by --force",
                 store.display()
             );
         }
         Ok(())
     }
 
-    /// Makes ready for a stage: what it had done is no longer done. Whether it goes on with what an earlier run had begun.
+    /// Prepare a stage: remove its entry from the state. Returns whether the stage resumes an earlier run.
     pub(super) fn begin(
         &self,
         link: &Link,
@@ -67,14 +67,14 @@ impl Worker<'_> {
             state.write(self.out())?;
             return Ok(false);
         }
-        // Only the image is gone on with. Its record may be lost, and its tiles whole.
-        let goes_on = match why {
+        // Only focusing resumes; also if the record of the image is missing and its tiles are complete.
+        let resumes = match why {
             RunReason::Begun => true,
             RunReason::Output(path) => path != tiles::NAME,
             _ => false,
         };
-        if !goes_on {
-            // While tiles go nobody is to go on with them.
+        if !resumes {
+            // A run that is killed while tiles are removed must not resume with the rest of them.
             state.forget(name);
             state.begin(name, "");
             state.write(self.out())?;
@@ -82,40 +82,35 @@ impl Worker<'_> {
         }
         state.begin(name, &fingerprint);
         state.write(self.out())?;
-        Ok(goes_on && self.out().join(tiles::NAME).exists())
+        Ok(resumes && self.out().join(tiles::NAME).exists())
     }
 
-    /// Does a stage; the files that it left, from the job's folder.
+    /// Run a stage. Returns its output files, relative to the job's folder.
     pub(super) fn work(&self, stage: Stage) -> anyhow::Result<Vec<String>> {
-        let options = self.options;
+        let job = self.job;
+        let missing = "a stage of the chain has settings";
         let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
         match stage {
             Stage::Track => {
-                let told = options.track.as_ref().expect("the chain has what is told");
-                track::run(self.session, &told.typed)?;
+                track::run(self.session, job.track.as_ref().expect(missing))?;
                 Ok(names(&[TRACK_CSV, TRACK_PNG]))
             }
             Stage::Autofocus => {
-                let told = options
-                    .autofocus
-                    .as_ref()
-                    .expect("the chain has what is told");
-                let found = autofocus::found(self.session, &told.typed)?;
-                self.record(AUTOFOCUS_JSON, found)?;
+                let autofocus = job.autofocus.as_ref().expect(missing);
+                self.record(AUTOFOCUS_JSON, autofocus::found(self.session, autofocus)?)?;
                 Ok(names(&[CORRECTION, AUTOFOCUS_PNG, AUTOFOCUS_JSON]))
             }
             Stage::Focus => {
-                focus::run(self.session, &options.focus.typed)?;
+                focus::run(self.session, &job.focus)?;
                 Ok(names(&IMAGE))
             }
             Stage::Check => {
-                let check =
-                    focus::checked(self.session, &options.focus.typed, options.check as usize)?;
+                let check = focus::checked(self.session, &job.focus, job.check)?;
                 self.record(CHECK_JSON, json!(check))?;
                 Ok(names(&[CHECK_JSON]))
             }
             Stage::Picture => {
-                picture::run(self.session, &options.picture.typed)?;
+                picture::run(self.session, &job.picture)?;
                 Ok(names(&[PICTURE_PNG]))
             }
             Stage::Quality => self.quality(),
@@ -126,11 +121,10 @@ impl Worker<'_> {
     fn quality(&self) -> anyhow::Result<Vec<String>> {
         let plots = self.out().join(PLOTS);
         let mut claims = self.claims();
-        let points = self.options.points as usize;
         let (report, drawn) = quality::of_job(
             self.session,
-            &self.options.quality,
-            points,
+            &self.job.quality,
+            self.job.points,
             &plots,
             &mut claims,
         )?;
@@ -144,32 +138,31 @@ impl Worker<'_> {
     fn products(&self) -> anyhow::Result<Vec<String>> {
         let products = Products {
             folder: self.out(),
-            formats: &self.options.formats,
-            place: self.options.place,
+            formats: &self.job.products.formats,
+            place: self.job.products.place,
             writing: self.writing,
         };
-        let _claims = products.claim(self.session, &self.options.focus.typed.input.paths)?;
+        let _claims = products.claim(self.session, &self.job.focus.input.files)?;
         products.write(self.session)?;
-        let files = self.options.formats.iter().flat_map(|format| {
-            let beside: &[&str] = match format {
+        let files = self.job.products.formats.iter().flat_map(|format| {
+            let companions: &[&str] = match format {
                 ImageFormat::Cog => &["map.json"],
                 ImageFormat::Png => &["map.pgw", "map.prj"],
                 _ => &[],
             };
-            std::iter::once(format.file_name()).chain(beside.iter().copied())
+            std::iter::once(format.file_name()).chain(companions.iter().copied())
         });
         Ok(files.map(str::to_owned).collect())
     }
 
-    /// What products were left by an earlier run, by another image or of other formats, is not to be taken for this one's.
-    pub(super) fn sweep(&self, outputs: &[FileStamp]) {
+    /// Remove outputs of an earlier run that are unchanged since: with other settings, files of other names would remain.
+    pub(super) fn remove_outputs(&self, outputs: &[FileStamp]) {
         for output in outputs {
             let path = self.out().join(&output.path);
-            // What was changed since is no longer ours.
             if !matches!(stamp(&path, &output.path), Ok(Some(now)) if now == *output) {
                 continue;
             }
-            // A failure leaves a file more than there should be.
+            // If this fails, a file too many remains.
             let _ = match path.is_dir() {
                 true => fs::remove_dir_all(&path),
                 false => fs::remove_file(&path),
@@ -179,10 +172,10 @@ impl Worker<'_> {
 
     fn claims(&self) -> OutputClaims {
         self.session
-            .claims(&self.writing, &self.options.focus.typed.input.paths)
+            .claims(&self.writing, &self.job.focus.input.files)
     }
 
-    /// Writes a record of this name; `value` is an object with its schema.
+    /// Write a record, with its schema and version added to the object `value`.
     fn record(&self, name: &str, mut value: Value) -> anyhow::Result<()> {
         let schema = name.trim_end_matches(".json");
         if let Some(object) = value.as_object_mut() {

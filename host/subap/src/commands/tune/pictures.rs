@@ -101,7 +101,11 @@ fn image(
     let task = Task {
         history,
         grid,
-        weights: &Weights::new(history.collection(), typed.window, typed.slow_window),
+        weights: &Weights::new(
+            history.collection(),
+            typed.windows.window,
+            typed.windows.slow_window,
+        ),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
         numerics: Default::default(),

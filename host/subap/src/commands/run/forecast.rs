@@ -9,68 +9,69 @@ use subaperture::job::State;
 use subaperture::planner::forecast::{cost, forecast_of};
 
 use super::chain::{Link, Stage};
-use super::options::Options;
+use super::job::Job;
 use crate::args::ImageFormat;
 use crate::commands::air::Recorded;
-use crate::commands::forming;
-use crate::commands::{focus, surface};
+use crate::commands::focus::beam;
+use crate::commands::forming::survey;
+use crate::commands::surface;
 use crate::config::Session;
 use crate::text;
 
-/// What a stage will take; nothing of one that stands.
-#[derive(Default)]
-struct Takes {
+/// Expected cost of a stage; `None` if it is small or the stage is up to date.
+#[derive(Clone, Copy, Default)]
+struct Cost {
     seconds: Option<f64>,
     disk_bytes: Option<u64>,
 }
 
-/// Says which stages are to be done, why, and what they take.
-pub(super) fn tell(
+/// Print which stages will run, why, and their expected cost.
+pub(super) fn print(
     session: &Session,
-    options: &Options,
+    job: &Job,
     chain: &[Link],
     state: &State,
 ) -> anyhow::Result<()> {
     let mut rows = Vec::new();
     for link in chain {
-        let why = state.why(&options.out, &link.basis, &link.before)?;
+        let why = state.why(&job.out, &link.basis, &link.before)?;
         rows.push((link, why));
     }
     let measured = match rows.iter().any(|(_, why)| why.is_some()) {
-        true => Some(Measured::of(session, options)?),
+        true => Some(Measured::new(session, job)?),
         false => None,
     };
-    let takes: Vec<Takes> = rows
+    let costs: Vec<Cost> = rows
         .iter()
         .map(|(link, why)| match (why, &measured) {
-            (Some(_), Some(measured)) => measured.takes(link.stage, options),
-            _ => Takes::default(),
+            (Some(_), Some(measured)) => measured.cost(link.stage, job),
+            _ => Cost::default(),
         })
         .collect();
-    let seconds: f64 = takes.iter().filter_map(|takes| takes.seconds).sum();
-    let disk_bytes: u64 = takes.iter().filter_map(|takes| takes.disk_bytes).sum();
+    let seconds: f64 = costs.iter().filter_map(|cost| cost.seconds).sum();
+    let disk_bytes: u64 = costs.iter().filter_map(|cost| cost.disk_bytes).sum();
     let memory_bytes = measured
         .as_ref()
         .map_or(0, |measured| measured.memory_bytes);
-    let free = free_bytes(&options.out);
+    let free = free_bytes(&job.out);
     if session.json() {
         let stages: Vec<Value> = rows
             .iter()
-            .zip(&takes)
-            .map(|((link, why), takes)| {
+            .zip(&costs)
+            .map(|((link, why), cost)| {
                 json!({
                     "stage": link.name(),
                     "to_do": why.is_some(),
                     "why": why.as_ref().map(ToString::to_string),
-                    "time_s": takes.seconds,
-                    "disk_bytes": takes.disk_bytes,
+                    "time_s": cost.seconds,
+                    "disk_bytes": cost.disk_bytes,
                 })
             })
             .collect();
         return text::say_json(
             "run-forecast",
             json!({
-                "folder": options.out.display().to_string(),
+                "folder": job.out.display().to_string(),
                 "stages": stages,
                 "time_s": seconds,
                 "memory_bytes": memory_bytes,
@@ -80,24 +81,24 @@ pub(super) fn tell(
             }),
         );
     }
-    let lines = rows.iter().zip(&takes).map(|((link, why), takes)| {
+    let lines = rows.iter().zip(&costs).map(|((link, why), cost)| {
         let (to_do, why) = match why {
-            None => ("stands".to_owned(), String::new()),
+            None => ("up to date".to_owned(), String::new()),
             Some(why) => ("to do".to_owned(), why.to_string()),
         };
-        let seconds = takes
+        let seconds = cost
             .seconds
             .map(|s| format!("about {}", text::seconds(rounded(s))));
-        let disk = takes.disk_bytes.map(|bytes| text::bytes(bytes.into()));
-        let unknown = |assumptions: Option<String>| match (&why[..], assumptions) {
-            ("", _) => String::new(),
-            (_, assumptions) => assumptions.unwrap_or_else(|| "little".to_owned()),
+        let disk = cost.disk_bytes.map(|bytes| text::bytes(bytes.into()));
+        let cell = |cost: Option<String>| match &why[..] {
+            "" => String::new(),
+            _ => cost.unwrap_or_else(|| "little".to_owned()),
         };
         vec![
             link.name().to_owned(),
             to_do,
-            unknown(seconds),
-            unknown(disk),
+            cell(seconds),
+            cell(disk),
             why.clone(),
         ]
     });
@@ -117,7 +118,7 @@ pub(super) fn tell(
             text::bytes(session.memory.total_bytes.into()),
             "disk",
             text::bytes(disk_bytes.into()),
-            options.out.display(),
+            job.out.display(),
             match free {
                 Some(free) if free < disk_bytes =>
                     format!("; {} free: too little", text::bytes(free.into())),
@@ -129,40 +130,40 @@ pub(super) fn tell(
     Ok(())
 }
 
-/// Two digits are what an estimate is good for.
+/// Round an estimate to two significant digits.
 fn rounded(seconds: f64) -> f64 {
     format!("{seconds:.1e}").parse().unwrap_or(seconds)
 }
 
-/// What was measured of the work.
+/// Cost of the processing, from measured parts of it.
 struct Measured {
     grid: ImageGrid,
     pixels: u64,
-    /// All that the process will take.
+    /// Peak memory of the process.
     memory_bytes: u64,
     focus_s: Option<f64>,
     autofocus_s: Option<f64>,
-    /// By the exact sum, the whole grid.
+    /// The whole grid by the exact sum.
     exact_s: Option<f64>,
 }
 
 impl Measured {
-    /// On the recorded track, in place of one that is to be found first.
-    fn of(session: &Session, options: &Options) -> anyhow::Result<Self> {
-        let typed = &options.focus.typed;
-        surface::check(&typed.image)?;
-        let recorded = session.open(&typed.input)?;
-        let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    /// Measure on the recorded track, also if the job estimates another one.
+    fn new(session: &Session, job: &Job) -> anyhow::Result<Self> {
+        let focus = &job.focus;
+        let forming = &focus.image.forming;
+        surface::check(&focus.image)?;
+        let recorded = session.open(&focus.input)?;
+        let air = Recorded::new(&focus.image.grid, Box::new(recorded))?;
         let history = air.history();
-        let survey = forming::survey(history)?;
-        let grid = surface::grid(session, &typed.image, history, || &survey)?;
-        let of = (history, typed.velocity);
-        let former = focus::beam::former(session, &typed.image, of, &grid)?;
-        let windows = [typed.image.window, typed.image.slow_window];
+        let survey = survey(history)?;
+        let grid = surface::grid(session, &focus.image, history, || &survey)?;
+        let of = (history, focus.motion.velocity);
+        let former = beam::former(session, &focus.image, of, &grid)?;
+        let [fast, slow] = forming.windows.both();
         let progress = session.progress("measuring");
         let mut memory_bytes = 0;
         let mut time = |grid: &ImageGrid, former: &dyn ImageFormer, numerics: Numerics| {
-            let [fast, slow] = windows;
             let task = Task {
                 history,
                 grid,
@@ -181,20 +182,16 @@ impl Measured {
             memory_bytes = memory_bytes.max(bytes);
             Ok(forecast_of(former, &task, &cost)?.map(|time| time.seconds))
         };
-        let focus_s = time(&grid, &*former, typed.image.numerics(None))?;
-        let autofocus_s = match &options.autofocus {
+        let focus_s = time(&grid, &*former, forming.numerics(None))?;
+        let autofocus_s = match &job.autofocus {
             None => None,
-            Some(assumptions) => {
-                let grid = assumptions.typed.grid.as_ref().unwrap_or(&grid);
-                let one = time(
-                    grid,
-                    &*assumptions.typed.former.former()?,
-                    Numerics::default(),
-                )?;
-                one.map(|one_s| one_s * (assumptions.typed.rounds + 1) as f64)
+            Some(autofocus) => {
+                let grid = autofocus.settings.grid.as_ref().unwrap_or(&grid);
+                let one = time(grid, &*autofocus.former.former()?, Numerics::default())?;
+                one.map(|one_s| one_s * (autofocus.settings.rounds + 1) as f64)
             }
         };
-        let exact_s = match options.check {
+        let exact_s = match job.check {
             0 => None,
             _ => {
                 let exact = formers::former("exact", &json!({}))?;
@@ -212,35 +209,33 @@ impl Measured {
         })
     }
 
-    fn takes(&self, stage: Stage, options: &Options) -> Takes {
+    fn cost(&self, stage: Stage, job: &Job) -> Cost {
         let pixels = self.pixels as f64;
-        let formats = options.formats.iter();
+        let formats = job.products.formats.iter();
         match stage {
-            Stage::Track => Takes::default(),
-            Stage::Autofocus => Takes {
-                // At most: what is sharp ends earlier.
+            Stage::Track => Cost::default(),
+            Stage::Autofocus => Cost {
+                // An upper limit: autofocus stops when the image is sharp.
                 seconds: self.autofocus_s,
                 disk_bytes: None,
             },
-            Stage::Focus => Takes {
+            Stage::Focus => Cost {
                 seconds: self.focus_s,
                 disk_bytes: Some(8 * self.pixels),
             },
-            Stage::Check => Takes {
-                seconds: self
-                    .exact_s
-                    .map(|all_s| all_s * options.check as f64 / pixels),
+            Stage::Check => Cost {
+                seconds: self.exact_s.map(|all_s| all_s * job.check as f64 / pixels),
                 disk_bytes: None,
             },
-            Stage::Picture | Stage::Quality => Takes::default(),
-            Stage::Products => Takes {
+            Stage::Picture | Stage::Quality => Cost::default(),
+            Stage::Products => Cost {
                 seconds: None,
                 disk_bytes: Some(formats.map(|format| self.bytes(*format)).sum()),
             },
         }
     }
 
-    /// What a format takes: greys before they are deflated, with overviews, for maps, whose own raster is about as large.
+    /// Size of a product: greys before compression; maps with overviews, on a raster about as large as the image.
     fn bytes(&self, format: ImageFormat) -> u64 {
         match format {
             ImageFormat::Sicd | ImageFormat::Zarr => 8 * self.pixels,
