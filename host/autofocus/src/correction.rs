@@ -14,7 +14,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
 };
 use subaperture_signal::phase::{cis, narrow};
 
@@ -217,8 +217,8 @@ impl PhaseHistory for Corrected<'_> {
         self.history.channels()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

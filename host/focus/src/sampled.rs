@@ -21,7 +21,7 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
 };
 use subaperture_signal::phase::phasor;
 
@@ -457,8 +457,8 @@ impl PhaseHistory for Sampled<'_> {
         self.history.start_ns()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

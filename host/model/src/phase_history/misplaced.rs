@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError};
+use super::{Beam, Channel, Collection, InputFile, NoBeam, PhaseHistory, Pulse, ReadError};
 use crate::geometry::SceneFrame;
 use crate::track::{joined, strays};
 
@@ -230,8 +230,8 @@ impl PhaseHistory for Excluding {
         self.history.channels()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError};
+use super::{
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
+};
 use crate::track::Trajectory;
 
 /// Phase history whose antenna positions are taken from a track.
@@ -95,8 +97,8 @@ impl PhaseHistory for OnTrack<'_> {
         self.history.channels()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError};
+use super::{
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
+};
 use crate::geometry::{ImageGrid, Troposphere};
 
 /// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by the tropospheric excess of the pulse's reference
@@ -114,8 +116,8 @@ impl PhaseHistory for ThroughAir<'_> {
         self.history.channels()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

@@ -49,7 +49,7 @@ pub(crate) fn former(
             "{ghosts}: choose a narrower grid, or fewer angles by --beam DEG"
         ));
     }
-    let Some(beam) = chosen.beam else {
+    let Some(beam) = chosen.beam.clone() else {
         return Ok(plain);
     };
     messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
@@ -88,8 +88,12 @@ fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
         true => "",
         false => "; --beam none takes all pulses for all pixels",
     };
+    let turns = match beam.aims.is_empty() {
+        true => "",
+        false => " on average, turning with the antennas",
+    };
     format!(
-        "beam: {:.3} deg wide, {:.3} deg forward of broadside{modulo}, {}{none}",
+        "beam: {:.3} deg wide, {:.3} deg forward of broadside{turns}{modulo}, {}{none}",
         beam.width_rad.to_degrees(),
         beam.squint_rad.to_degrees(),
         beam.source.name(),
