@@ -6,12 +6,15 @@ use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::InBeam;
 use subaperture::focus::formers;
 use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::io::recording::{self, Raw};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::{
     Beam, Collection, InMemory, NoBeam, PhaseHistory, Pulse, Stretch, Sweep, Weights,
 };
 use subaperture::prelude::{Backprojection, Focusing};
 use subaperture::radar::{Antenna, Carried, Pattern};
 use subaperture::signal::window::Window;
+use subaperture::simulate::scenario::Scenario;
 use subaperture_tests::plain_history::{complex, plain_pulse, plain_sum};
 use subaperture_tests::plain_sum::hamming;
 
@@ -197,4 +200,65 @@ fn a_stated_pattern_of_unknown_pointing_is_named_in_a_warning() {
         "{:?}",
         image.warnings
     );
+}
+
+/// A strip by antennas on a platform that keeps its attitude, but for what is added to the description.
+const STRIP: &str = r#"name = "strip"
+[scene]
+reference = "0, 300, 0 m"
+x = "-20, 20 m"
+y = "297, 303 m"
+[scene.origin]
+latitude = "47 deg"
+longitude = "8 deg"
+height = "400 m"
+[[scene.point]]
+position = "0, 300, 0 m"
+[radar]
+kind = "stepped"
+step_time = "1 us"
+pulses = 300
+pri = "4 ms"
+centre = "10 GHz"
+bandwidth = "80 MHz"
+samples = 8
+[[radar.transmitter]]
+pattern = "gaussian"
+boresight = "0, 1, 0"
+azimuth = "5 deg"
+elevation = "30 deg"
+[[radar.receiver]]
+pattern = "gaussian"
+boresight = "0, 1, 0"
+azimuth = "5 deg"
+elevation = "30 deg"
+[platform]
+kind = "linear"
+position = "0, 0, 60 m"
+velocity = "60, 4, 0 m/s"
+at = "middle"
+"#;
+
+#[test]
+fn raw_recordings_describe_no_pattern_that_a_reader_would_point_along_the_heading() {
+    let wobble = "[[platform.perturbation]]\nkind = \"wobble\"\nangles = \"0, 0, 8 deg\"\nperiod = \"2.4 s\"\n";
+    for (added, is_described) in [("", true), (wobble, false)] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        std::fs::write(at.join("strip.toml"), format!("{STRIP}{added}")).unwrap();
+        let scenario = Scenario::read(&at.join("strip.toml")).unwrap();
+        let experiment = scenario.experiment().unwrap();
+        let recorded = experiment.record(experiment.pairs()[0]).unwrap();
+        let stated = recorded.stated_beam().unwrap().unwrap();
+        assert_eq!(stated.aims.is_empty(), is_described, "{stated:?}");
+        let raw = Raw {
+            id: "1".to_owned(),
+            echoes: recorded.echoes(),
+            antennas: Some(recorded.echoes().carried()),
+        };
+        assert_eq!(recording::describes_antennas(&raw), is_described);
+        recording::write(&at.join("raw"), &[raw], &Silent).unwrap();
+        let read = subaperture::open(at.join("raw/recording.toml")).unwrap();
+        assert_eq!(read.beam().is_some(), is_described);
+    }
 }

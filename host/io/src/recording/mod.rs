@@ -60,7 +60,7 @@ use subaperture_model::phase_history::{
 use num_complex::Complex32;
 
 pub use phase::SignStated;
-pub use write::{Raw, WriteError, add_to, names, write};
+pub use write::{Raw, WriteError, add_to, describes_antennas, names, write};
 
 /// What is wrong, not yet in words.
 type Faults = Vec<Fault>;

@@ -5,6 +5,7 @@ use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
     Beam, BeamChoice, BeamSource, ChosenBeam, InBeam, Rejected, choose,
 };
+use subaperture::focus::coverage::Coverage;
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::PhaseHistory;
 
@@ -21,6 +22,7 @@ pub(crate) fn former(
     (history, velocity): (&dyn PhaseHistory, Option<DVec3>),
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
+    covered(history, grid)?;
     let plain = typed.former.former()?;
     let choice = choice(typed);
     if let BeamChoice::Given {
@@ -60,6 +62,29 @@ pub(crate) fn former(
         ));
     }
     Ok(Box::new(InBeam::new(plain, beam)?))
+}
+
+/// Warn of pixels whose delays are not recorded.
+///
+/// # Errors
+/// [`Usage`] for a grid without a recorded pixel.
+fn covered(history: &dyn PhaseHistory, grid: &ImageGrid) -> anyhow::Result<()> {
+    let Some(coverage) = Coverage::of(history.collection(), grid) else {
+        return Ok(());
+    };
+    if coverage.is_outside {
+        let fault = "--grid: expected pixels within the recorded interval of ranges, found none: choose a grid about the recording's scene (subap info)";
+        return Err(Usage(fault.to_owned()).into());
+    }
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    if coverage.none + coverage.part > 0.0 {
+        messages::warning(format!(
+            "image: {} of the pixels lie outside the recorded interval of ranges in all pulses, and {} in some: echoes of other ranges appear there",
+            percent(coverage.none),
+            percent(coverage.part)
+        ));
+    }
+    Ok(())
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {
