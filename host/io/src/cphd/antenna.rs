@@ -26,6 +26,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::antenna_polynomials::{Line, Surface, line, surface, value, value_of_two};
 use super::antenna_vectors::AntennaVector;
 use super::xml::{Element, MetadataError};
 use subaperture_model::geometry::SceneFrame;
@@ -33,10 +34,6 @@ use subaperture_model::phase_history::{Beam, NoBeam, Pulse, headings};
 
 /// Fall of the one-way gain at the edge of a main lobe, dB: `10 log10(2)`.
 const HALF_POWER_DB: f64 = 3.010_299_956_639_812;
-/// Most coefficients of a polynomial.
-const MAX_COEFFICIENTS: usize = 1024;
-/// Largest exponent of a polynomial.
-const MAX_EXPONENT: u64 = 64;
 /// Smallest step from the boresight in the search for the edge of the main lobe, radians, and its growth.
 const FIRST_STEP_RAD: f64 = 1e-6;
 const STEP_GROWTH: f64 = 1.05;
@@ -69,12 +66,6 @@ enum Boresight {
     /// Given per vector.
     PerVector,
 }
-
-/// Terms of a polynomial of one variable: exponent, coefficient.
-type Line = Vec<(u32, f64)>;
-
-/// Terms of a polynomial of two variables: exponents, coefficient.
-type Surface = Vec<(u32, u32, f64)>;
 
 /// Phase centre and pattern of the transmitting and of the receiving antenna of a channel, by identifier.
 #[derive(Clone, Debug, PartialEq)]
@@ -448,57 +439,4 @@ fn scale_factors(
         }
         _ => Ok([if on { 1.0 } else { 0.0 }; 2]),
     }
-}
-
-fn line(parent: &Element, name: &'static str) -> Result<Line, MetadataError> {
-    let terms = terms(&parent.child(name)?, &["exponent1"])?;
-    Ok(terms.into_iter().map(|(e, value)| (e[0], value)).collect())
-}
-
-fn surface(parent: &Element, name: &'static str) -> Result<Surface, MetadataError> {
-    let terms = terms(&parent.child(name)?, &["exponent1", "exponent2"])?;
-    Ok(terms
-        .into_iter()
-        .map(|(e, value)| (e[0], e[1], value))
-        .collect())
-}
-
-fn terms(
-    polynomial: &Element,
-    exponents: &[&'static str],
-) -> Result<Vec<([u32; 2], f64)>, MetadataError> {
-    let mut terms = Vec::new();
-    for coefficient in polynomial.children("Coef") {
-        if terms.len() == MAX_COEFFICIENTS {
-            return Err(
-                polynomial.fault(format!("expected at most {MAX_COEFFICIENTS} coefficients"))
-            );
-        }
-        let mut of = [0; 2];
-        for (exponent, name) in of.iter_mut().zip(exponents) {
-            let text = coefficient.attribute(name).unwrap_or_default();
-            let number = text.parse::<u64>().ok().filter(|n| *n <= MAX_EXPONENT);
-            let number = number.ok_or_else(|| {
-                let fault = format!("expected {name} from 0 to {MAX_EXPONENT}, found '{text}'");
-                coefficient.fault(fault)
-            })?;
-            *exponent = number as u32;
-        }
-        terms.push((of, coefficient.number()?));
-    }
-    Ok(terms)
-}
-
-fn value(line: &[(u32, f64)], at: f64) -> f64 {
-    line.iter()
-        .map(|&(n, coefficient)| coefficient * libm::pow(at, f64::from(n)))
-        .sum()
-}
-
-fn value_of_two(terms: &[(u32, u32, f64)], [x, y]: [f64; 2]) -> f64 {
-    let power = |x: f64, n: u32| libm::pow(x, f64::from(n));
-    terms
-        .iter()
-        .map(|&(m, n, coefficient)| coefficient * power(x, m) * power(y, n))
-        .sum()
 }
