@@ -35,9 +35,15 @@ fn pixels_outside_the_recorded_ranges_are_counted_and_a_grid_of_them_is_refused(
     );
     assert_eq!(listing(at), before);
     let named = "of the pixels lie outside the recorded interval of ranges";
-    let within = run(at, "focus a.cphd --grid x=-2:2:1,y=80:84:1 -o within --allow-error");
+    let within = run(
+        at,
+        "focus a.cphd --grid x=-2:2:1,y=80:84:1 -o within --allow-error",
+    );
     assert!(!within.stderr.contains(named), "{}", within.stderr);
-    let partly = run(at, "focus a.cphd --grid x=-2:2:1,y=94:98:1 -o partly --allow-error");
+    let partly = run(
+        at,
+        "focus a.cphd --grid x=-2:2:1,y=94:98:1 -o partly --allow-error",
+    );
     assert!(partly.stderr.contains(named), "{}", partly.stderr);
     let record = std::fs::read_to_string(at.join("partly/image.json")).unwrap();
     assert!(record.contains(named), "{record}");

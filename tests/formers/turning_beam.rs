@@ -27,7 +27,7 @@ fn scan_rad(n: usize) -> f64 {
     0.2 - 0.4 * n as f64 / (PULSES - 1) as f64
 }
 
-/// Of the angle forward of broadside, on a track along x.
+/// Sine of the angle of a place forward of broadside, on a track along x.
 fn sine(pulse: &Pulse, place_m: DVec3) -> f64 {
     let from = place_m - pulse.transmitter_m;
     from.x / from.length()

@@ -153,7 +153,7 @@ mod tests {
         };
         let within = coverage("x=-5:5:1,y=-24:24:1");
         assert_eq!((within.none, within.part), (0.0, 0.0));
-        // 100 rows at -49.5 to 49.5 m, of which those from -24.5 to 24.5 m are covered.
+        // 100 rows at -49.5 to 49.5 m. Those from -24.5 to 24.5 m are covered.
         let wide = coverage("x=0:1:1,y=-49.5:50:1");
         assert!((wide.none - 50.0 / 100.0).abs() < 1e-12, "{wide:?}");
         assert!(!wide.is_outside);

@@ -44,7 +44,7 @@ const ANTENNA_FIELDS: [(&str, [(&str, usize); 3]); 2] = [
     ("RcvAntenna", [("RcvACX", 8), ("RcvACY", 11), ("RcvEB", 14)]),
 ];
 
-/// XML of [`ANTENNA_FIELDS`].
+/// XML elements that state the places of [`ANTENNA_FIELDS`] in a record.
 fn antenna_fields() -> String {
     let field = |(name, word): (&str, usize)| {
         let (size, format) = match name.ends_with("EB") {

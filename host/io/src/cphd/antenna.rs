@@ -49,7 +49,7 @@ pub(super) struct Antennas {
     patterns: HashMap<String, Result<Pattern, String>>,
 }
 
-/// Coordinate frame of an antenna.
+/// Coordinate frame of an antenna, by polynomials or by vectors.
 #[derive(Clone, Debug, PartialEq)]
 enum Frame {
     /// Polynomials of the axes X and Y in ECF, each of x, y, z over time.
@@ -58,12 +58,12 @@ enum Frame {
     PerVector,
 }
 
-/// Electrical boresight of a pattern.
+/// Electrical boresight of a pattern, by polynomials or by vectors.
 #[derive(Clone, Debug, PartialEq)]
 enum Boresight {
     /// Direction cosines along X and Y over time.
     Polynomials([Line; 2]),
-    /// Given per vector.
+    /// The boresight is given per vector (`TxEB`, `RcvEB`).
     PerVector,
 }
 
@@ -412,7 +412,7 @@ fn outwards(side: f64) -> impl Iterator<Item = f64> {
         .map(move |step| side * step)
 }
 
-/// Value of an optional switch; false without it.
+/// Value of an optional switch of the XML; false for an element that lacks it.
 fn switch(element: &Element, name: &'static str) -> Result<bool, MetadataError> {
     element.optional(name).map_or(Ok(false), |used| flag(&used))
 }

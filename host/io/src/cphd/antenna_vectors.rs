@@ -15,7 +15,7 @@ const NAMES: [[&str; 4]; 2] = [
 #[derive(Clone, Debug)]
 pub(super) struct AntennaFields([[Field; 3]; 2]);
 
-/// One antenna at one vector. Nothing is checked: numbers that are not finite give no direction.
+/// One antenna at one vector. Numbers that are not finite give no direction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AntennaVector {
     /// Axes X and Y of the antenna's coordinate frame, ECF.

@@ -127,7 +127,7 @@ impl CphdInfo {
     /// Beam of a channel along the track of these pulses, if the file gives antenna patterns for it.
     ///
     /// # Errors
-    /// [`NoBeam`]. Faults of the patterns themselves are those of [`Self::unused_patterns`].
+    /// [`NoBeam`]. [`Self::unused_patterns`] states faults of the patterns.
     pub(super) fn beam(
         &self,
         channel: &ChannelInfo,

@@ -13,7 +13,7 @@ pub(crate) const SCALAR: &str = "F8";
 /// Three of them.
 pub(crate) const POSITION: &str = "X=F8;Y=F8;Z=F8;";
 
-/// Two direction cosines.
+/// Two direction cosines, along the X and the Y axis of an antenna.
 pub(crate) const COSINES: &str = "DCX=F8;DCY=F8;";
 
 /// A signed integer.
