@@ -22,7 +22,6 @@ pub(crate) fn former(
     (history, velocity): (&dyn PhaseHistory, Option<DVec3>),
     grid: &ImageGrid,
 ) -> anyhow::Result<Box<dyn ImageFormer>> {
-    covered(history, grid)?;
     let plain = typed.former.former()?;
     let choice = choice(typed);
     if let BeamChoice::Given {
@@ -39,6 +38,7 @@ pub(crate) fn former(
     let progress = session.progress("choosing the beam");
     let chosen = choose(choice, history, grid, target_m_s, &progress)?;
     progress.finish();
+    covered(history, grid)?;
     match &chosen.rejected {
         Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
             "{rejected}. Say about where by --beam auto --squint DEG, or take all pulses by --beam none"
