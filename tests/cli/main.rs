@@ -34,6 +34,7 @@ mod overwrite;
 mod parsed_memory;
 mod parts;
 mod picture;
+mod plan_focus;
 mod plan_radar;
 mod quality;
 mod rail_scan;

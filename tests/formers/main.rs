@@ -27,3 +27,4 @@ mod surfaces;
 mod sweep_motion;
 mod tiles;
 mod track_scene;
+mod turning_beam;

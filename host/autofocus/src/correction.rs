@@ -13,7 +13,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use subaperture_model::phase_history::{Beam, Collection, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use subaperture_signal::phase::{cis, narrow};
 
 /// Correction of a recording, one entry per pulse.
@@ -211,8 +211,8 @@ impl PhaseHistory for Corrected<'_> {
         self.history.true_antennas()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn held_bytes(&self) -> u64 {

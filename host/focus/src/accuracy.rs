@@ -47,6 +47,7 @@ use num_complex::Complex64;
 
 use super::budget::Budget;
 use super::compared::{self, Compared, Planned};
+use super::cost::StageCost;
 use super::sampled::{Probes, TileRecord};
 use super::second_look::{Estimate, add_all, look_again, look_at_all};
 use super::{
@@ -315,9 +316,9 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     Ok(formed)
 }
 
-/// Real operations of comparing an image of `spec` with the exact sum, in both passes over its pulses. No plan's cost contains them.
-pub fn comparison_operations(spec: &ImageSpec) -> f64 {
-    second_look::operations(spec)
+/// Cost of comparing an image of `spec` with the exact sum, in both passes over its pulses. No plan's cost contains it.
+pub fn comparison_cost(spec: &ImageSpec) -> StageCost {
+    second_look::cost(spec)
 }
 
 /// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is

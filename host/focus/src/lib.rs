@@ -25,6 +25,7 @@ pub mod budget;
 mod calibrate;
 mod compared;
 pub mod cost;
+pub mod coverage;
 pub mod dark;
 mod drawn;
 mod error;

@@ -45,7 +45,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Axis;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
 };
 use subaperture_model::resolution::support::{self, Projection, path_gradient};
 
@@ -121,8 +121,9 @@ impl PhaseHistory for Moving<'_> {
         self.history.channels()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        Some(self.seen_from(self.history.beam()?))
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        let stated = self.history.stated_beam()?;
+        Ok(stated.map(|beam| self.seen_from(beam)))
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

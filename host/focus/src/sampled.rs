@@ -20,7 +20,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Beam, Collection, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use subaperture_signal::phase::phasor;
 
 /// Number of pixels of every image that are compared with the exact sum.
@@ -451,7 +451,7 @@ impl PhaseHistory for Sampled<'_> {
         self.history.held_bytes()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 }

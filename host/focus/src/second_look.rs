@@ -18,9 +18,10 @@
 
 use num_complex::{Complex32, Complex64};
 
-use super::cost::transform;
+use super::cost::{StageCost, transform};
 use super::drawn::DRAWS;
 use super::sampled::{ComparedPixel, Probes, TileRecord, sampled_pixels};
+use super::stages::SAMPLES;
 use super::{FormError, ImageSpec, Tile};
 use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
@@ -140,26 +141,33 @@ fn sums(
 const TERM: f64 = 8.0;
 const SWEPT_TERM: f64 = 73.0;
 
-/// Real operations that compare an image of `spec` with the exact sum: at the pixels spread evenly, with the range profiles of all pulses, and at
+/// Cost of comparing an image of `spec` with the exact sum: at the pixels spread evenly, with the range profiles of all pulses, and at
 /// as many drawn pixels. An image whose pixels are all compared needs neither profiles nor drawn pixels.
 ///
 /// The second comparison is counted although some images settle without it. Neglected: the comparison of every pixel of a small image that would
 /// exceed its bound, at most 0.1 s.
-pub(super) fn operations(spec: &ImageSpec) -> f64 {
+pub(super) fn cost(spec: &ImageSpec) -> StageCost {
     let (pulses, width) = (
         spec.collection.pulses.len() as f64,
         spec.collection.num_samples as f64,
     );
-    let term = match spec.collection.sweeps() {
-        true => SWEPT_TERM,
-        false => TERM,
+    let model = spec.numerics.model;
+    let (term, term_ns) = match spec.collection.sweeps() {
+        true => (SWEPT_TERM, model.swept_sum_ns),
+        false => (TERM, model.sum_ns),
     };
     let spread = sampled_pixels(spec.grid).len();
     let (compared, profiles) = match spread < spec.grid.num_pixels() as usize {
-        true => (spread + DRAWS, pulses * transform(width)),
+        true => (spread + DRAWS, pulses),
         false => (spread, 0.0),
     };
-    term * compared as f64 * pulses * width + profiles
+    let terms = compared as f64 * pulses * width;
+    let doublings = width * libm::log2(width.max(2.0));
+    StageCost::new(
+        SAMPLES,
+        term * terms + profiles * transform(width),
+        term_ns * terms + profiles * doublings * model.transform_ns,
+    )
 }
 
 /// Largest number of terms (pixels x pulses x frequencies) for which every pixel is compared: about 0.1 s.

@@ -2,7 +2,7 @@
 //! ([`subaperture_focus::forecast`]); the time is scaled by the former's operation count
 //! ([`subaperture_focus::cost`]), with the operations of comparing the image with the exact sum.
 
-use subaperture_focus::accuracy::comparison_operations;
+use subaperture_focus::accuracy::comparison_cost;
 use subaperture_focus::forecast::{Forecast, WorkSize, fewer, grow};
 use subaperture_focus::{BoundPolicy, Cost, FormError, ImageFormer, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -29,7 +29,7 @@ pub fn cost(former: &dyn ImageFormer, task: &Task) -> Option<Cost> {
 /// Real operations of `task` in all, by its plan's `cost`: those of the plan, and those of comparing the image with the exact sum in two
 /// passes over the pulses.
 pub fn operations(task: &Task, cost: &Cost) -> f64 {
-    (cost.operations + comparison_operations(&task.spec())).max(1.0)
+    (cost.operations + comparison_cost(&task.spec()).operations).max(1.0)
 }
 
 /// Time a part of `task` and extrapolate to the whole. `None` if the part could not be formed; forming the task gives the reason.

@@ -10,7 +10,7 @@ use super::experiment::{Experiment, Pair};
 use super::record_error::RecordError;
 use subaperture_io::receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
 use subaperture_model::phase_history::{
-    Beam, ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
+    Beam, ChannelHistory, Channels, Collection, NoBeam, PhaseHistory, ReadError,
 };
 use subaperture_model::radar::Waveform;
 
@@ -124,13 +124,14 @@ impl PhaseHistory for Recording<'_> {
         self.echoes().true_antennas()
     }
 
-    fn beam(&self) -> Option<Beam> {
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
         let pulses = &self.echoes().collection().pulses;
         let middles_m = pulses
             .iter()
             .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
             .collect::<Vec<_>>();
-        self.echoes().carried().beam(&middles_m)
+        let times_s = pulses.iter().map(|pulse| pulse.time_s).collect::<Vec<_>>();
+        self.echoes().carried().beam(&times_s, &middles_m)
     }
 
     fn held_bytes(&self) -> u64 {

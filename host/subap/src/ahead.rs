@@ -9,7 +9,7 @@ use subaperture::focus::{Cost, FormError, ImageFormer, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast::forecast_of;
+use subaperture::planner::forecast::{forecast_of, operations};
 
 use crate::args::Rehearsal;
 use crate::config::Session;
@@ -47,7 +47,7 @@ impl Ahead {
         let pixels = grid.num_pixels();
         let many = MANY_OPERATIONS * session.threads as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
-        if rehearsal.dry_run || cost.operations > many {
+        if rehearsal.dry_run || operations(task, cost) > many {
             time = forecast_of(former, task, cost)?;
             let held_bytes = buffers_bytes.saturating_add(cost.bytes(1.0));
             buffers_bytes = held_bytes.min(task.memory_bytes);

@@ -1,15 +1,15 @@
 //! Predicted and measured cost of each stage of image formation, shown with `-v`.
 
-use subaperture::focus::Cost;
 use subaperture::focus::stages::{StageTime, StageTimer, StageTimes};
+use subaperture::focus::{Cost, StageCost};
 use subaperture::monitor::Monitor;
 use subaperture::quantity::seconds;
 
 use crate::config::Session;
 
-/// Before the work: by the former's own account and its time model.
-pub(crate) fn foretell(session: &Session, cost: &Cost) {
-    for stage in &cost.stages {
+/// Print the expected cost of each stage, and of the `comparison` with the exact sum, by the timing model.
+pub(crate) fn foretell(session: &Session, cost: &Cost, comparison: &StageCost) {
+    for stage in cost.stages.iter().chain([comparison]) {
         session.note(1, || {
             let (name, operations) = (&stage.name, stage.operations);
             let time = duration(stage.core_s);
@@ -17,9 +17,9 @@ pub(crate) fn foretell(session: &Session, cost: &Cost) {
         });
     }
     session.note(1, || {
-        let all = duration(cost.core_s());
+        let all_s = cost.core_s() + comparison.core_s;
         let threads = session.threads;
-        let each = duration(cost.core_s() / threads as f64);
+        let [all, each] = [all_s, all_s / threads as f64].map(duration);
         format!("all stages about {all} of a core, {each} on {threads}, reading apart")
     });
 }
@@ -53,7 +53,7 @@ pub(crate) fn measured<T>(
 }
 
 /// Two digits are what it is good for.
-fn duration(duration_s: f64) -> String {
+pub(crate) fn duration(duration_s: f64) -> String {
     let rounded = format!("{duration_s:.1e}").parse();
     seconds(rounded.unwrap_or(duration_s))
 }

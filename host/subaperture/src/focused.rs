@@ -75,7 +75,9 @@ impl FocusedImage {
         let of_former = told.into_iter().flatten().filter_map(Value::as_str);
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         // Theory is of the pulses that see the middle.
-        let seen = beam.and_then(|beam| seeing(&beam, history, middle_m).ok());
+        let seen = beam
+            .as_ref()
+            .and_then(|beam| seeing(beam, history, middle_m).ok());
         let seen = seen.as_ref().map_or(collection, |seen| seen.collection());
         Self {
             grid: grid.clone(),

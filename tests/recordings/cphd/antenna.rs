@@ -1,9 +1,10 @@
 //! Antenna patterns as gain polynomials, in XML made by hand.
 
+use glam::DVec3;
 use subaperture::io::cphd::Cphd;
-use subaperture::phase_history::{BeamSource, PhaseHistory, ReadError};
+use subaperture::phase_history::{BeamSource, NoBeam, PhaseHistory, ReadError};
 
-use super::by_hand::{ByHand, POSITION, assemble, cf8};
+use super::by_hand::{ByHand, POSITION, RECORD_WORDS, VECTORS, assemble, cf8};
 use num_complex::Complex32;
 
 /// Earth-centred: the track of [`ByHand`] goes along ECF y.
@@ -17,6 +18,9 @@ struct Hand {
     freq_zero: &'static str,
     switches: &'static str,
     acf: &'static str,
+    eb: &'static str,
+    /// Angle of the boresight forward of ECF x and its direction cosine along X, at each vector.
+    vectors: Option<[[f64; 2]; VECTORS]>,
 }
 
 /// Half the power at 0.05 off, in direction cosines: 10 log10(2) / 0.05^2.
@@ -30,7 +34,33 @@ const PLAIN: Hand = Hand {
     freq_zero: "9.0015e9",
     switches: "",
     acf: "",
+    eb: "",
+    vectors: None,
 };
+
+/// Parameters of the antennas at a vector: X axis, Y axis and boresight of both, 16 words after those of [`ByHand`].
+const ANTENNA_FIELDS: [(&str, [(&str, usize); 3]); 2] = [
+    ("TxAntenna", [("TxACX", 0), ("TxACY", 3), ("TxEB", 6)]),
+    ("RcvAntenna", [("RcvACX", 8), ("RcvACY", 11), ("RcvEB", 14)]),
+];
+
+/// XML elements that state the places of [`ANTENNA_FIELDS`] in a record.
+fn antenna_fields() -> String {
+    let field = |(name, word): (&str, usize)| {
+        let (size, format) = match name.ends_with("EB") {
+            true => (2, "DCX=F8;DCY=F8;"),
+            false => (3, POSITION),
+        };
+        let offset = RECORD_WORDS + word;
+        format!(
+            "<{name}><Offset>{offset}</Offset><Size>{size}</Size><Format>{format}</Format></{name}>"
+        )
+    };
+    let antenna = |(name, fields): (&str, [(&str, usize); 3])| {
+        format!("<{name}>{}</{name}>", fields.map(field).concat())
+    };
+    ANTENNA_FIELDS.map(antenna).concat()
+}
 
 impl Hand {
     fn open(&self) -> Result<Cphd, ReadError> {
@@ -55,11 +85,12 @@ impl Hand {
                 format!("<{name}>{both}</{name}>")
             };
             format!(
-                "<AntPattern><Identifier>{id}</Identifier><FreqZero>{}</FreqZero>{}<EB>{}{}</EB>{}{}</AntPattern>",
+                "<AntPattern><Identifier>{id}</Identifier><FreqZero>{}</FreqZero>{}<EB>{}{}{}</EB>{}{}</AntPattern>",
                 self.freq_zero,
                 self.switches,
                 line("DCXPoly", self.boresight[0]),
                 line("DCYPoly", self.boresight[1]),
+                self.eb,
                 gain("Array", array),
                 gain("Element", element)
             )
@@ -81,7 +112,26 @@ impl Hand {
         let xml = hand.xml().replace("<RefChId>only</RefChId>", parameters);
         let xml = xml.replace("<PVP>", &format!("{antenna}<PVP>"));
         assert!(xml.contains(POSITION) && xml.contains("TxAPATId"));
-        let bytes = assemble(hand.version, &xml, &hand.pvp(), &hand.signal);
+        let (xml, pvp) = match self.vectors {
+            None => (xml, hand.pvp()),
+            Some(vectors) => {
+                let bytes = |words: usize| format!("<NumBytesPVP>{}</NumBytesPVP>", 8 * words);
+                let xml = xml.replace(&bytes(RECORD_WORDS), &bytes(RECORD_WORDS + 16));
+                let records = hand.pvp();
+                let mut pvp = Vec::new();
+                for (record, [angle, cosine]) in records.chunks_exact(8 * RECORD_WORDS).zip(vectors)
+                {
+                    pvp.extend_from_slice(record);
+                    // Z = X x Y = (cos, sin, 0): forward along ECF y.
+                    let axes = [-angle.sin(), angle.cos(), 0.0, 0.0, 0.0, 1.0, cosine, 0.0];
+                    for word in axes.iter().chain(&axes) {
+                        pvp.extend_from_slice(&word.to_be_bytes());
+                    }
+                }
+                (xml.replace("</PVP>", &(antenna_fields() + "</PVP>")), pvp)
+            }
+        };
+        let bytes = assemble(hand.version, &xml, &pvp, &hand.signal);
         super::by_hand::open_bytes(&bytes)
     }
 
@@ -204,5 +254,49 @@ fn patterns_without_a_lobe_give_no_beam_and_faults_are_named() {
         boresight: ["0.9", "0.9"],
         ..PLAIN
     };
-    assert_eq!(beyond.open().unwrap().beam(), None);
+    let beyond = beyond.open().unwrap();
+    assert_eq!(beyond.beam(), None);
+    assert_eq!(beyond.stated_beam(), Err(NoBeam::NoAttitude));
+}
+
+#[test]
+fn axes_and_boresights_per_vector_give_the_beam() {
+    let half = 0.05f64.asin();
+    // The polynomials of the axes point at a right angle to the track; the vectors do not.
+    let axes = Hand {
+        acf: "<UseACFPVP>true</UseACFPVP>",
+        vectors: Some([[0.2, 0.7]; VECTORS]),
+        ..PLAIN
+    };
+    assert_beam(axes.beam(), [2.0 * half, 0.2]);
+    let boresights = Hand {
+        eb: "<UseEBPVP>true</UseEBPVP>",
+        vectors: Some([[0.7, 0.2]; VECTORS]),
+        ..PLAIN
+    };
+    let [back, forward] = [0.15f64.asin(), 0.25f64.asin()];
+    assert_beam(boresights.beam(), [forward - back, 0.5 * (back + forward)]);
+    // Antennas that turn are followed.
+    let angles = [-0.3, 0.1, 0.4];
+    let turning = Hand {
+        vectors: Some(angles.map(|angle| [angle, 0.0])),
+        ..axes
+    };
+    let cphd = turning.open().unwrap();
+    let beam = cphd.stated_beam().unwrap().unwrap();
+    assert!((beam.width_rad - 2.0 * half).abs() < 1e-8);
+    let times_s = cphd.collection().pulses.iter().map(|pulse| pulse.time_s);
+    let squints = beam.squints_rad(&times_s.collect::<Vec<_>>(), &[DVec3::X; VECTORS]);
+    for (squint, angle) in squints.iter().zip(angles) {
+        assert!((squint - angle).abs() < 1e-9, "{squints:?}");
+    }
+    // Axes that are not numbers at one vector leave the pointing unknown there.
+    let unknown = Hand {
+        vectors: Some([[0.2, 0.0], [f64::NAN, 0.0], [0.2, 0.0]]),
+        ..turning
+    };
+    assert_eq!(
+        unknown.open().unwrap().stated_beam(),
+        Err(NoBeam::NoAttitude)
+    );
 }

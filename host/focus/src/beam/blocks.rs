@@ -126,7 +126,7 @@ impl Shifting<'_> {
             let seeing = self.track.seeing(self.beam, place_m)?;
             Ok::<_, FormError>(match seeing.is_empty() {
                 // No pulse illuminates the point: it lies ahead of or behind the beam along the whole track.
-                true => match self.track.sine(0, place_m) > libm::sin(self.beam.squint_rad) {
+                true => match self.track.is_ahead(self.beam, 0, place_m) {
                     true => self.track.len()..self.track.len(),
                     false => 0..0,
                 },

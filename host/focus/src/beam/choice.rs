@@ -150,7 +150,7 @@ pub fn choose(
 ) -> Result<ChosenBeam, EstimateError> {
     let mut chosen = limited(choice, history, grid, target_m_s, monitor)?;
     // A beam narrower than the unambiguous interval receives no ambiguities but in its flanks.
-    let width = chosen.beam.map_or(2.0, |beam| {
+    let width = chosen.beam.as_ref().map_or(2.0, |beam| {
         let edges = [-0.5, 0.5].map(|side| libm::sin(beam.squint_rad + side * beam.width_rad));
         edges[1] - edges[0]
     });
@@ -184,18 +184,24 @@ fn limited(
                 ..ChosenBeam::of(found.beam)
             }
         }
-        BeamChoice::Stated => match history.beam() {
-            Some(beam) => ChosenBeam::of(beam),
-            None => shown(history, grid, target_m_s, monitor)?,
+        BeamChoice::Stated => match history.stated_beam() {
+            Ok(Some(beam)) => ChosenBeam::of(beam),
+            Ok(None) => shown(history, grid, target_m_s, monitor)?,
+            Err(why) => {
+                return Ok(ChosenBeam::all_pulses(Some(Rejected::Unsuited {
+                    source: BeamSource::Stated,
+                    why: why.to_string(),
+                })));
+            }
         },
     };
-    let Some(beam) = chosen.beam else {
+    let Some(beam) = &chosen.beam else {
         return Ok(chosen);
     };
     let asked = choice != BeamChoice::Stated;
-    let lit = super::check_sound(&beam).and_then(|()| {
+    let lit = super::check_sound(beam).and_then(|()| {
         crate::check(history.collection(), grid)?;
-        blocks::lit(&beam, history.collection(), grid, Window::None)
+        blocks::lit(beam, history.collection(), grid, Window::None)
     });
     match lit {
         Ok(lit) if !asked && super::all_see(&lit, history.collection().pulses.len()) => {

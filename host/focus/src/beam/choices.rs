@@ -132,6 +132,9 @@ pub(super) fn decide(
         "most_pulses": most_pulses.max(),
         "pixels_unseen": lit.num_unseen(),
     });
+    if !beam.aims.is_empty() {
+        settings["beam"]["turns"] = true.into();
+    }
     let stray = seen().map(
         |decision| match decision.settings["stray_error_db"].as_f64() {
             Some(db) => db,

@@ -53,7 +53,7 @@ const ALIKE: f64 = 4.0;
 const SIDE: usize = 5;
 
 /// Estimated beam and its quality.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Estimate {
     /// Estimated width and squint of the beam.
     pub beam: Beam,

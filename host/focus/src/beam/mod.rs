@@ -49,7 +49,7 @@ use subaperture_signal::window::Window;
 
 pub use choice::{BeamChoice, ChosenBeam, Ghosts, Rejected, choose};
 pub use estimate::{Demanded, Estimate, EstimateError, demanded, estimate};
-pub use subaperture_model::phase_history::{Beam, BeamSource};
+pub use subaperture_model::phase_history::{Aim, Beam, BeamSource, NoBeam};
 
 use track::Track;
 
@@ -90,7 +90,7 @@ impl ImageFormer for InBeam {
 
     fn settings(&self) -> Value {
         let mut settings = self.former.settings();
-        settings[KEY] = serde_json::to_value(self.beam).expect("a beam is of numbers");
+        settings[KEY] = serde_json::to_value(&self.beam).expect("a beam is of numbers");
         settings
     }
 
@@ -107,7 +107,7 @@ impl ImageFormer for InBeam {
     }
 
     fn beam(&self) -> Option<Beam> {
-        Some(self.beam)
+        Some(self.beam.clone())
     }
 
     fn weights(
@@ -150,7 +150,7 @@ impl ImageFormer for InBeam {
     fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
         Some(Box::new(Self {
             former: self.former.planning_for(error_db)?.into(),
-            beam: self.beam,
+            beam: self.beam.clone(),
         }))
     }
 }

@@ -12,6 +12,9 @@ use subaperture_model::phase_history::{Collection, headings};
 /// pulse by pulse only where the coarse search finds no other pass.
 const COARSE: usize = 2048;
 
+/// Largest interruption of a pass, as a fraction of the pulses: noise of positions and attitudes at the edge of the beam. Headings are averaged over as many.
+const INTERRUPTION: usize = 64;
+
 /// Largest heading change, radians, and largest relative step deviation for a Doppler spectrum of the whole track. Larger values smear the spectrum.
 const MAX_TURN_RAD: f64 = 0.035;
 const MAX_UNEVEN: f64 = 0.1;
@@ -24,6 +27,8 @@ pub(super) struct Track<'a> {
     headings: Vec<DVec3>,
     /// Along-track distance from each pulse to the next, metres, relative to the target.
     steps_m: Vec<f64>,
+    /// Squint of the beam at each pulse, radians; empty for a beam that does not turn.
+    squints_rad: Vec<f64>,
 }
 
 impl<'a> Track<'a> {
@@ -58,6 +63,13 @@ impl<'a> Track<'a> {
             None => Ok(Self {
                 name,
                 places_m,
+                squints_rad: match beam.aims.is_empty() {
+                    true => Vec::new(),
+                    false => {
+                        let times_s = collection.pulses.iter().map(|pulse| pulse.time_s);
+                        beam.squints_rad(&times_s.collect::<Vec<_>>(), &headings)
+                    }
+                },
                 headings,
                 steps_m,
             }),
@@ -71,6 +83,12 @@ impl<'a> Track<'a> {
     pub(super) fn sine(&self, n: usize, place_m: DVec3) -> f64 {
         let from = place_m - self.places_m[n];
         (self.headings[n].dot(from) / from.length()).clamp(-1.0, 1.0)
+    }
+
+    /// Whether a point lies forward of the centre of a beam at pulse `n`.
+    pub(super) fn is_ahead(&self, beam: &Beam, n: usize, place_m: DVec3) -> bool {
+        let squint_rad = self.squints_rad.get(n).unwrap_or(&beam.squint_rad);
+        self.sine(n, place_m) > libm::sin(*squint_rad)
     }
 
     /// Mean pulse spacing, metres, of a straight track with even spacing.
@@ -123,7 +141,13 @@ impl<'a> Track<'a> {
     pub(super) fn seeing(&self, beam: &Beam, place_m: DVec3) -> Result<Range<usize>, FormError> {
         let half_rad = 0.5 * beam.width_rad;
         let edges = [beam.squint_rad - half_rad, beam.squint_rad + half_rad].map(libm::sin);
-        let sees = |n: usize| (edges[0]..=edges[1]).contains(&self.sine(n, place_m));
+        let sees = |n: usize| {
+            let sine = self.sine(n, place_m);
+            match self.squints_rad.get(n) {
+                None => (edges[0]..=edges[1]).contains(&sine),
+                Some(squint_rad) => (libm::asin(sine) - squint_rad).abs() <= half_rad,
+            }
+        };
         let step = self.len().div_ceil(COARSE).max(1);
         for step in [step, 1] {
             let mut seeing = (0..self.len()).step_by(step).filter(|&n| sees(n));
@@ -131,8 +155,9 @@ impl<'a> Track<'a> {
                 continue;
             };
             let (mut last, mut passes) = (first, 1);
+            let longest = step.max(self.len() / INTERRUPTION);
             for n in seeing {
-                passes += usize::from(n != last + step);
+                passes += usize::from(n > last + longest);
                 last = n;
             }
             if passes > 1 {

@@ -13,6 +13,9 @@ pub(crate) const SCALAR: &str = "F8";
 /// Three float64.
 pub(crate) const POSITION: &str = "X=F8;Y=F8;Z=F8;";
 
+/// Two direction cosines, along the X and the Y axis of an antenna.
+pub(crate) const COSINES: &str = "DCX=F8;DCY=F8;";
+
 /// A signed integer.
 pub(crate) const INTEGER: &str = "I8";
 
@@ -56,7 +59,7 @@ impl Field {
     ) -> Result<Self, MetadataError> {
         let words = match format {
             POSITION => 3,
-            WHOLE_AND_FRACTION => 2,
+            WHOLE_AND_FRACTION | COSINES => 2,
             _ => 1,
         };
         let found = node.child("Format")?;
@@ -104,6 +107,11 @@ impl Words<'_> {
     /// Number that may be NaN or infinite.
     pub(crate) fn number(&self, field: Field) -> f64 {
         f64::from_be_bytes(self.word(field.byte))
+    }
+
+    /// All numbers of a parameter, of any kind.
+    pub(crate) fn numbers<const N: usize>(&self, field: Field) -> [f64; N] {
+        std::array::from_fn(|word| f64::from_be_bytes(self.word(field.byte + 8 * word)))
     }
 
     /// An integer.

@@ -17,22 +17,23 @@
 //! either side is that of an antenna without a main lobe.
 //!
 //! **Neglected.** Attitudes are those at `TxTime` for both antennas; `GainBSPoly`, phase polynomials and sampled patterns (`AntGPId`, `GainPhaseArray`) are not
-//! used. Axes or boresights given per vector (`UseACFPVP`, `UseEBPVP`) are not read: such a pattern is not used, and the recording's warnings say so.
+//! used. The lobe is that at the centre frequency; `EBFreqShift` moves it by up to `EBX B / 2 f` to either side at the edges of a band `B`.
+//!
+//! Axes and boresights are those of each vector (`TxACX`, `TxACY`, `TxEB` and the receiver's) where `UseACFPVP` or `UseEBPVP` is true. A file that then lacks
+//! them has patterns that are not used, and its warnings say so.
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
+use super::antenna_polynomials::{Line, Surface, line, surface, value, value_of_two};
+use super::antenna_vectors::AntennaVector;
 use crate::container::{Element, MetadataError};
 use subaperture_model::geometry::SceneFrame;
-use subaperture_model::phase_history::{Beam, Pulse, headings};
+use subaperture_model::phase_history::{Beam, NoBeam, Pulse, headings};
 
 /// Fall of the one-way gain at the edge of a main lobe, dB: `10 log10(2)`.
 const HALF_POWER_DB: f64 = 3.010_299_956_639_812;
-/// Most coefficients of a polynomial.
-const MAX_COEFFICIENTS: usize = 1024;
-/// Largest exponent of a polynomial.
-const MAX_EXPONENT: u64 = 64;
 /// Smallest step from the boresight in the search for the edge of the main lobe, radians, and its growth.
 const FIRST_STEP_RAD: f64 = 1e-6;
 const STEP_GROWTH: f64 = 1.05;
@@ -44,18 +45,27 @@ const BISECTIONS: usize = 30;
 pub(super) struct Antennas {
     /// Frame of each phase centre.
     centres: HashMap<String, Result<String, String>>,
-    frames: HashMap<String, Result<Axes, String>>,
+    frames: HashMap<String, Result<Frame, String>>,
     patterns: HashMap<String, Result<Pattern, String>>,
 }
 
-/// Polynomials of the axes X and Y in ECF, each of x, y, z over time.
-type Axes = [[Line; 3]; 2];
+/// Coordinate frame of an antenna, by polynomials or by vectors.
+#[derive(Clone, Debug, PartialEq)]
+enum Frame {
+    /// Polynomials of the axes X and Y in ECF, each of x, y, z over time.
+    Polynomials([[Line; 3]; 2]),
+    /// The axes are given per vector.
+    PerVector,
+}
 
-/// Terms of a polynomial of one variable: exponent, coefficient.
-type Line = Vec<(u32, f64)>;
-
-/// Terms of a polynomial of two variables: exponents, coefficient.
-type Surface = Vec<(u32, u32, f64)>;
+/// Electrical boresight of a pattern, by polynomials or by vectors.
+#[derive(Clone, Debug, PartialEq)]
+enum Boresight {
+    /// Direction cosines along X and Y over time.
+    Polynomials([Line; 2]),
+    /// The boresight is given per vector (`TxEB`, `RcvEB`).
+    PerVector,
+}
 
 /// Phase centre and pattern of the transmitting and of the receiving antenna of a channel, by identifier.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,8 +85,7 @@ impl AntennaIds {
 /// Pattern of one antenna.
 #[derive(Clone, Debug, PartialEq)]
 struct Pattern {
-    /// Electrical boresight over time, direction cosines along X and Y.
-    boresight: [Line; 2],
+    boresight: Boresight,
     /// Gain about the electrical boresight, dB: exponents of DCX and DCY, coefficient.
     array: Surface,
     /// Gain over direction cosines, dB.
@@ -89,7 +98,7 @@ struct Pattern {
 /// An antenna: its axes and its pattern.
 #[derive(Clone, Copy)]
 struct Antenna<'a> {
-    axes: &'a Axes,
+    frame: &'a Frame,
     pattern: &'a Pattern,
 }
 
@@ -103,7 +112,7 @@ impl Antennas {
             centres: by_id(&antenna, "AntPhaseCenter", |centre| {
                 Ok(centre.child("ACFId")?.text().into_owned())
             }),
-            frames: by_id(&antenna, "AntCoordFrame", axes),
+            frames: by_id(&antenna, "AntCoordFrame", Frame::parse),
             patterns: by_id(&antenna, "AntPattern", Pattern::parse),
         }
     }
@@ -116,53 +125,77 @@ impl Antennas {
         let [transmitter, receiver] = ids.0.each_ref().map(|[centre, pattern]| {
             let frame = found(&self.centres, "AntPhaseCenter", centre)?;
             Ok::<_, String>(Antenna {
-                axes: found(&self.frames, "AntCoordFrame", frame)?,
+                frame: found(&self.frames, "AntCoordFrame", frame)?,
                 pattern: found(&self.patterns, "AntPattern", pattern)?,
             })
         });
         Ok([transmitter?, receiver?])
     }
 
-    /// Reason not to use the patterns of a channel.
-    pub(super) fn fault(&self, ids: &AntennaIds) -> Option<String> {
-        self.pair(ids).err()
+    /// Whether the beam of a channel needs the axes or boresights of each vector.
+    pub(super) fn needs_vectors(&self, ids: &AntennaIds) -> bool {
+        self.pair(ids)
+            .is_ok_and(|pair| pair.iter().any(Antenna::is_per_vector))
     }
 
-    /// The beam of a channel along the track of these pulses, `centre_hz` the middle of its band.
+    /// Reason not to use the patterns of a channel of a file whose vectors have antennas, or else the fault `without_vectors`.
+    pub(super) fn fault(&self, ids: &AntennaIds, without_vectors: Option<&str>) -> Option<String> {
+        match (self.pair(ids), without_vectors) {
+            (Err(fault), _) => Some(fault),
+            (Ok(_), Some(fault)) if self.needs_vectors(ids) => Some(format!(
+                "UseACFPVP or UseEBPVP is true, but the vectors have no antenna axes: {fault}"
+            )),
+            _ => None,
+        }
+    }
+
+    /// The beam of a channel along the track of these pulses, `centre_hz` the middle of its band. `vectors` has the antennas of each pulse where
+    /// [`Self::needs_vectors`]. `None` without main lobes and for patterns with a [`Self::fault`].
+    ///
+    /// # Errors
+    /// [`NoBeam`].
     pub(super) fn beam(
         &self,
         ids: &AntennaIds,
         frame: &SceneFrame,
         pulses: &[Pulse],
+        vectors: Option<&[[AntennaVector; 2]]>,
         centre_hz: f64,
-    ) -> Option<Beam> {
-        let pair = self.pair(ids).ok()?;
+    ) -> Result<Option<Beam>, NoBeam> {
+        let Ok(pair) = self.pair(ids) else {
+            return Ok(None);
+        };
+        if vectors.is_none() && self.needs_vectors(ids) {
+            return Ok(None);
+        }
+        let at = |n: usize, i: usize| {
+            let vector = vectors.and_then(|vectors| vectors.get(n));
+            let vector = vector.map(|vector| &vector[i]);
+            pair[i].at(frame, pulses[n].time_s, vector, centre_hz)
+        };
         let middles_m: Vec<DVec3> = pulses
             .iter()
             .map(|pulse| 0.5 * (pulse.transmitter_m + pulse.receiver_m))
             .collect();
         let headings = headings(&middles_m);
-        if headings.is_empty() || headings.contains(&DVec3::ZERO) {
-            return None;
+        if headings.contains(&DVec3::ZERO) {
+            return Err(NoBeam::AtRest);
         }
         let middle = pulses.len() / 2;
         let mut lobes = [None; 2];
-        for (lobe, antenna) in lobes.iter_mut().zip(pair) {
-            let pointing = antenna.at(frame, pulses[middle].time_s, centre_hz)?;
+        for (i, lobe) in lobes.iter_mut().enumerate() {
+            let pointing = at(middle, i).ok_or(NoBeam::NoAttitude)?;
             *lobe = pointing.lobe(headings[middle]);
         }
-        let angles = pulses.iter().zip(&headings).map(|(pulse, &heading)| {
-            let angle = |antenna: Antenna| {
-                let pointing = antenna.at(frame, pulse.time_s, centre_hz)?;
-                Some(angle_rad(pointing.boresight, heading))
-            };
-            Some([angle(pair[0])?, angle(pair[1])?])
-        });
-        let angles: Vec<[f64; 2]> = angles.collect::<Option<_>>()?;
+        let boresights =
+            (0..pulses.len()).map(|n| Some([at(n, 0)?.boresight, at(n, 1)?.boresight]));
+        let boresights = boresights.collect::<Option<Vec<[DVec3; 2]>>>();
+        let boresights = boresights.ok_or(NoBeam::NoAttitude)?;
+        let times_s: Vec<f64> = pulses.iter().map(|pulse| pulse.time_s).collect();
         let off_rad = lobes.map(|lobe| lobe.map_or(0.0, |lobe: Lobe| lobe.off_rad));
         let widths_rad = lobes.map(|lobe| lobe.map(|lobe| lobe.width_rad));
-        Beam::of_lobes(widths_rad, angles.len(), |n| {
-            [0, 1].map(|i| angles[n][i] + off_rad[i])
+        Beam::of_lobes(widths_rad, &times_s, &headings, |n, i| {
+            (boresights[n][i], off_rad[i])
         })
     }
 }
@@ -197,13 +230,17 @@ fn found<'a, T>(
         .map_err(Clone::clone)
 }
 
-fn axes(frame: &Element) -> Result<Axes, MetadataError> {
-    per_vector(frame, "UseACFPVP")?;
-    let axis = |name| -> Result<[Line; 3], MetadataError> {
-        let axis = frame.child(name)?;
-        Ok([line(&axis, "X")?, line(&axis, "Y")?, line(&axis, "Z")?])
-    };
-    Ok([axis("XAxisPoly")?, axis("YAxisPoly")?])
+impl Frame {
+    fn parse(frame: &Element) -> Result<Self, MetadataError> {
+        if switch(frame, "UseACFPVP")? {
+            return Ok(Self::PerVector);
+        }
+        let axis = |name| -> Result<[Line; 3], MetadataError> {
+            let axis = frame.child(name)?;
+            Ok([line(&axis, "X")?, line(&axis, "Y")?, line(&axis, "Z")?])
+        };
+        Ok(Self::Polynomials([axis("XAxisPoly")?, axis("YAxisPoly")?]))
+    }
 }
 
 /// Angle of a unit vector forward of the plane normal to a heading.
@@ -214,7 +251,6 @@ fn angle_rad(direction: DVec3, heading: DVec3) -> f64 {
 impl Pattern {
     fn parse(pattern: &Element) -> Result<Self, MetadataError> {
         let boresight = pattern.child("EB")?;
-        per_vector(&boresight, "UseEBPVP")?;
         let gain = |name| surface(&pattern.child(name)?, "GainPoly");
         let freq_zero = pattern.child("FreqZero")?;
         let freq_zero_hz = freq_zero.number()?;
@@ -224,7 +260,13 @@ impl Pattern {
             )));
         }
         Ok(Self {
-            boresight: [line(&boresight, "DCXPoly")?, line(&boresight, "DCYPoly")?],
+            boresight: match switch(&boresight, "UseEBPVP")? {
+                true => Boresight::PerVector,
+                false => Boresight::Polynomials([
+                    line(&boresight, "DCXPoly")?,
+                    line(&boresight, "DCYPoly")?,
+                ]),
+            },
             array: gain("Array")?,
             element: gain("Element")?,
             freq_zero_hz,
@@ -235,23 +277,37 @@ impl Pattern {
 }
 
 impl<'a> Antenna<'a> {
-    /// The antenna at a time; `None` where its axes do not span a frame or its boresight is not a direction.
-    fn at(self, frame: &SceneFrame, time_s: f64, centre_hz: f64) -> Option<Pointing<'a>> {
-        let Self { axes, pattern } = self;
-        let axis = |axis: &[Line; 3]| {
-            let [x, y, z] = axis.each_ref().map(|line| value(line, time_s));
-            frame
-                .direction_from_ecf(DVec3::new(x, y, z))
-                .try_normalize()
+    fn is_per_vector(&self) -> bool {
+        *self.frame == Frame::PerVector || self.pattern.boresight == Boresight::PerVector
+    }
+
+    /// The antenna at a time; `None` where its axes do not span a frame or its boresight is not a direction, and where it is per vector without `vector`.
+    fn at(
+        self,
+        scene: &SceneFrame,
+        time_s: f64,
+        vector: Option<&AntennaVector>,
+        centre_hz: f64,
+    ) -> Option<Pointing<'a>> {
+        let pattern = self.pattern;
+        let axes = match self.frame {
+            Frame::Polynomials(axes) => axes
+                .each_ref()
+                .map(|axis| DVec3::from_array(axis.each_ref().map(|line| value(line, time_s)))),
+            Frame::PerVector => vector?.axes,
         };
-        let x = axis(&axes[0])?;
-        let y = axis(&axes[1])?;
+        let axes = axes.map(|axis| scene.direction_from_ecf(axis).try_normalize());
+        let [x, y] = [axes[0]?, axes[1]?];
         let z = x.cross(y).try_normalize()?;
         let ratio = pattern.freq_zero_hz / centre_hz;
         let scale =
             |factors: [f64; 2], ratio: f64| factors.map(|factor| 1.0 + factor * (ratio - 1.0));
         let shift = scale(pattern.shift, ratio);
-        let cosines = [0, 1].map(|i| shift[i] * value(&pattern.boresight[i], time_s));
+        let recorded = match &pattern.boresight {
+            Boresight::Polynomials(lines) => lines.each_ref().map(|line| value(line, time_s)),
+            Boresight::PerVector => vector?.boresight,
+        };
+        let cosines = [0, 1].map(|i| shift[i] * recorded[i]);
         let ahead = 1.0 - cosines[0] * cosines[0] - cosines[1] * cosines[1];
         let boresight = x * cosines[0] + y * cosines[1] + z * ahead.max(0.0).sqrt();
         let boresight = boresight.try_normalize()?;
@@ -356,13 +412,9 @@ fn outwards(side: f64) -> impl Iterator<Item = f64> {
         .map(move |step| side * step)
 }
 
-fn per_vector(element: &Element, name: &'static str) -> Result<(), MetadataError> {
-    match element.optional(name) {
-        Some(used) if flag(&used)? => {
-            Err(used.fault("is true: axes and boresights given per vector are not read"))
-        }
-        _ => Ok(()),
-    }
+/// Value of an optional switch of the XML; false for an element that lacks it.
+fn switch(element: &Element, name: &'static str) -> Result<bool, MetadataError> {
+    element.optional(name).map_or(Ok(false), |used| flag(&used))
 }
 
 fn flag(element: &Element) -> Result<bool, MetadataError> {
@@ -379,7 +431,7 @@ fn scale_factors(
     switch: &'static str,
     factors: &'static str,
 ) -> Result<[f64; 2], MetadataError> {
-    let on = pattern.optional(switch).map_or(Ok(false), |e| flag(&e))?;
+    let on = self::switch(pattern, switch)?;
     match pattern.optional(factors) {
         Some(factors) if on => {
             let (x, y) = factors.pair("DCXSF", "DCYSF")?;
@@ -387,57 +439,4 @@ fn scale_factors(
         }
         _ => Ok([if on { 1.0 } else { 0.0 }; 2]),
     }
-}
-
-fn line(parent: &Element, name: &'static str) -> Result<Line, MetadataError> {
-    let terms = terms(&parent.child(name)?, &["exponent1"])?;
-    Ok(terms.into_iter().map(|(e, value)| (e[0], value)).collect())
-}
-
-fn surface(parent: &Element, name: &'static str) -> Result<Surface, MetadataError> {
-    let terms = terms(&parent.child(name)?, &["exponent1", "exponent2"])?;
-    Ok(terms
-        .into_iter()
-        .map(|(e, value)| (e[0], e[1], value))
-        .collect())
-}
-
-fn terms(
-    polynomial: &Element,
-    exponents: &[&'static str],
-) -> Result<Vec<([u32; 2], f64)>, MetadataError> {
-    let mut terms = Vec::new();
-    for coefficient in polynomial.children("Coef") {
-        if terms.len() == MAX_COEFFICIENTS {
-            return Err(
-                polynomial.fault(format!("expected at most {MAX_COEFFICIENTS} coefficients"))
-            );
-        }
-        let mut of = [0; 2];
-        for (exponent, name) in of.iter_mut().zip(exponents) {
-            let text = coefficient.attribute(name).unwrap_or_default();
-            let number = text.parse::<u64>().ok().filter(|n| *n <= MAX_EXPONENT);
-            let number = number.ok_or_else(|| {
-                let fault = format!("expected {name} from 0 to {MAX_EXPONENT}, found '{text}'");
-                coefficient.fault(fault)
-            })?;
-            *exponent = number as u32;
-        }
-        terms.push((of, coefficient.number()?));
-    }
-    Ok(terms)
-}
-
-fn value(line: &[(u32, f64)], at: f64) -> f64 {
-    line.iter()
-        .map(|&(n, coefficient)| coefficient * libm::pow(at, f64::from(n)))
-        .sum()
-}
-
-fn value_of_two(terms: &[(u32, u32, f64)], [x, y]: [f64; 2]) -> f64 {
-    let power = |x: f64, n: u32| libm::pow(x, f64::from(n));
-    terms
-        .iter()
-        .map(|&(m, n, coefficient)| coefficient * power(x, m) * power(y, n))
-        .sum()
 }

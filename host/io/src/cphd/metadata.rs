@@ -5,13 +5,14 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::antenna::{AntennaIds, Antennas};
+use super::antenna_vectors::AntennaVector;
 use super::conventions::{Domain, Sgn};
 use super::pvp::Layout;
 use crate::container::channels::{Arrays, parameters};
 use crate::container::{self, Element, MetadataError, SignalFormat};
 use crate::xml::DEFAULT_MEMORY_BYTES;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
-use subaperture_model::phase_history::{Beam, Channel, Pulse};
+use subaperture_model::phase_history::{Beam, Channel, NoBeam, Pulse};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,22 +123,39 @@ impl CphdInfo {
     }
 
     /// Beam of a channel along the track of these pulses, if the file gives antenna patterns for it.
+    ///
+    /// # Errors
+    /// [`NoBeam`]. [`Self::unused_patterns`] states faults of the patterns.
     pub(super) fn beam(
         &self,
         channel: &ChannelInfo,
         pulses: &[Pulse],
+        vectors: Option<&[[AntennaVector; 2]]>,
         samples: usize,
-    ) -> Option<Beam> {
-        let middle = pulses.get(pulses.len() / 2)?;
+    ) -> Result<Option<Beam>, NoBeam> {
+        let (Some(middle), Some(ids)) = (pulses.get(pulses.len() / 2), &channel.antennas) else {
+            return Ok(None);
+        };
         let centre_hz = (channel.fx_c_hz.filter(|hz| *hz > 0.0))
             .unwrap_or_else(|| middle.frequency_hz(samples / 2));
-        let ids = channel.antennas.as_ref()?;
-        self.antennas.beam(ids, &self.frame, pulses, centre_hz)
+        self.antennas
+            .beam(ids, &self.frame, pulses, vectors, centre_hz)
     }
 
-    /// Warning that the antenna patterns of a channel are not used, with the reason.
-    pub(super) fn unused_patterns(&self, channel: &ChannelInfo) -> Option<String> {
-        let fault = self.antennas.fault(channel.antennas.as_ref()?)?;
+    /// Whether the beam of a channel needs the antenna axes or boresights of each vector.
+    pub(super) fn needs_antenna_vectors(&self, channel: &ChannelInfo) -> bool {
+        let ids = channel.antennas.as_ref();
+        ids.is_some_and(|ids| self.antennas.needs_vectors(ids))
+    }
+
+    /// Warning that the antenna patterns of a channel are not used, with the reason. `without_vectors` is the fault of antenna axes per vector.
+    pub(super) fn unused_patterns(
+        &self,
+        channel: &ChannelInfo,
+        without_vectors: Option<&str>,
+    ) -> Option<String> {
+        let ids = channel.antennas.as_ref()?;
+        let fault = self.antennas.fault(ids, without_vectors)?;
         Some(format!(
             "channel {}: its antenna patterns are not used: {fault}",
             channel.id

@@ -99,6 +99,8 @@
 
 mod antenna;
 mod antenna_fit;
+mod antenna_polynomials;
+mod antenna_vectors;
 mod antenna_write;
 mod conventions;
 mod describe;

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 
+use super::antenna_vectors::AntennaFields;
 use super::conventions::Domain;
 use crate::container::record::{Field, INTEGER, POSITION, SCALAR, Words, record_width};
 use crate::container::{Element, MetadataError};
@@ -26,6 +27,8 @@ pub(super) struct Layout {
     amp_sf: Option<Field>,
     signal: Option<Field>,
     true_antennas: Option<[Field; 2]>,
+    /// Axes and boresights of the antennas, or the reason that they cannot be read.
+    pub(super) antennas: Result<AntennaFields, String>,
 }
 
 /// The parameters of one vector, every one of them finite.
@@ -87,6 +90,7 @@ impl Layout {
             amp_sf: field("AmpSF", SCALAR)?,
             signal: field("SIGNAL", INTEGER)?,
             true_antennas: true_antennas.map(|(transmitter, receiver)| [transmitter, receiver]),
+            antennas: AntennaFields::parse(pvp, bytes).map_err(|fault| fault.to_string()),
         })
     }
 

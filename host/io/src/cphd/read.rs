@@ -8,6 +8,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture_fft::{Fft, Transforms};
 
+use super::antenna_vectors::AntennaVector;
 use super::conventions::{Domain, Sgn};
 use super::header::Header;
 use super::metadata::{ChannelInfo, CphdInfo};
@@ -19,8 +20,8 @@ use crate::container::channels::{Table, history_name, open_one, open_several};
 use crate::container::lines::in_xml;
 use crate::container::{CHUNK_BYTES, ChannelFile, FileChannel, Source, date};
 use subaperture_model::phase_history::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, PhaseReference, PhaseSign,
-    Pulse, ReadError, check_finite, misplaced, named_pulses,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, PhaseReference,
+    PhaseSign, Pulse, ReadError, check_finite, misplaced, named_pulses,
 };
 
 /// Most memory held per vector in addition to its [`Pulse`], bytes: AmpSF, a shift, and a spare byte.
@@ -70,6 +71,8 @@ pub struct Cphd {
     arrival: Option<Arrival>,
     /// True positions of the antennas, if the file has them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
+    /// Axes and boresights of the antennas, if the beam needs those of each vector.
+    antennas: Option<Vec<[AntennaVector; 2]>>,
     held_bytes: u64,
 }
 
@@ -238,6 +241,9 @@ impl Cphd {
         if let Some(values) = &mut self.true_antennas {
             only(values, &gone);
         }
+        if let Some(values) = &mut self.antennas {
+            only(values, &gone);
+        }
         if let Some(arrival) = &mut self.arrival {
             only(&mut arrival.shifts, &gone);
         }
@@ -317,7 +323,11 @@ impl FileChannel for Cphd {
         let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
 
-        let held_bytes = held_bytes(chosen, info.domain, layout);
+        let antenna_fields = match info.needs_antenna_vectors(chosen) {
+            true => layout.antennas.as_ref().ok(),
+            false => None,
+        };
+        let held_bytes = held_bytes(chosen, info.domain, layout, antenna_fields.is_some());
         let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
         source.check_memory(
             held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
@@ -328,6 +338,10 @@ impl FileChannel for Cphd {
         vectors
             .reserve(num_vectors, layout)
             .map_err(|_| too_large())?;
+        let mut antennas = Vec::new();
+        if antenna_fields.is_some() {
+            (antennas.try_reserve_exact(num_vectors)).map_err(|_| too_large())?;
+        }
         let width = usize::try_from(layout.num_bytes).map_err(|_| too_large())?;
         source.read_records(
             "PVP",
@@ -335,7 +349,10 @@ impl FileChannel for Cphd {
             num_vectors,
             width,
             |index, record| match layout.decode(index, record, info.domain)? {
-                Some(vector) => vectors.push(index, &vector),
+                Some(vector) => {
+                    antennas.extend(antenna_fields.map(|fields| fields.decode(index, record)));
+                    vectors.push(index, &vector)
+                }
                 None => {
                     vectors.missing.0.push(index as usize);
                     Ok(())
@@ -378,11 +395,12 @@ impl FileChannel for Cphd {
             amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
             warnings: no_signal(&name, &missing, num_vectors)
                 .into_iter()
-                .chain(info.unused_patterns(chosen))
+                .chain(info.unused_patterns(chosen, layout.antennas.as_ref().err().map(String::as_str)))
                 .collect(),
             missing,
             arrival,
             true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
+            antennas: antenna_fields.is_some().then_some(antennas),
             held_bytes,
             container,
         })
@@ -441,13 +459,15 @@ impl PhaseHistory for Cphd {
         self.true_antennas.as_deref()
     }
 
-    fn beam(&self) -> Option<Beam> {
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
         let Collection {
             pulses,
             num_samples,
             ..
         } = &self.collection;
-        self.info().beam(self.channel(), pulses, *num_samples)
+        let vectors = self.antennas.as_deref();
+        self.info()
+            .beam(self.channel(), pulses, vectors, *num_samples)
     }
 
     fn start_ns(&self) -> Option<i64> {
@@ -506,7 +526,7 @@ fn no_signal(name: &str, missing: &Missing, count: usize) -> Vec<String> {
 }
 
 /// Bytes that a channel holds while it is open.
-fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout) -> u64 {
+fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout, with_antennas: bool) -> u64 {
     let transformed = match domain {
         Domain::Fx => 0,
         Domain::Toa => channel.num_samples,
@@ -516,7 +536,11 @@ fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout) -> u64 {
     } else {
         0
     };
+    let antenna_bytes = match with_antennas {
+        true => size_of::<[AntennaVector; 2]>() as u64,
+        false => 0,
+    };
     (channel.num_vectors)
-        .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes)
+        .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes + antenna_bytes)
         .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES))
 }

@@ -3,14 +3,23 @@
 use glam::DVec3;
 
 use super::pulses::{Antennas, Chosen};
-use subaperture_model::phase_history::Beam;
-use subaperture_model::radar::Carried;
+use subaperture_model::phase_history::{Beam, NoBeam};
+use subaperture_model::radar::{Carried, is_directive};
 
-/// The beam of these pulses, if they are of one channel whose antennas have a pattern and keep their angle to the track: [`Carried::beam`].
-pub(super) fn stated(antennas: &Antennas, chosen: &[Chosen]) -> Option<Beam> {
-    let channel = chosen.first()?.channel;
+/// The beam of these pulses, if their antennas have a pattern: [`Carried::beam`].
+///
+/// # Errors
+/// [`NoBeam`]; [`NoBeam::Several`] for pulses of several channels.
+pub(super) fn stated(antennas: &Antennas, chosen: &[Chosen]) -> Result<Option<Beam>, NoBeam> {
+    let Some(&Chosen { channel, .. }) = chosen.first() else {
+        return Ok(None);
+    };
+    let is_directive = |pulse: &Chosen| is_directive(&antennas.channels[pulse.channel].antennas);
+    if !chosen.iter().any(is_directive) {
+        return Ok(None);
+    }
     if chosen.iter().any(|pulse| pulse.channel != channel) {
-        return None;
+        return Err(NoBeam::Several);
     }
     let carried = Carried {
         antennas: antennas.channels[channel].antennas.clone(),
@@ -23,5 +32,6 @@ pub(super) fn stated(antennas: &Antennas, chosen: &[Chosen]) -> Option<Beam> {
         .iter()
         .map(|pulse| 0.5 * (pulse.antennas_m[0] + pulse.antennas_m[1]))
         .collect();
-    carried.beam(&middles_m)
+    let times_s: Vec<f64> = chosen.iter().map(|pulse| pulse.time_s).collect();
+    carried.beam(&times_s, &middles_m)
 }

@@ -60,7 +60,7 @@ use subaperture_model::phase_history::{
 use num_complex::Complex32;
 
 pub use phase::SignStated;
-pub use write::{Raw, WriteError, add_to, names, write};
+pub use write::{Raw, WriteError, add_to, describes_antennas, names, write};
 
 /// What is wrong, not yet in words.
 type Faults = Vec<Fault>;
@@ -116,7 +116,7 @@ impl Take {
                     _ => Vec::new(),
                 });
             if count == 1 {
-                history = history.with_beam(self.history.beam());
+                history = history.with_stated_beam(self.history.stated_beam());
             }
             if let [convention, ..] = *self.history.phase_conventions() {
                 history = history.with_convention(convention);
@@ -276,7 +276,7 @@ impl RecordingFile {
         .map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
         let history = (history.with_warnings(pulses.antennas.warnings().to_vec()))
-            .with_beam(beam::stated(&pulses.antennas, &pulses.chosen));
+            .with_stated_beam(beam::stated(&pulses.antennas, &pulses.chosen));
         debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(Take {
             history,

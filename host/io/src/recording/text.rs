@@ -4,9 +4,10 @@ use std::fmt::Write;
 
 use glam::{DQuat, DVec3, EulerRot};
 
-use crate::receive::EchoCollection;
+use crate::receive::{EchoCollection, EchoPulse};
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::radar::{Antenna, Carried, Pattern, PulseShape, Waveform};
+use subaperture_model::track::{Fix, SampledTrack, Trajectory};
 
 /// What the waveform does not say.
 pub(super) struct Facts<'a> {
@@ -92,6 +93,45 @@ const SAME_ATTITUDE: f64 = 0.01;
 /// Constant roll, pitch and yaw of the body, radians; `None` if the body turns: its attitude is then read as its heading.
 fn attitude(carried: &Carried) -> Option<[f64; 3]> {
     let kept = carried.attitudes.get(carried.attitudes.len() / 2)?[0];
+    let tolerance_rad = tolerance_rad(carried);
+    let turned = |other: &DQuat| kept.angle_between(*other) > tolerance_rad;
+    if carried.attitudes.iter().flatten().any(turned) {
+        return None;
+    }
+    let (yaw, pitch, roll) = kept.to_euler(EulerRot::ZYX);
+    Some([roll, pitch, yaw])
+}
+
+/// Whether a description states the attitude of the bodies: it is constant, or the heading of the described track.
+pub(super) fn describes_attitude(carried: &Carried, pulses: &[EchoPulse]) -> bool {
+    if attitude(carried).is_some() {
+        return true;
+    }
+    let tolerance_rad = tolerance_rad(carried);
+    let heads = |antenna: usize, at_m: fn(&EchoPulse) -> DVec3| {
+        let fixes: Vec<Fix> = pulses
+            .iter()
+            .map(|pulse| Fix {
+                time_s: pulse.time_s,
+                position_m: at_m(pulse),
+                attitude: None,
+            })
+            .collect();
+        SampledTrack::new(&fixes).is_ok_and(|track| {
+            let mut pulses = pulses.iter().zip(&carried.attitudes);
+            pulses.all(|(pulse, attitudes)| {
+                let heading = track.pose(pulse.time_s).attitude;
+                heading.angle_between(attitudes[antenna]) <= tolerance_rad
+            })
+        })
+    };
+    carried.attitudes.len() == pulses.len()
+        && heads(0, |pulse| pulse.transmitter_m)
+        && heads(1, |pulse| pulse.receiver_m)
+}
+
+/// Largest error of an attitude that is described, radians.
+fn tolerance_rad(carried: &Carried) -> f64 {
     let narrowest_rad = (carried.antennas.iter())
         .filter_map(|antenna| match antenna.pattern {
             Pattern::Isotropic => None,
@@ -105,12 +145,7 @@ fn attitude(carried: &Carried) -> Option<[f64; 3]> {
             } => Some(azimuth_rad.min(elevation_rad)),
         })
         .fold(f64::INFINITY, f64::min);
-    let turned = |other: &DQuat| kept.angle_between(*other) > SAME_ATTITUDE * narrowest_rad;
-    if carried.attitudes.iter().flatten().any(turned) {
-        return None;
-    }
-    let (yaw, pitch, roll) = kept.to_euler(EulerRot::ZYX);
-    Some([roll, pitch, yaw])
+    SAME_ATTITUDE * narrowest_rad
 }
 
 /// TOML's basic strings are JSON's, but for DEL.

@@ -30,7 +30,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use serde_json::Value;
 
-use super::text::{Facts, describe};
+use super::text::{Facts, describe, describes_attitude};
 use crate::atomic;
 use crate::npy::ArrayWriter;
 use crate::ours::{array_line, marked_description};
@@ -53,8 +53,20 @@ pub struct Raw<'a> {
     pub id: String,
     /// Its echoes.
     pub echoes: &'a dyn Echoes,
-    /// Its antennas, described if one of them has a pattern.
+    /// Its antennas, described if one of them has a pattern, and [`describes_antennas`].
     pub antennas: Option<Carried>,
+}
+
+/// Whether [`write()`] describes the antennas of a channel: it has some with a pattern, and their attitude is constant or the heading of the track. The pattern of antennas
+/// that turn otherwise is not described, for a reader would point it along the heading.
+pub fn describes_antennas(raw: &Raw) -> bool {
+    described(raw).is_some()
+}
+
+fn described<'r>(raw: &'r Raw) -> Option<&'r Carried> {
+    let pulses = &raw.echoes.collection().pulses;
+    let carried = raw.antennas.as_ref();
+    carried.filter(|carried| carried.is_directive() && describes_attitude(carried, pulses))
 }
 
 /// Why echoes were not written.
@@ -217,10 +229,7 @@ impl<'a> Plan<'a> {
             transmitter: &plan.transmitter,
             receiver: plan.receiver.as_deref(),
             moves,
-            antennas: raw
-                .antennas
-                .as_ref()
-                .filter(|antennas| antennas.is_directive()),
+            antennas: described(raw),
         };
         plan.text = describe(collection, &facts).map_err(|what| plan.unsuited(&what))?;
         Ok(plan)

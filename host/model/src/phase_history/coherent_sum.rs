@@ -21,8 +21,8 @@ use num_complex::Complex32;
 
 use super::channels::check_summable;
 use super::{
-    Beam, Channel, ChannelError, Channels, Collection, InputFile, PhaseConvention, PhaseHistory,
-    ReadError,
+    Beam, Channel, ChannelError, Channels, Collection, InputFile, NoBeam, PhaseConvention,
+    PhaseHistory, ReadError,
 };
 
 /// Phase history of the pulses of several channels.
@@ -137,8 +137,8 @@ impl PhaseHistory for CoherentSum<'_> {
         self.channels.about().cloned().collect()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.channels.channel(0).beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.channels.channel(0).stated_beam()
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

@@ -6,7 +6,8 @@ use std::path::Path;
 use num_complex::Complex32;
 
 use super::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, ReadError, check_finite,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, ReadError,
+    check_finite,
 };
 
 /// Phase history with samples and geometry in memory, for small recordings and tests.
@@ -18,7 +19,7 @@ pub struct InMemory {
     channels: Vec<Channel>,
     conventions: Vec<PhaseConvention>,
     warnings: Vec<String>,
-    beam: Option<Beam>,
+    beam: Result<Option<Beam>, NoBeam>,
 }
 
 impl InMemory {
@@ -54,7 +55,7 @@ impl InMemory {
             channels: Vec::new(),
             conventions: Vec::new(),
             warnings: Vec::new(),
-            beam: None,
+            beam: Ok(None),
         })
     }
 
@@ -74,7 +75,13 @@ impl InMemory {
 
     /// Set the antenna beam.
     #[must_use]
-    pub fn with_beam(mut self, beam: Option<Beam>) -> Self {
+    pub fn with_beam(self, beam: Option<Beam>) -> Self {
+        self.with_stated_beam(Ok(beam))
+    }
+
+    /// Set the antenna beam, or the reason that the described antennas give none.
+    #[must_use]
+    pub fn with_stated_beam(mut self, beam: Result<Option<Beam>, NoBeam>) -> Self {
         self.beam = beam;
         self
     }
@@ -128,8 +135,8 @@ impl PhaseHistory for InMemory {
         self.conventions.clone()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.beam
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.beam.clone()
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -25,7 +25,7 @@ use num_complex::Complex32;
 
 use super::order::travelled_angles;
 use super::{
-    Beam, Channel, Collection, InputFile, PhaseConvention, PhaseHistory, Pulse, ReadError,
+    Beam, Channel, Collection, InputFile, NoBeam, PhaseConvention, PhaseHistory, Pulse, ReadError,
 };
 
 /// Recordings joined into one aperture.
@@ -384,10 +384,15 @@ impl PhaseHistory for Joined {
     }
 
     /// That of all parts, if they have the same.
-    fn beam(&self) -> Option<Beam> {
-        let first = self.parts.first()?.beam()?;
-        let same = self.parts.iter().all(|part| part.beam() == Some(first));
-        same.then_some(first)
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        let mut stated = self.parts.iter().map(|part| part.stated_beam());
+        let first = stated.next().unwrap_or(Ok(None))?;
+        for other in stated {
+            if other? != first {
+                return Err(NoBeam::Several);
+            }
+        }
+        Ok(first)
     }
 
     fn phase_conventions(&self) -> Vec<PhaseConvention> {

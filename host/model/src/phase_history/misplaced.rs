@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Collection, PhaseHistory, Pulse, ReadError};
+use super::{Beam, Collection, NoBeam, PhaseHistory, Pulse, ReadError};
 use crate::geometry::SceneFrame;
 use crate::track::{joined, strays};
 
@@ -226,8 +226,8 @@ impl PhaseHistory for Excluding {
         self.true_antennas.as_deref()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -36,7 +36,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
-pub use beam::{Beam, BeamSource, headings};
+pub use beam::{Aim, Beam, BeamSource, NoBeam, headings};
 pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
 pub use coherent_sum::CoherentSum;
 pub use convention::{Basis, Inference, PhaseConvention, PhaseReference, PhaseSign};
@@ -354,10 +354,17 @@ pub trait PhaseHistory: Sync + Send {
             .map_or_else(Vec::new, |inner| inner.phase_conventions())
     }
 
-    /// Antenna beam at a fixed angle to the track, if the recording describes one. `None` for steered antennas and for
-    /// beams that are not described.
+    /// Antenna beam, if the recording describes one. `None` without antenna patterns.
+    ///
+    /// # Errors
+    /// [`NoBeam`] if the described patterns give no such beam.
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        Ok(None)
+    }
+
+    /// [`Self::stated_beam`]; `None` also where the patterns give no beam.
     fn beam(&self) -> Option<Beam> {
-        None
+        self.stated_beam().unwrap_or(None)
     }
 
     /// Warnings about the quality of an image formed from this history, one sentence each.

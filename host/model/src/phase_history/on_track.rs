@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Collection, PhaseHistory, ReadError};
+use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use crate::track::Trajectory;
 
 /// Phase history whose antenna positions are taken from a track.
@@ -91,8 +91,8 @@ impl PhaseHistory for OnTrack<'_> {
         all.get(self.recorded(0..self.collection.pulses.len()))
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 }
 

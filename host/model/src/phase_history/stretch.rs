@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use num_complex::Complex32;
 
-use super::{Beam, Collection, PhaseHistory, ReadError};
+use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 
 /// Consecutive pulses of a phase history, presented as a phase history.
 pub struct Stretch<'a> {
@@ -60,7 +60,7 @@ impl PhaseHistory for Stretch<'_> {
         self.history.at_hand(self.within(pulses))
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{Beam, Collection, PhaseHistory, ReadError};
+use super::{Beam, Collection, NoBeam, PhaseHistory, ReadError};
 use crate::geometry::{ImageGrid, Troposphere};
 
 /// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by the tropospheric excess of the pulse's reference
@@ -110,7 +110,7 @@ impl PhaseHistory for ThroughAir<'_> {
         self.history.true_antennas()
     }
 
-    fn beam(&self) -> Option<Beam> {
-        self.history.beam()
+    fn stated_beam(&self) -> Result<Option<Beam>, NoBeam> {
+        self.history.stated_beam()
     }
 }

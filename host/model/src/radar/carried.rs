@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use super::{Antenna, Pattern};
-use crate::phase_history::{Beam, headings};
+use crate::phase_history::{Beam, NoBeam, headings};
 
 /// Transmitting and receiving antenna of a channel, with the attitude of their bodies at each pulse.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,28 +17,37 @@ pub struct Carried {
 impl Carried {
     /// Whether one of the antennas has a pattern.
     pub fn is_directive(&self) -> bool {
-        self.antennas
-            .iter()
-            .any(|antenna| antenna.width_rad().is_some())
+        is_directive(&self.antennas)
     }
 
-    /// Beam of both antennas along a track of these positions (the midpoints of transmitter and receiver, one per pulse), as of [`Beam::of_lobes`]. The
-    /// squint of an antenna is the angle of its boresight forward of broadside. The elevation of the beam is neglected: azimuth angles
-    /// about the boresight are taken as angles about the track.
-    pub fn beam(&self, middles_m: &[DVec3]) -> Option<Beam> {
+    /// Beam of both antennas along a track of these positions (the midpoints of transmitter and receiver) at `times_s`, one per pulse, as of
+    /// [`Beam::of_lobes`]. The squint of an antenna is the angle of its boresight forward of broadside. The elevation of the beam is neglected: azimuth angles
+    /// about the boresight are taken as angles about the track. `None` if neither antenna has a pattern.
+    ///
+    /// # Errors
+    /// [`NoBeam`].
+    pub fn beam(&self, times_s: &[f64], middles_m: &[DVec3]) -> Result<Option<Beam>, NoBeam> {
+        if !self.is_directive() {
+            return Ok(None);
+        }
         let headings = headings(middles_m);
-        if headings.contains(&DVec3::ZERO) || headings.len() != self.attitudes.len() {
-            return None;
+        if headings.contains(&DVec3::ZERO) {
+            return Err(NoBeam::AtRest);
+        }
+        if headings.len() != self.attitudes.len() || headings.len() != times_s.len() {
+            return Err(NoBeam::NoAttitude);
         }
         let widths_rad = self.antennas.each_ref().map(Antenna::width_rad);
-        Beam::of_lobes(widths_rad, headings.len(), |n| {
-            [0, 1].map(|i| {
-                let boresight = self.attitudes[n][i] * self.antennas[i].boresight;
-                let along = headings[n].dot(boresight.normalize_or_zero());
-                libm::asin(along.clamp(-1.0, 1.0))
-            })
+        Beam::of_lobes(widths_rad, times_s, &headings, |n, i| {
+            let boresight = self.attitudes[n][i] * self.antennas[i].boresight;
+            (boresight.normalize_or_zero(), 0.0)
         })
     }
+}
+
+/// Whether one of these antennas has a pattern.
+pub fn is_directive(antennas: &[Antenna]) -> bool {
+    antennas.iter().any(|antenna| antenna.width_rad().is_some())
 }
 
 impl Antenna {

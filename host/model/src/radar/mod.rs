@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::phase_history::Band;
 
-pub use carried::Carried;
+pub use carried::{Carried, is_directive};
 
 /// Radar with its waveform, antennas and receiver.
 #[derive(Clone, Debug)]

@@ -89,6 +89,13 @@ pub enum Fault {
         /// Number of targets left out.
         left_out: usize,
     },
+    /// Weak targets do not stand still nor move steadily: their phases, or those of the track's targets, may be off by whole turns.
+    Wandering {
+        /// Number of such targets.
+        targets: usize,
+        /// Number of pulses without a pose.
+        blind: usize,
+    },
     /// The track and the recorded positions differ in shape.
     Contradicts {
         /// RMS distance after turn and shift, metres.
@@ -109,6 +116,7 @@ impl Fault {
                 | Self::Reversed
                 | Self::Contradicts { .. }
                 | Self::TwoTargets { .. }
+                | Self::Wandering { .. }
         )
     }
 }
@@ -203,6 +211,11 @@ impl fmt::Display for Fault {
             Self::TwoTargets { left_out } => write!(
                 f,
                 "the track rests on the two targets that fit one motion best: {left_out} other targets contradict that motion, and no third target confirms it"
+            ),
+            Self::Wandering { targets, blind } => write!(
+                f,
+                "{targets} targets fit neither the track nor a steady velocity, and {} have no pose: phases may be off by whole turns, and the track by more than its errors",
+                Pulses(*blind)
             ),
             Self::Contradicts { off_m, extent_m } => write!(
                 f,

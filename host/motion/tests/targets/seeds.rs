@@ -266,27 +266,27 @@ fn track_among_a_mover_is_right_or_refused_at_any_snr() {
     }
 }
 
-/// 1,001 recordings of 10 to 40 dB. A track's errors are few numbers common to all poses, so that shares of single tracks scatter by 0.1: their mean over 20 tracks and more by 0.02 at the most, and three
-/// times that is allowed an SNR beside the bounds that hold for all tracks together.
+/// 1,000 recordings of 10 to 40 dB. A track's errors are few numbers common to all poses, so that shares of single tracks scatter by 0.1: their mean over 20 tracks and more by 0.02 at the most, and three
+/// times that is allowed an SNR beside the bounds that hold for all tracks together. Squared errors of a track are 1 variance with a scatter of 0.3, and tracks that are off by whole turns
+/// are off by tens of variances: at most one of a hundred may be accepted without a doubt.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn ellipses_of_a_thousand_tracks_cover_their_errors() {
     println!("{HEAD}");
     let (mut within, mut accepted) = (0.0, 0);
-    for (i, snr_db) in [10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0]
-        .into_iter()
-        .enumerate()
-    {
-        let first = 143 * i as u64;
-        let seeds = row(&passing(), snr_db, first..first + 143);
+    for snr_db in [10.0, 15.0, 20.0, 30.0, 40.0] {
+        let seeds = row(&passing(), snr_db, 0..200);
         let [_, share] = seeds.worst_and_share();
         within += seeds.within;
         accepted += seeds.rms_m.len();
         if seeds.rms_m.len() >= 20 {
             assert!((0.90..0.98).contains(&share), "{snr_db} dB: {share}");
+            let square = seeds.square / seeds.rms_m.len() as f64;
+            assert!((0.8..1.2).contains(&square), "{snr_db} dB: {square}");
         }
         let left_out = seeds.refused + seeds.in_doubt;
-        assert!(snr_db < 20.0 || left_out <= 14, "{snr_db} dB: {left_out}");
+        assert!(snr_db < 20.0 || left_out <= 20, "{snr_db} dB: {left_out}");
+        assert!(snr_db < 15.0 || left_out <= 100, "{snr_db} dB: {left_out}");
     }
     let share = within / accepted as f64;
     println!(

@@ -18,6 +18,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::{Map, Value};
+use subaperture::focus::accuracy::comparison_cost;
 use subaperture::focus::auto::selected;
 use subaperture::focus::beam::{Beam, seeing};
 use subaperture::focus::moving::Moving;
@@ -303,7 +304,7 @@ impl Job<'_> {
 fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
-    stages::foretell(session, &plan.cost);
+    stages::foretell(session, &plan.cost, &comparison_cost(&task.spec()));
     let task = Task {
         monitor: &progress,
         ..*task

@@ -57,11 +57,15 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
         value["ambiguity"] = json!(survey.ambiguity());
-        value["beam"] = json!(history.beam().map(|beam| json!({
-            "width_deg": beam.width_rad.to_degrees(),
-            "squint_deg": beam.squint_rad.to_degrees(),
-            "source": beam.source,
-        })));
+        value["beam"] = match history.stated_beam() {
+            Ok(beam) => json!(beam.map(|beam| json!({
+                "width_deg": beam.width_rad.to_degrees(),
+                "squint_deg": beam.squint_rad.to_degrees(),
+                "source": beam.source,
+                "turns": !beam.aims.is_empty(),
+            }))),
+            Err(why) => json!({ "none": why.to_string() }),
+        };
         value["sampled_antenna_patterns"] = json!(sampled);
         value["warnings"] = json!(history.warnings());
         value["channels"] = serde_json::to_value(history.channels())?;
@@ -88,15 +92,29 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
             }
         }
         report += &facts::describe(session, &survey, &advice);
-        if let Some(beam) = history.beam() {
-            let _ = writeln!(
-                report,
-                "{:<16} {:.3} deg wide, {:.3} deg forward of broadside, {}",
-                "beam",
-                beam.width_rad.to_degrees(),
-                beam.squint_rad.to_degrees(),
-                beam.source.name()
-            );
+        match history.stated_beam() {
+            Ok(None) => {}
+            Ok(Some(beam)) => {
+                let turns = match beam.aims.is_empty() {
+                    true => "",
+                    false => " on average, turning with the antennas",
+                };
+                let _ = writeln!(
+                    report,
+                    "{:<16} {:.3} deg wide, {:.3} deg forward of broadside{turns}, {}",
+                    "beam",
+                    beam.width_rad.to_degrees(),
+                    beam.squint_rad.to_degrees(),
+                    beam.source.name()
+                );
+            }
+            Err(why) => {
+                let _ = writeln!(
+                    report,
+                    "{:<16} the stated antenna patterns are not used: {why}",
+                    "beam"
+                );
+            }
         }
         if let count @ 1.. = sampled {
             let _ = writeln!(

@@ -5,6 +5,7 @@ use subaperture::focus::ImageFormer;
 use subaperture::focus::beam::{
     Beam, BeamChoice, BeamSource, ChosenBeam, InBeam, Rejected, choose,
 };
+use subaperture::focus::coverage::Coverage;
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::PhaseHistory;
 
@@ -37,6 +38,7 @@ pub(crate) fn former(
     let progress = session.progress("choosing the beam");
     let chosen = choose(choice, history, grid, target_m_s, &progress)?;
     progress.finish();
+    covered(history, grid)?;
     match &chosen.rejected {
         Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
             "{rejected}. Say about where by --beam auto --squint DEG, or take all pulses by --beam none"
@@ -49,7 +51,7 @@ pub(crate) fn former(
             "{ghosts}: choose a narrower grid, or fewer angles by --beam DEG"
         ));
     }
-    let Some(beam) = chosen.beam else {
+    let Some(beam) = chosen.beam.clone() else {
         return Ok(plain);
     };
     messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
@@ -60,6 +62,29 @@ pub(crate) fn former(
         ));
     }
     Ok(Box::new(InBeam::new(plain, beam)?))
+}
+
+/// Warn of pixels whose delays are not recorded.
+///
+/// # Errors
+/// [`Usage`] for a grid without a recorded pixel.
+fn covered(history: &dyn PhaseHistory, grid: &ImageGrid) -> anyhow::Result<()> {
+    let Some(coverage) = Coverage::of(history.collection(), grid) else {
+        return Ok(());
+    };
+    if coverage.is_outside {
+        let fault = "--grid: expected pixels within the recorded interval of ranges, found none: choose a grid about the recording's scene (subap info)";
+        return Err(Usage(fault.to_owned()).into());
+    }
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    if coverage.none + coverage.part > 0.0 {
+        messages::warning(format!(
+            "image: {} of the pixels lie outside the recorded interval of ranges in all pulses, and {} in some: echoes of other ranges appear there",
+            percent(coverage.none),
+            percent(coverage.part)
+        ));
+    }
+    Ok(())
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {
@@ -88,8 +113,12 @@ fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
         true => "",
         false => "; --beam none takes all pulses for all pixels",
     };
+    let turns = match beam.aims.is_empty() {
+        true => "",
+        false => " on average, turning with the antennas",
+    };
     format!(
-        "beam: {:.3} deg wide, {:.3} deg forward of broadside{modulo}, {}{none}",
+        "beam: {:.3} deg wide, {:.3} deg forward of broadside{turns}{modulo}, {}{none}",
         beam.width_rad.to_degrees(),
         beam.squint_rad.to_degrees(),
         beam.source.name(),

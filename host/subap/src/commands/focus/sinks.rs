@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use subaperture::focus::plan::{ImageSink, Sink};
-use subaperture::focus::{Plan, Tile, TileRecord};
+use subaperture::focus::{Plan, StageCost, Tile, TileRecord};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, ImageSource, ImageSourceError, Peak, Tiling, power};
 use subaperture::io::atomic::WriteError;
@@ -131,6 +131,8 @@ pub(super) struct StoreSink<'a> {
     /// Notes of all tiles, once the image is complete.
     notes: Vec<Note>,
     num_tiles: usize,
+    /// Cost of comparing the image with the exact sum.
+    comparison: StageCost,
 }
 
 impl<'a> StoreSink<'a> {
@@ -140,10 +142,12 @@ impl<'a> StoreSink<'a> {
         typed: &'a Focus,
         store: TileStore,
         claims: Option<OutputClaims>,
+        comparison: StageCost,
     ) -> Self {
         Self {
             session,
             typed,
+            comparison,
             part: typed.tiled.tiles.unwrap_or(Part::WHOLE),
             store,
             claims,
@@ -188,7 +192,7 @@ impl ImageSink for StoreSink<'_> {
         let part = self.part;
         self.num_tiles = plan.num_tiles();
         self.session.note(1, || describe(plan, part));
-        stages::foretell(self.session, &plan.cost);
+        stages::foretell(self.session, &plan.cost, &self.comparison);
         self.filling = Some(self.store.claim(&part.to_string().replace('/', " of "))?);
         let done = self.store.done()?;
         let of_part = part.of(self.num_tiles);

@@ -15,6 +15,8 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use serde_json::Value;
+use subaperture::focus::StageCost;
+use subaperture::focus::accuracy::comparison_cost;
 use subaperture::focus::plan::ImageSink;
 use subaperture::focus::{
     Executed, Execution, FormError, ImageFormer, ImageSpec, Numerics, Plan, SCRATCH_BYTES, Task,
@@ -102,7 +104,9 @@ fn formed(
         spec: plan.spec(collection, &weights),
     };
     let (store, plan) = work.store(&plan)?;
-    work.fill_store(&plan, StoreSink::new(session, typed, store, own))
+    let comparison = comparison_cost(&work.spec);
+    let sink = StoreSink::new(session, typed, store, own, comparison);
+    work.fill_store(&plan, sink)
 }
 
 /// Weights of the windows that are typed, in the beam of `former`.
@@ -158,7 +162,7 @@ pub(crate) fn plan_recording(
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
     numerics: Numerics,
-) -> anyhow::Result<Plan> {
+) -> anyhow::Result<(Plan, StageCost)> {
     let former = beam::former(session, typed, (history, None), grid)?;
     let collection = history.collection();
     let weights = weights(typed, &*former, collection, grid)?;
@@ -168,7 +172,7 @@ pub(crate) fn plan_recording(
     let plan = Plan::for_recording(&*former, &spec, policy, history, &progress)
         .map_err(|error| missed::refusal(error, &*former, &spec, &progress))?;
     progress.finish();
-    Ok(plan)
+    Ok((plan, comparison_cost(&spec)))
 }
 
 /// Plan in a file.

@@ -11,6 +11,7 @@ use crate::commands::air::Recorded;
 use crate::commands::focus::{summary, tiled};
 use crate::commands::{forming, surface};
 use crate::config::Session;
+use crate::stages::duration;
 use crate::text;
 
 /// Makes the plan, writes it, and says what it will take.
@@ -26,7 +27,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
     air.tell(session, &grid);
-    let plan = tiled::plan_recording(session, &typed.image, history, &grid, means)?;
+    let (plan, comparison) = tiled::plan_recording(session, &typed.image, history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
@@ -43,6 +44,9 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
                 "tile": [plan.tile.rows, plan.tile.columns],
                 "scratch_bytes": plan.scratch_bytes,
                 "operations": plan.cost.operations,
+                "comparison_operations": comparison.operations,
+                "core_s": plan.cost.core_s() + comparison.core_s,
+                "comparison_core_s": comparison.core_s,
                 "total_bytes": (8 * plan.grid.num_pixels()).saturating_add(plan.cost.bytes(1.0)),
                 "buffers": plan.cost.buffers,
                 "tile_operations": plan.tile_operations,
@@ -51,11 +55,15 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
         );
     }
     text::say(format!(
-        "{}\n{:<16} {:.2e}, in all; {:.2e} for a tile alone\n{:<16} {} for a tile alone, by one thread",
+        "{}\n{:<16} {:.2e}, in all; {:.2e} for a tile alone; {:.2e} to compare with the exact sum\n{:<16} about {} of a core, {} of it to compare\n{:<16} {} for a tile alone, by one thread",
         summary::describe(&plan, Part::WHOLE),
         "operations",
         plan.cost.operations,
         plan.tile_operations,
+        comparison.operations,
+        "time",
+        duration(plan.cost.core_s() + comparison.core_s),
+        duration(comparison.core_s),
         "memory",
         text::bytes(plan.tile_bytes.into()),
     ))?;

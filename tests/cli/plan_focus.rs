@@ -1,0 +1,50 @@
+//! `subap plan focus`: its cost in words and in JSON; grids outside the recorded interval of ranges.
+
+use serde_json::Value;
+use subaperture_tests::subap::{listing, run};
+
+#[test]
+fn a_plan_states_the_cost_of_comparing_with_the_exact_sum() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    run(at, "simulate --preset table-4-1 -o a.cphd").succeeded();
+    let line = "plan focus a.cphd --grid x=-20:20:0.2,y=-20:20:0.2 -o plan.json";
+    let plan: Value = serde_json::from_str(run(at, &format!("{line} --json")).succeeded()).unwrap();
+    // 64 pixels spread evenly and 64 drawn, 8 operations each for 1040 pulses of 256 samples; a transform of every pulse.
+    let by_hand = 128.0 * 8.0 * 1040.0 * 256.0 + 1040.0 * 5.0 * 256.0 * 8.0;
+    assert_eq!(plan["comparison_operations"].as_f64(), Some(by_hand));
+    let [all_s, comparison_s] =
+        ["core_s", "comparison_core_s"].map(|name| plan[name].as_f64().unwrap());
+    assert!(comparison_s > 0.0 && all_s > comparison_s, "{plan}");
+    let said = run(at, &format!("{line} --force"));
+    let said = said.succeeded();
+    assert!(said.contains("to compare with the exact sum"), "{said}");
+    assert!(said.contains("of it to compare"), "{said}");
+}
+
+#[test]
+fn pixels_outside_the_recorded_ranges_are_counted_and_a_grid_of_them_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // Profiles of 192 m about the scene's middle, on a track in the direction of x at y = -5 km.
+    run(at, "simulate --preset table-4-1 -o a.cphd").succeeded();
+    let before = listing(at);
+    run(at, "focus a.cphd --grid x=-2:2:1,y=200:204:1 -o outside").failed(
+        2,
+        &["expected pixels within the recorded interval of ranges, found none"],
+    );
+    assert_eq!(listing(at), before);
+    let named = "of the pixels lie outside the recorded interval of ranges";
+    let within = run(
+        at,
+        "focus a.cphd --grid x=-2:2:1,y=80:84:1 -o within --allow-error",
+    );
+    assert!(!within.stderr.contains(named), "{}", within.stderr);
+    let partly = run(
+        at,
+        "focus a.cphd --grid x=-2:2:1,y=94:98:1 -o partly --allow-error",
+    );
+    assert!(partly.stderr.contains(named), "{}", partly.stderr);
+    let record = std::fs::read_to_string(at.join("partly/image.json")).unwrap();
+    assert!(record.contains(named), "{record}");
+}
