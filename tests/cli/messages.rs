@@ -79,8 +79,8 @@ fn compare_with_a_bound_sets_the_exit_status() {
     compare("--error-db -190").failed(
         3,
         &[
-            "warning: the relative RMS error is ",
-            "above the --error-db -190",
+            "warning: relative RMS error is ",
+            "above the bound --error-db -190",
         ],
     );
     assert!(
@@ -173,12 +173,12 @@ fn messages_state_fault_place_and_advice() {
         (
             "info empty",
             1,
-            &["empty: the folder holds no image.json", "name a recording"],
+            &["empty: expected a recording", "without image.json"],
         ),
         (
             "info scene.cphd image",
             2,
-            &["scene.cphd is a recording", "ask for them apart"],
+            &["scene.cphd is a recording", "in separate commands"],
         ),
         (
             "crosscheck image/image.npy",

@@ -275,7 +275,7 @@ fn samples_that_do_not_come_out_even_are_explained() {
             .contains("warning: resolution and geometry are those at x 0 m"),
         "{ran:?}"
     );
-    assert!(ran.stderr.contains("lies at the antennas"), "{ran:?}");
+    assert!(ran.stderr.contains("is at the antennas"), "{ran:?}");
     run(at, "focus r.toml --set recording.samples=100 --out image").failed(
         1,
         &[

@@ -228,7 +228,7 @@ fn without_a_track_of_echoes_that_of_navigation_is_taken() {
     let ran = focus("--navigation receiver.csv --lever-arm -0.12675,0,0");
     ran.succeeded();
     assert!(
-        ran.stderr.contains("no track from the echoes"),
+        ran.stderr.contains("estimation from the echoes failed"),
         "{}",
         ran.stderr
     );
@@ -539,7 +539,7 @@ fn echoes_that_fail_leave_no_track_and_navigation_alone() {
     let ran = focus("--track fused --navigation receiver.csv --lever-arm -0.12675,0,0");
     ran.succeeded();
     assert!(
-        ran.stderr.contains("no track from the echoes"),
+        ran.stderr.contains("estimation from the echoes failed"),
         "{}",
         ran.stderr
     );

@@ -195,7 +195,10 @@ impl ImageSink for StoreSink<'_> {
         let missing: Vec<usize> = of_part.clone().filter(|i| !done.contains_key(i)).collect();
         if missing.len() < of_part.len() {
             let there = of_part.len() - missing.len();
-            messages::note(&format!("{there} of {} tiles are there", of_part.len()));
+            messages::note(&format!(
+                "{there} of {} tiles are already formed",
+                of_part.len()
+            ));
         }
         Ok(missing)
     }
@@ -211,7 +214,7 @@ impl ImageSink for StoreSink<'_> {
             if self.session.tells() {
                 let (there, all, part) = (marks.len(), self.num_tiles, self.part);
                 text::say(format!(
-                    "{}: part {part} is there; {there} of {all} tiles are, and the rest is others' work",
+                    "{}: part {part} is complete; {there} of {all} tiles are formed, other processes form the rest",
                     self.store.folder().display()
                 ))?;
             }
@@ -221,7 +224,7 @@ impl ImageSink for StoreSink<'_> {
             self.claims = claim(self.session, self.typed)?;
         }
         if self.claims.is_none() {
-            // Another process makes the record.
+            // Another process writes the record.
             return Ok(None);
         }
         let notes: Result<_, _> = marks.into_values().map(Note::from_mark).collect();

@@ -25,7 +25,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let history = air.history();
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
-    air.tell(session, &grid);
+    air.report(session, &grid);
     let plan = tiled::plan_recording(session, &typed.image, history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
