@@ -325,7 +325,7 @@ fn a_watched_capture_is_the_same_and_says_who_may_look() {
     );
     let (_, told) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        told.contains("warning: --listen 0.0.0.0:") && told.contains("whoever reaches"),
+        told.contains("warning: --listen 0.0.0.0:") && told.contains("everyone who can reach"),
         "{told}"
     );
 }

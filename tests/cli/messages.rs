@@ -302,14 +302,14 @@ fn messages_state_fault_place_and_advice() {
         (
             "reproduce --only s-2-2,nothing",
             2,
-            &["--only nothing", "known are", "s-2-2"],
+            &["--only nothing", "expected one of", "s-2-2"],
         ),
         (
             "reproduce --gotcha empty",
             1,
             &[
                 "--gotcha empty",
-                "holds no .mat file",
+                "contains no .mat file",
                 "or the folder in which they lie",
             ],
         ),

@@ -116,7 +116,7 @@ fn a_product_is_coloured_by_its_aperture() {
         (
             "picture a.npy -o b.png --sub-apertures 3",
             1,
-            &["a.npy", "not known"][..],
+            &["a.npy", "sub-apertures need"][..],
         ),
         (
             "picture image -o b.png --sub-apertures 1",

@@ -125,8 +125,8 @@ fn tune_writes_only_the_found_values() {
     assert_eq!(fs::read_to_string(&path).unwrap(), tuned);
 
     run(at, &format!("{tune} --write-to raw/tuned.toml"))
-        .failed(2, &["--write-to", "there is such a file"]);
-    run(at, &format!("{tune} --write-to other.toml")).failed(2, &["beside"]);
+        .failed(2, &["--write-to", "the file exists"]);
+    run(at, &format!("{tune} --write-to other.toml")).failed(2, &["in the folder of"]);
 }
 
 #[test]

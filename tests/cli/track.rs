@@ -264,7 +264,7 @@ fn track_fusion_reports_mismatched_inputs() {
     let widened = told["one_track"]["widened"].as_f64().unwrap();
     assert!((widened / 4.0 - 1.0).abs() < 0.24, "{widened}");
     assert!(
-        ran.stderr.contains("is off the echoes by"),
+        ran.stderr.contains("deviates from the echoes by"),
         "{}",
         ran.stderr
     );

@@ -1,4 +1,4 @@
-//! `subap quality --from`: points measured on chips formed of the recording, as finely as they need.
+//! `subap quality --from`: points measured on finely sampled chips formed from the recording.
 
 use std::fmt;
 
@@ -26,16 +26,16 @@ use crate::args::{Input, Quality, several_channels};
 use crate::config::Session;
 use crate::failure::Usage;
 
-/// Pixels for each of the support's cells: 0.4 of what would fold.
+/// Pixel step in cells of the spectral support: 0.4 of the Nyquist step.
 const STEP_CELLS: f64 = 0.4;
-/// Pixels to each side: 12 widths of an unweighted band take 27, of a Taylor-weighted one 36.
+/// Half-width of a chip, pixels: 12 widths of an unweighted band take 27, of a Taylor-weighted one 36.
 const HALF: usize = 48;
-/// Multiplications up to which the exact sum is taken, and backprojection with this bound beyond.
+/// Number of multiplications up to which the exact sum is used; backprojection with this bound above.
 const EXACT_WORK: f64 = 4e9;
 const ERROR_DB: f64 = -80.0;
 const BACKPROJECTION: Backprojection = Backprojection { error_db: ERROR_DB };
 
-/// A recording to form chips of, as the image was formed.
+/// Recording from which chips are formed, with the image's settings.
 pub(super) struct From<'a> {
     session: &'a Session,
     source: &'a Source,
@@ -44,7 +44,7 @@ pub(super) struct From<'a> {
     windows: [Window; 2],
 }
 
-/// A chip to form.
+/// Chip to be formed.
 struct Chip {
     /// Point target at the chip's centre.
     target: Target,
@@ -53,13 +53,13 @@ struct Chip {
     former: &'static dyn ImageFormer,
 }
 
-/// How a chip was formed.
+/// Description of how a chip was formed.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct About {
     former: &'static str,
     /// Number of pixels along a side.
     pixels: usize,
-    /// Distance from pixel to pixel, metres or radians of a polar grid's angle: along rows' and columns' axes.
+    /// Pixel steps along rows and columns, metres; radians for the angle of a polar grid.
     steps: [f64; 2],
 }
 
@@ -68,13 +68,13 @@ impl fmt::Display for About {
         let [row, column] = self.steps;
         write!(
             to,
-            "measured on {0} x {0} pixels formed of the recording by {1}, steps {column:.3e} and {row:.3e}",
+            "measured on {0} x {0} pixels formed from the recording by {1}, steps {column:.3e} and {row:.3e}",
             self.pixels, self.former
         )
     }
 }
 
-/// The settings that the image's recordings were opened with.
+/// Settings with which the image's recordings were opened.
 fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
     let texts = recorded.as_array().into_iter().flatten();
     texts
@@ -84,7 +84,7 @@ fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
 }
 
 impl<'a> From<'a> {
-    /// Opens the recordings.
+    /// Open the recordings.
     pub(super) fn open(
         session: &'a Session,
         typed: &Quality,
@@ -109,13 +109,13 @@ impl<'a> From<'a> {
             && formed_of != num_pulses
         {
             bail!(
-                "--from has {num_pulses} pulses and {} was formed of {formed_of}: give the same recordings",
+                "--from has {num_pulses} pulses, but {} was formed from {formed_of}: give the same recordings",
                 source.name
             );
         }
         let Some(windows) = typed.window.map(|window| [window; 2]).or(source.windows) else {
             bail!(
-                "{}: its record names no windows: give --window",
+                "{}: the record states no windows: give --window",
                 source.name
             );
         };
@@ -135,7 +135,7 @@ impl<'a> From<'a> {
         })
     }
 
-    /// Where the scene moves with the image's velocity, if it has one.
+    /// The recording in the frame of the image's velocity, if it has one.
     fn moving(&self) -> anyhow::Result<Option<Moving<'_>>> {
         let first_s = self.recorded.collection().pulses[0].time_s;
         let moving = self
@@ -144,7 +144,7 @@ impl<'a> From<'a> {
         Ok(moving.transpose()?)
     }
 
-    /// The recording as the image was formed of it.
+    /// The recording as used for the image.
     fn history<'h>(&'h self, moving: Option<&'h Moving<'h>>) -> &'h dyn PhaseHistory {
         match moving {
             Some(moving) => moving,
@@ -152,7 +152,7 @@ impl<'a> From<'a> {
         }
     }
 
-    /// The chip around a target.
+    /// Chip around a target.
     fn chip(
         &self,
         history: &dyn PhaseHistory,
@@ -181,7 +181,7 @@ impl<'a> From<'a> {
         };
         let (Some(columns), Some(rows)) = (axis(x, column_value), axis(y, row_value)) else {
             bail!(
-                "the recording resolves nothing along one of the image's axes: there is no response to measure"
+                "the recording has no resolution along one of the image's axes, so that there is no response to measure"
             );
         };
         let grid = ImageGrid {
@@ -206,15 +206,15 @@ impl<'a> From<'a> {
         })
     }
 
-    /// What it takes to form and measure the chips of `targets`.
+    /// Predicted cost of forming and measuring the chips of `targets`.
     pub(super) fn ahead(&self, targets: &[Target], settings: &Settings) -> anyhow::Result<Ahead> {
         let moving = self.moving()?;
         let history = self.history(moving.as_ref());
         let collection = history.collection();
         let [fast, slow] = self.windows;
         let weights = Weights::new(collection, fast, slow);
-        let progress = self.session.progress("measuring a part");
-        // One may refuse where it lies; else they have as many pixels each, and take as long.
+        let progress = self.session.progress("measuring speed");
+        // A chip may be refused at its position; the others have the same number of pixels and take the same time.
         let chips = targets
             .iter()
             .map(|target| self.chip(history, *target, settings));
@@ -229,7 +229,7 @@ impl<'a> From<'a> {
             numerics: Default::default(),
         };
         let forming = forecast::forecast(chip.former, &task)?;
-        // The beam is measured from all echoes.
+        // The beam is measured from all pulses.
         let beam = reading(history)?;
         let one = forming.map(|forming| [forming, beam].into_iter().sum());
         progress.finish();
@@ -274,7 +274,7 @@ impl<'a> From<'a> {
             .image;
         progress.finish();
 
-        // The peak lies within a pixel of the image's brightest, or two where that is noise.
+        // The peak lies within a pixel of the image's brightest, or two pixels if that is noise.
         let coarse = &self.source.grid;
         let ImageGrid { rows, columns, .. } = &grid;
         let reach =
