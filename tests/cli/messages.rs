@@ -321,7 +321,11 @@ fn messages_state_fault_place_and_advice() {
         (
             "info scene.cphd --log spotlight.toml",
             1,
-            &["--log spotlight.toml", "no log of subap", "name another"],
+            &[
+                "--log spotlight.toml",
+                "expected a log of subap",
+                "give another name",
+            ],
         ),
         (
             "info scene.cphd --log none/a.log",

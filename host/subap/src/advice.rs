@@ -1,5 +1,5 @@
-//! Advice on errors: options that would help. The library reports causes, numbers and remedies without naming options; this module
-//! translates remedies into options.
+//! Advice on errors: options that would help. The library reports causes, numbers and remedies; this module translates remedies into
+//! options of the command line.
 
 use std::error::Error;
 use std::io;
@@ -18,13 +18,13 @@ use subaperture::planner::PlanError as RadarPlanError;
 use subaperture::plot::PlotError;
 use subaperture::resolution::survey::NoDefaultGrid;
 
-/// What needs memory for `--check`.
+/// Name of the memory user that `--check` adds.
 pub(crate) const CHECK: &str = "--check";
 
-/// A grid to begin with.
+/// Example of a grid.
 const SOME_GRID: &str = "give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0";
 
-/// An error and its causes in a line, each with what to do about it; a cause that its parent already tells is not repeated.
+/// An error and its causes in one line, each with advice; a cause already contained in its parent's text is not repeated.
 pub(crate) fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
@@ -42,23 +42,23 @@ pub(crate) fn one_line(error: &anyhow::Error) -> String {
     line
 }
 
-/// Advice on an error and its causes, without the error.
+/// Advice on an error and its causes, without the error text.
 pub(crate) fn alone(error: &anyhow::Error) -> Option<String> {
     let advice = error.chain().find_map(of)?;
     Some(advice.trim_start_matches([':', ';', ' ', '\n']).to_owned())
 }
 
-/// An error with what to do about it.
+/// Error text with advice.
 pub(crate) fn told(error: &(dyn Error + 'static)) -> String {
     format!("{error}{}", of(error).unwrap_or_default())
 }
 
-/// What to do about an error, as it goes on after its text.
+/// Advice on an error of image formation, as a continuation of its text.
 pub(crate) fn after(error: &FormError) -> Option<String> {
     of_forming(error)
 }
 
-/// The same of any error.
+/// Advice on any error, as a continuation of its text.
 fn of(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(inner) = inner(error) {
         return of(inner);
@@ -103,7 +103,7 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
     Some(advice.to_owned())
 }
 
-/// The error that another one tells as it is, without being its effect.
+/// Error that another one wraps transparently, without being its cause.
 fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
     if let Some(error) = error.downcast_ref::<io::Error>() {
         return Some(error.get_ref()?);
@@ -146,27 +146,27 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
 }
 
 fn of_forming(error: &FormError) -> Option<String> {
-    let mut ways: Vec<Way> = error.remedies().iter().map(Way::of).collect();
+    let mut list: Vec<Advice> = error.remedies().iter().map(Advice::of).collect();
     if let FormError::Memory { what: CHECK, .. } = error {
-        ways.insert(0, Way::new("check", "fewer pixels"));
+        list.insert(0, Advice::new("check", "fewer pixels"));
     }
-    let advice = joined(&ways);
+    let advice = joined(&list);
     Some(match error {
-        FormError::BoundMissed { .. } if ways.is_empty() => "; or allow a larger error".to_owned(),
+        FormError::BoundMissed { .. } if list.is_empty() => "; or allow a larger error".to_owned(),
         FormError::BoundMissed { .. } => format!(": {advice}; or allow a larger error"),
-        _ if ways.is_empty() => return None,
+        _ if list.is_empty() => return None,
         FormError::Unsuited(_) if error.remedies() == [Remedy::SomeGrid] => format!("; {advice}"),
         _ => format!(": {advice}"),
     })
 }
 
-/// A thing to do: a verb, and what with.
-struct Way {
+/// Remedy in the terms of the command line: a verb and its object.
+struct Advice {
     verb: &'static str,
     what: String,
 }
 
-impl Way {
+impl Advice {
     fn new(verb: &'static str, what: impl Into<String>) -> Self {
         Self {
             verb,
@@ -203,22 +203,22 @@ impl Way {
                 Self::new("plan for less", format!("with --error-db {error_db:.0}"))
             }
             Remedy::SomeGrid => Self::new("give one,", SOME_GRID.trim_start_matches("give one, ")),
-            // One that this command knows no option for.
+            // A remedy for which this command has no option.
             other => Self::new("try", format!("{other:?}")),
         }
     }
 }
 
-/// `use a, b, or raise c`: a verb that goes on is not repeated.
-fn joined(ways: &[Way]) -> String {
+/// Join remedies as in `use a, b, or raise c`; a repeated verb is omitted.
+fn joined(list: &[Advice]) -> String {
     let mut text = String::new();
-    for (i, way) in ways.iter().enumerate() {
+    for (i, way) in list.iter().enumerate() {
         text += match i {
             0 => "",
-            _ if i + 1 == ways.len() => ", or ",
+            _ if i + 1 == list.len() => ", or ",
             _ => ", ",
         };
-        if i == 0 || ways[i - 1].verb != way.verb {
+        if i == 0 || list[i - 1].verb != way.verb {
             text += way.verb;
             text += " ";
         }

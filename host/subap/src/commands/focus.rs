@@ -301,7 +301,7 @@ impl Job<'_> {
 fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
-    stages::foretell(session, &plan.cost);
+    stages::show_predicted(session, &plan.cost);
     let task = Task {
         monitor: &progress,
         ..*task

@@ -188,7 +188,7 @@ impl ImageSink for StoreSink<'_> {
         let part = self.part;
         self.num_tiles = plan.num_tiles();
         self.session.note(1, || describe(plan, part));
-        stages::foretell(self.session, &plan.cost);
+        stages::show_predicted(self.session, &plan.cost);
         self.filling = Some(self.store.claim(&part.to_string().replace('/', " of "))?);
         let done = self.store.done()?;
         let of_part = part.of(self.num_tiles);
