@@ -194,19 +194,22 @@ fn messages_state_fault_place_and_advice() {
         (
             "quality scene.cphd",
             1,
-            &["scene.cphd: no image: give the folder of a product", ".npy"],
+            &[
+                "scene.cphd: expected an image: the folder of a product",
+                ".npy",
+            ],
         ),
         (
             "compare image scene.cphd",
             1,
-            &["scene.cphd: no image: give the folder of a product"],
+            &["scene.cphd: expected an image: the folder of a product"],
         ),
         (
             "quality empty",
             1,
             &[
-                "empty: no image: give the folder of a product (with image.json",
-                "no zarr.json",
+                "empty: expected an image: the folder of a product (with image.json",
+                "without image.json, image.zarr and zarr.json",
             ],
         ),
         (
@@ -217,12 +220,12 @@ fn messages_state_fault_place_and_advice() {
         (
             "compare image other/image.npy",
             1,
-            &["different size", "one grid"],
+            &["differ in size", "one grid"],
         ),
         (
             "picture scene.cphd -o p.png",
             1,
-            &["scene.cphd: no image: give the folder of a product"],
+            &["scene.cphd: expected an image: the folder of a product"],
         ),
         // What is no scenario.
         (

@@ -166,10 +166,10 @@ fn invalid_requests_are_refused_with_a_reason() {
         (
             "quality a --at 0,0 --against b/image.npy",
             1,
-            vec!["different size"],
+            vec!["differ in size"],
         ),
         ("quality a --at 7.5,0", 1, vec!["too close to the border"]),
-        ("quality t.cphd", 1, vec!["t.cphd", "no image"]),
+        ("quality t.cphd", 1, vec!["t.cphd", "expected an image"]),
     ] {
         run(at, line).failed(code, &parts);
     }

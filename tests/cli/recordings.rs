@@ -280,7 +280,7 @@ fn samples_that_do_not_come_out_even_are_explained() {
         1,
         &[
             "no default grid",
-            "does not say where its scene is",
+            "does not state the position of its scene",
             "--grid",
         ],
     );

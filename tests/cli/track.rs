@@ -255,8 +255,7 @@ fn track_fusion_reports_mismatched_inputs() {
     let track = |more: &str| run(at, &format!("track walk.cphd -o track.csv {more}"));
     // Twice as far as the echoes have it; and places four times as bad as they say.
     fs::write(at.join("far.csv"), log(1.0, |t| [2.0 * t, 0.0])).unwrap();
-    track("--navigation far.csv")
-        .failed(1, &["contradict each other", "may not be the recording's"]);
+    track("--navigation far.csv").failed(1, &["contradict each other", "check the start time"]);
     fs::write(at.join("bad.csv"), log(4.0, place_m)).unwrap();
     let ran = track("--navigation bad.csv --json");
     let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
@@ -273,7 +272,7 @@ fn track_fusion_reports_mismatched_inputs() {
         1,
         &["late.csv", "of the recording's clock", "--navigation-start"],
     );
-    track("--navigation far.csv --navigation far.csv").failed(1, &["one log each"]);
+    track("--navigation far.csv --navigation far.csv").failed(1, &["an earlier log"]);
     // One place 10 m off is left out, and does not make the others worse.
     let good = log(1.0, place_m);
     let wild = |n: usize, line: &str| {
@@ -309,7 +308,7 @@ fn track_fusion_reports_mismatched_inputs() {
     .failed(2, &["--track fused"]);
     // Motion out of the plane spoils the track of the echoes: neither source is believed then, and a track that is off by more than twice the noise is refused by itself.
     for (out_cm, error) in [
-        (33, &["neither can be trusted", "times what it states"]),
+        (33, &["both inconsistent", "times its stated"]),
         (35, &["the track diverges", "out of the plane"]),
     ] {
         let amplitude = format!("amplitude = \"0, 6, {out_cm} cm\"");

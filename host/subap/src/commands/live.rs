@@ -72,14 +72,14 @@ fn imaging(
             "two receivers need antenna positions: add a section [antennas] to the experiment";
         return Err(Usage(what.to_owned()).into());
     }
-    let way = match &live.way {
+    let motion = match &live.way {
         experiment::BodyMotion::Echoes { start_m } => {
             BodyMotion::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
         }
-        record_of_image => BodyMotion::Track(record_of_image.track()?),
+        given => BodyMotion::Track(given.track()?),
     };
     let place = CaptureGeometry {
-        way,
+        motion,
         antennas: setup.antennas.unwrap_or_default(),
         reference_m: live.reference_m,
         receivers,
@@ -118,8 +118,8 @@ fn report(
             watched.skipped
         ));
     }
-    if let Some(way) = imaging.found() {
-        doubt(&way);
+    if let Some(track) = imaging.found() {
+        doubt(&track);
     }
     if let Some(folder) = &typed.image {
         save(session, typed, imaging, experiment, out, (folder, started))?;
@@ -140,12 +140,12 @@ fn report(
         "image",
         format!("{} sweeps, error below {error_db:.1} dB", imaging.taken()),
     )];
-    if let Some(way) = imaging.found() {
+    if let Some(track) = imaging.found() {
         facts.push((
             "track",
             format!(
                 "{:.2} m long, estimated from {} targets; x is the initial direction of travel",
-                way.length_m, way.going.targets
+                track.length_m, track.going.targets
             ),
         ));
     }
@@ -160,8 +160,8 @@ fn report(
 }
 
 /// Warn of sweeps where the estimated track is doubtful.
-fn doubt(way: &EchoTrack) {
-    let going = &way.going;
+fn doubt(track: &EchoTrack) {
+    let going = &track.going;
     if going.blind > 0 {
         messages::warning(format!(
             "track: {} sweeps have no position: fewer than two targets are detected in them, or the targets are too close in range",
@@ -188,11 +188,11 @@ fn record_of_image(imaging: &Imaging, skipped: u64) -> Value {
         "skipped": skipped,
         "predicted_error_db": imaging.live().accuracy().predicted_db(),
         "brightest": brightest,
-        "way": imaging.found().map(|way| json!({
-            "length_m": way.length_m,
-            "targets": way.going.targets,
-            "blind": way.going.blind,
-            "doubtful": way.going.doubtful,
+        "way": imaging.found().map(|track| json!({
+            "length_m": track.length_m,
+            "targets": track.going.targets,
+            "blind": track.going.blind,
+            "doubtful": track.going.doubtful,
         })),
     })
 }

@@ -7,7 +7,7 @@ use subaperture::navigation::{Log, Options};
 use subaperture::phase_history::Channels;
 use subaperture::targets::Recovered;
 use subaperture::track::Fix;
-use subaperture::track_fusion::{About, FusedTrack, Mounting, Navigation, NoNavigation};
+use subaperture::track_fusion::{About, FusedTrack, Mounting, Navigation, UnusableLog};
 
 use super::navigation;
 use crate::args::Logs;
@@ -76,10 +76,10 @@ fn of_logs(session: &Session, about: &About, logs: &Logs) -> anyhow::Result<Navi
         ..about.clone()
     };
     Navigation::of_logs(&read, &about).map_err(|error| match error {
-        NoNavigation::Start { .. } => {
+        UnusableLog::Start { .. } => {
             anyhow::anyhow!("{error}: give the start time with --navigation-start")
         }
-        NoNavigation::Elsewhen { .. } => {
+        UnusableLog::OtherTime { .. } => {
             anyhow::anyhow!("{error}: give a log of this time, or correct --navigation-start")
         }
         error => error.into(),
