@@ -22,7 +22,7 @@ use subaperture_model::image::{
 };
 
 use crate::carrier::Carrier;
-use crate::reader::{NOTHING, Reader, Traced};
+use crate::reader::{NO_VALUE, Reader, Traced};
 use crate::surface::Surface;
 use crate::{MapError, ProjectionModel, Source};
 
@@ -225,7 +225,7 @@ impl<'a> Resampled<'a> {
         let mut image = Image {
             rows: place[0].len(),
             columns: place[1].len(),
-            pixels: vec![NOTHING; place[0].len() * place[1].len()],
+            pixels: vec![NO_VALUE; place[0].len() * place[1].len()],
         };
         self.patches(place, PATCH, place, &mut image.pixels)?;
         Ok(image)

@@ -49,7 +49,7 @@ pub(crate) fn alone(error: &anyhow::Error) -> Option<String> {
 }
 
 /// Error text with advice.
-pub(crate) fn told(error: &(dyn Error + 'static)) -> String {
+pub(crate) fn with_advice(error: &(dyn Error + 'static)) -> String {
     format!("{error}{}", of(error).unwrap_or_default())
 }
 
@@ -163,14 +163,14 @@ fn of_forming(error: &FormError) -> Option<String> {
 /// Remedy in the terms of the command line: a verb and its object.
 struct Advice {
     verb: &'static str,
-    what: String,
+    object: String,
 }
 
 impl Advice {
-    fn new(verb: &'static str, what: impl Into<String>) -> Self {
+    fn new(verb: &'static str, object: impl Into<String>) -> Self {
         Self {
             verb,
-            what: what.into(),
+            object: object.into(),
         }
     }
 
@@ -212,17 +212,17 @@ impl Advice {
 /// Join remedies as in `use a, b, or raise c`; a repeated verb is omitted.
 fn joined(list: &[Advice]) -> String {
     let mut text = String::new();
-    for (i, way) in list.iter().enumerate() {
+    for (i, item) in list.iter().enumerate() {
         text += match i {
             0 => "",
             _ if i + 1 == list.len() => ", or ",
             _ => ", ",
         };
-        if i == 0 || list[i - 1].verb != way.verb {
-            text += way.verb;
+        if i == 0 || list[i - 1].verb != item.verb {
+            text += item.verb;
             text += " ";
         }
-        text += &way.what;
+        text += &item.object;
     }
     text
 }
@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     fn unsuited(remedies: &[Remedy]) -> String {
-        told(&FormError::Unsuited(
+        with_advice(&FormError::Unsuited(
             Reason::new("it cannot be").helped_by(remedies),
         ))
     }
@@ -307,8 +307,8 @@ mod tests {
             remedies: &[Remedy::MoreMemory],
         };
         let whole = "the image needs 1010 bytes of the 1000 bytes allowed: raise --memory";
-        assert_eq!(told(&memory()), whole);
-        assert_eq!(told(&ImagePlanError::Form(memory())), whole);
+        assert_eq!(with_advice(&memory()), whole);
+        assert_eq!(with_advice(&ImagePlanError::Form(memory())), whole);
         let error = anyhow::Error::new(memory()).context("focusing a.cphd");
         assert_eq!(one_line(&error), format!("focusing a.cphd: {whole}"));
         let missed = FormError::BoundMissed {
@@ -317,7 +317,7 @@ mod tests {
             limit: Reason::new("kernels").helped_by(&[Remedy::OtherFormer(&["bp"])]),
         };
         assert_eq!(
-            told(&missed),
+            with_advice(&missed),
             "the predicted error is -40.0 dB, above the -60 dB asked: kernels: use --algorithm bp; or allow a larger error"
         );
     }

@@ -82,7 +82,7 @@ impl Session {
         }));
         session.note(1, || {
             format!(
-                "{} threads, memory limit {}, of which {} for images and samples",
+                "{} threads, memory limit {} including {} for images and samples",
                 session.threads,
                 text::bytes(session.memory.total_bytes.into()),
                 text::bytes(session.memory_bytes.into())
@@ -127,8 +127,8 @@ impl Session {
     }
 
     /// Progress display for a named piece of work.
-    pub(crate) fn progress(&self, what: &str) -> Progress {
-        Progress::new(what, self.quiet)
+    pub(crate) fn progress(&self, work: &str) -> Progress {
+        Progress::new(work, self.quiet)
     }
 
     /// Number of times `-v` was given.
@@ -154,7 +154,7 @@ impl Session {
         }
     }
 
-    /// Default grid of a collection; notes what it leaves out and which ambiguities it contains.
+    /// Default grid of a collection; notes the parts left out and which ambiguities it contains.
     pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
         let suited = survey.default_grid()?;
         if let Some(ambiguity) = survey.ambiguity() {

@@ -60,8 +60,8 @@ impl Memory {
             match asked {
                 Some(asked) if asked < least => {
                     let asked = text::bytes(asked.into());
-                    let what = format!("--memory {asked}: {needs}: give more, or fewer --threads");
-                    return Err(Usage(what).into());
+                    let fault = format!("--memory {asked}: {needs}: give more, or fewer --threads");
+                    return Err(Usage(fault).into());
                 }
                 _ => bail!(
                     "available memory is {}; {needs}: raise the limit (ulimit -v), or give fewer \

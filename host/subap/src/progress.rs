@@ -25,7 +25,7 @@ const FIRST_LINE: Duration = Duration::from_secs(1);
 /// Progress of one stage of long work. It requests cancellation after Ctrl-C; the bar disappears when finished or dropped.
 pub(crate) struct Progress {
     stage: Arc<Stage>,
-    teller: Option<JoinHandle<()>>,
+    display: Option<JoinHandle<()>>,
 }
 
 /// State shared by the worker and the display thread.
@@ -39,7 +39,7 @@ struct Stage {
 }
 
 struct State {
-    what: String,
+    label: String,
     begun: Instant,
     next_line: Duration,
     ended: bool,
@@ -47,7 +47,7 @@ struct State {
 
 impl Progress {
     /// Start the progress of a stage with this label.
-    pub(crate) fn new(what: &str, quiet: bool) -> Self {
+    pub(crate) fn new(label: &str, quiet: bool) -> Self {
         // indicatif also hides the bar if standard error is not a terminal.
         let target = if quiet {
             ProgressDrawTarget::hidden()
@@ -56,12 +56,12 @@ impl Progress {
         };
         let bar = ProgressBar::with_draw_target(Some(FULL), target)
             .with_style(style(false))
-            .with_message(what.to_owned());
+            .with_message(label.to_owned());
         bar.tick();
         messages::show_bar(Some(bar.downgrade()));
         let stage = Arc::new(Stage {
             state: Mutex::new(State {
-                what: what.to_owned(),
+                label: label.to_owned(),
                 begun: Instant::now(),
                 next_line: FIRST_LINE,
                 ended: false,
@@ -70,33 +70,33 @@ impl Progress {
             fraction: AtomicU64::new(0),
             bar,
         });
-        let told = Arc::clone(&stage);
+        let shared = Arc::clone(&stage);
         // Without this thread no lines are printed; the work is the same.
-        let teller = thread::Builder::new().spawn(move || told.display_until_end());
+        let display = thread::Builder::new().spawn(move || shared.display_until_end());
         Self {
             stage,
-            teller: teller.ok(),
+            display: display.ok(),
         }
     }
 
     /// Change the label.
-    pub(crate) fn tell(&self, what: String) {
-        self.stage.bar.set_message(what.clone());
-        self.stage.lock().what = what;
+    pub(crate) fn tell(&self, label: String) {
+        self.stage.bar.set_message(label.clone());
+        self.stage.lock().label = label;
     }
 
     /// Start the next stage at zero with this label.
-    pub(crate) fn begin(&self, what: String) {
+    pub(crate) fn begin(&self, label: String) {
         let mut state = self.stage.lock();
         // The first label of a bar may only cover the time until the first stage.
-        messages::timing(&state.what, state.begun.elapsed());
+        messages::timing(&state.label, state.begun.elapsed());
         state.begun = Instant::now();
         state.next_line = FIRST_LINE;
         self.stage.fraction.store(0, Ordering::Relaxed);
         self.stage.bar.set_position(0);
         self.stage.bar.reset_eta();
         drop(state);
-        self.tell(what);
+        self.tell(label);
     }
 
     /// Remove the bar from the screen.
@@ -106,7 +106,7 @@ impl Progress {
             return;
         }
         state.ended = true;
-        messages::timing(&state.what, state.begun.elapsed());
+        messages::timing(&state.label, state.begun.elapsed());
         drop(state);
         self.stage.ended.notify_all();
         self.stage.bar.finish_and_clear();
@@ -128,8 +128,8 @@ impl Stage {
                 state.next_line = next_line(passed);
                 let fraction = self.fraction();
                 let known = (fraction > 0.0).then_some(fraction);
-                let line = line(&state.what, fraction, passed);
-                messages::progress(&line, &state.what, known, passed);
+                let line = line(&state.label, fraction, passed);
+                messages::progress(&line, &state.label, known, passed);
             }
             let waited = self.ended.wait_timeout(state, FRAME);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
@@ -150,13 +150,13 @@ fn next_line(passed: Duration) -> Duration {
 }
 
 /// Format as `focusing: 34 %, 21.0 s left`; without a fraction, the elapsed time.
-fn line(what: &str, fraction: f64, passed: Duration) -> String {
+fn line(label: &str, fraction: f64, passed: Duration) -> String {
     if fraction <= 0.0 {
-        return format!("{what}: {} so far", text::duration(passed));
+        return format!("{label}: {} so far", text::duration(passed));
     }
     let left = passed.mul_f64(((1.0 - fraction) / fraction).min(1e6));
     format!(
-        "{what}: {:.0} %, {} left",
+        "{label}: {:.0} %, {} left",
         (100.0 * fraction).floor(),
         text::duration(left)
     )
@@ -199,8 +199,8 @@ impl Monitor for Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.finish();
-        if let Some(teller) = self.teller.take() {
-            let _ = teller.join();
+        if let Some(display) = self.display.take() {
+            let _ = display.join();
         }
     }
 }

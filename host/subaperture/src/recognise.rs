@@ -369,7 +369,7 @@ mod tests {
             fs::write(at.join(name), content).unwrap();
             assert_eq!(recognise(&at.join(name)), expected, "{name}");
         }
-        assert_eq!(recognise(&at.join("nothing")), FileKind::Unknown);
+        assert_eq!(recognise(&at.join("missing")), FileKind::Unknown);
         assert_eq!(recognise(at), FileKind::Folder);
     }
 }

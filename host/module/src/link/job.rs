@@ -57,7 +57,7 @@ pub(super) struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// No maps.
-    pub(super) fn nothing() -> Self {
+    pub(super) fn empty() -> Self {
         Self {
             num_pulses: 1,
             patches: Vec::new(),

@@ -39,7 +39,7 @@ pub trait SessionObserver {
     }
 }
 
-/// Prints nothing and never cancels.
+/// Silent observer that never cancels.
 impl SessionObserver for subaperture_model::monitor::Silent {}
 
 /// Receive buffers lent to a session.
@@ -94,8 +94,8 @@ impl<'b> Session<'b> {
         };
         let mut ledger = Ledger::new(settings);
         let mut nowhere = DiscardMaps;
-        let intake = Intake::new(Wanted::nothing(), &mut [], &mut nowhere);
-        let mut conversation = Conversation::new(&mut ledger, JobSettings::nothing(), intake, None);
+        let intake = Intake::new(Wanted::empty(), &mut [], &mut nowhere);
+        let mut conversation = Conversation::new(&mut ledger, JobSettings::empty(), intake, None);
         connection.lead(&mut conversation, None, watch)?;
         let identity = conversation.identity().cloned().ok_or(LinkError::Silent)?;
         Ok(Self {

@@ -325,7 +325,7 @@ fn report(
 fn judgement(found: &Sharpened) -> String {
     let Some(held_out) = &found.held_out else {
         return match found.outcome {
-            Outcome::NothingFound => "none of the corrections sharpens the image".to_owned(),
+            Outcome::NothingFound => "no tested correction sharpens the image".to_owned(),
             _ => "not judged on held-out data: the figures are those of the data used to estimate"
                 .to_owned(),
         };

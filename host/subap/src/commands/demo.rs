@@ -259,7 +259,7 @@ fn outcomes(
         let formed = match formed {
             // On a grid given by the user, some formers may not apply.
             Err(error @ FormError::Unsuited(_)) if typed.grid.is_some() => {
-                let why = advice::told(&error);
+                let why = advice::with_advice(&error);
                 messages::warning(format!("{} is skipped: {why}", trial.title));
                 continue;
             }

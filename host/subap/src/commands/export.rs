@@ -23,22 +23,22 @@ use maps::MapFormat;
 /// Read an image and write it in the requested format.
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     let Some(format) = typed.format.or_else(|| ImageFormat::of(&typed.out)) else {
-        let what = format!(
+        let fault = format!(
             "{}: no format has this extension: give --format sicd, sidd, cog, kmz, png or zarr",
             typed.out.display()
         );
-        return Err(Usage(what).into());
+        return Err(Usage(fault).into());
     };
     let [image, others @ ..] = typed.images.as_slice() else {
         return Err(Usage("expected at least one image".to_owned()).into());
     };
     if !others.is_empty() && format != ImageFormat::Zarr {
-        let what = format!(
+        let fault = format!(
             "--format {} takes one image, found {}: only --format zarr takes several",
             format.name(),
             typed.images.len()
         );
-        return Err(Usage(what).into());
+        return Err(Usage(fault).into());
     }
     let folder = stored::product_folder(image).unwrap_or(image);
     // The kind of the image decides which formats are possible; checked before outputs are claimed.
@@ -223,8 +223,8 @@ impl Products<'_> {
         let mut claims = session.claims(&self.writing, inputs);
         for (n, &format) in self.formats.iter().enumerate() {
             if self.formats[..n].contains(&format) {
-                let what = format!("--product {}: given twice", format.name());
-                return Err(Usage(what).into());
+                let fault = format!("--product {}: given twice", format.name());
+                return Err(Usage(fault).into());
             }
             self.with(format, |one| {
                 one.check()?;

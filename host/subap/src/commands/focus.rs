@@ -194,9 +194,9 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
         let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
         let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
         progress.finish();
-        let mut told = serde_json::to_value(check)?;
-        told["bound_db"] = bound_db.into();
-        Ok(told)
+        let mut report = serde_json::to_value(check)?;
+        report["bound_db"] = bound_db.into();
+        Ok(report)
     })
 }
 
@@ -272,12 +272,12 @@ impl Job<'_> {
         // A folder of elevation models is named by the relief.
         let ground = surfacing.surface.file().into_iter().chain(geoid);
         let ground = ground.filter(|path| path.is_file());
-        let beside = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
-        for path in beside.chain(ground) {
+        let auxiliary = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
+        for path in auxiliary.chain(ground) {
             inputs.push(auxiliary_file(path)?);
         }
         checksums.finish();
-        let told = about.check.as_ref().map(ToString::to_string);
+        let report = about.check.as_ref().map(ToString::to_string);
         // The resolution is that of the pulses whose beam covers the image centre.
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let seeing = beam.map(|beam| seeing(&beam, self.history, middle_m));
@@ -290,7 +290,7 @@ impl Job<'_> {
         let former = resolved.map_or(former, |resolved| selected(resolved, former));
         let title = format!("{}, {former}", self.survey.get().name);
         deliver::deliver(session, typed, image, &record, &title)?;
-        match told {
+        match report {
             Some(check) if !session.json() => Ok(text::say(check)?),
             _ => Ok(()),
         }
@@ -361,8 +361,8 @@ fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
 
 /// Report the former's settings and its warnings.
 fn report_settings(settings: &Map<String, Value>) {
-    let told = settings.get("warnings").and_then(Value::as_array);
-    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
+    let report = settings.get("warnings").and_then(Value::as_array);
+    for warning in report.into_iter().flatten().filter_map(Value::as_str) {
         messages::warning(warning);
     }
     for (key, value) in settings {
@@ -376,7 +376,7 @@ fn with_advice(error: FormError) -> anyhow::Error {
         FormError::BoundMissed { .. } => {
             anyhow::anyhow!(
                 "{}: raise --error-db, or use --allow-error to accept the smallest error possible",
-                advice::told(&error)
+                advice::with_advice(&error)
             )
         }
         error => error.into(),

@@ -54,7 +54,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let mut watch = Watching {
         bar: session.progress("linking"),
         verbose,
-        told: None,
+        last: None,
     };
     let mut buffers = Buffers::new();
     let mut module = link::Session::open(&mut *transport, &mut buffers, settings, &mut watch)
@@ -165,10 +165,10 @@ fn report(
         TransferEnd::Failed(error) if maps > 0 => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
-                advice::told(error)
+                advice::with_advice(error)
             )
         }
-        TransferEnd::Failed(error) => bail!("{}", advice::told(error)),
+        TransferEnd::Failed(error) => bail!("{}", advice::with_advice(error)),
     }
 }
 
@@ -249,22 +249,22 @@ struct Watching {
     bar: Progress,
     verbose: bool,
     /// Time and byte counts of the last display.
-    told: Option<(Instant, u64, u64)>,
+    last: Option<(Instant, u64, u64)>,
 }
 
 impl SessionObserver for Watching {
     fn update(&mut self, counts: &Counts) {
         let now = Instant::now();
         let (bytes_out, bytes_in) = (counts.bytes_to_module, counts.bytes_from_module);
-        let Some((then, before_out, before_in)) = self.told else {
-            self.told = Some((now, bytes_out, bytes_in));
+        let Some((then, before_out, before_in)) = self.last else {
+            self.last = Some((now, bytes_out, bytes_in));
             return;
         };
         let passed_s = (now - then).as_secs_f64();
         if passed_s < 0.5 {
             return;
         }
-        self.told = Some((now, bytes_out, bytes_in));
+        self.last = Some((now, bytes_out, bytes_in));
         let rate = |now: u64, before: u64| (now - before) as f64 / passed_s / 1e3;
         let damaged = counts.frames_from_module.damaged + counts.frames_to_module.damaged;
         self.bar.tell(format!(

@@ -26,13 +26,13 @@ pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
     let started = Instant::now();
     let experiment = Experiment::read_within(&typed.experiment, &typed.set, session.memory_bytes)?;
     let Some(live) = &experiment.live else {
-        let what = "the experiment has no section [live], which sets the image grid and the motion of the antennas: subap capture --keys lists its keys";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "the experiment has no section [live], which sets the image grid and the motion of the antennas: subap capture --keys lists its keys";
+        return Err(Usage(fault.to_owned()).into());
     };
     let Some(out) = typed.out.clone().or(experiment.recording.clone()) else {
-        let what =
+        let fault =
             "no output for the recording: give --out NAME, or files.recording of the experiment";
-        return Err(Usage(what.to_owned()).into());
+        return Err(Usage(fault.to_owned()).into());
     };
     session.check_grid(&live.grid, 1)?;
     let mut claims = session.claims(&typed.writing, std::slice::from_ref(&typed.experiment));
@@ -68,9 +68,9 @@ fn imaging(
 ) -> anyhow::Result<Imaging> {
     let receivers = follower.receivers();
     if setup.antennas.is_none() && receivers.len() > 1 {
-        let what =
+        let fault =
             "two receivers need antenna positions: add a section [antennas] to the experiment";
-        return Err(Usage(what.to_owned()).into());
+        return Err(Usage(fault.to_owned()).into());
     }
     let motion = match &live.way {
         experiment::BodyMotion::Echoes { start_m } => {

@@ -106,7 +106,9 @@ fn write(
     };
     let name = typed.file.display();
     let Some(chosen) = chosen.filter(|one| one.with[0] > 0) else {
-        bail!("{name}: expected records with positions, found none of the requested type");
+        bail!(
+            "{name}: expected records of the requested type with positions, found no such record"
+        );
     };
     let frame = match typed.origin {
         None => log.frame(),

@@ -39,7 +39,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     if images.len() > 1 && (typed.sub_apertures.is_some() || typed.look.colours != ColourMap::Grey)
     {
         bail!(
-            "several images are themselves the colours of the picture: leave --sub-apertures and --colours out, or give one image"
+            "several images are used as the colour channels: leave --sub-apertures and --colours out, or give one image"
         );
     }
     let parts = match typed.sub_apertures {

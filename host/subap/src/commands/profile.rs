@@ -49,11 +49,11 @@ impl<'a> Processing<'a> {
         let receivers = ranging.reference().receivers();
         let receiver = receivers.iter().position(|there| *there == typed.receiver);
         let Some(receiver) = receiver else {
-            let what = format!(
+            let fault = format!(
                 "--receiver {} has no antenna in this capture",
                 typed.receiver
             );
-            return Err(Usage(what).into());
+            return Err(Usage(fault).into());
         };
         Ok(Self {
             typed,
@@ -89,8 +89,8 @@ impl<'a> Processing<'a> {
 /// Report the peaks of a sweep, and draw the sweep and a waterfall of all sweeps.
 pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()> {
     if typed.fineness > MAX_FINENESS {
-        let what = format!("--fineness: expected at most {MAX_FINENESS}");
-        return Err(Usage(what).into());
+        let fault = format!("--fineness: expected at most {MAX_FINENESS}");
+        return Err(Usage(fault).into());
     }
     let mut recording = Recording::open_within(&typed.recording, session.memory_bytes / 2)?;
     if recording.interrupted() {

@@ -85,8 +85,8 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         anyhow::bail!("{why}");
     }
     if typed.line_of_sight.is_some() && source.grid.polar {
-        let what = "--line-of-sight does not apply to a polar grid: leave it out";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--line-of-sight does not apply to a polar grid: leave it out";
+        return Err(Usage(fault.to_owned()).into());
     }
     let basis = Basis::new(&source, typed.window);
     let (settings, targets) = targets(session, typed, &source, &basis)?;

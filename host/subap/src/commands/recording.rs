@@ -9,7 +9,7 @@ use crate::text;
 /// Next steps after the arrays are in a file.
 const FIRST_STEPS: &str = "
 First steps:
-  subap info mine.npz               what it holds, the resolution, and the grid of an image
+  subap info mine.npz               its contents, resolution and default grid
   subap focus mine.npz --out image  that image: image.npy, image.json and image.png
   subap focus mine.h5 --channel 2 --grid x=-20:20:0.1,y=-20:20:0.1 --out image2";
 

@@ -97,14 +97,14 @@ fn ahead(
     context: &Context,
 ) -> anyhow::Result<Ahead> {
     let expected = expect(chosen, &typed.out, context)?;
-    let what = format!(
+    let work = format!(
         "{} items to compute, {} already computed",
         expected.to_make, expected.there
     );
     let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
     Ok(Ahead::new(
         session,
-        what,
+        work,
         ITEM_HELD_BYTES,
         Some(expected.time),
         vec![(typed.out.clone(), disk_bytes)],

@@ -184,7 +184,7 @@ fn ahead(
     });
     let time = measure.then(|| parts.sum());
     let held = channels.iter().map(|channel| channel.history.held_bytes());
-    let what = format!(
+    let work = format!(
         "{} pulses of {} frequencies, {} in all",
         first.pulses.len(),
         first.num_samples,
@@ -193,7 +193,7 @@ fn ahead(
             count => format!("{count} channels"),
         }
     );
-    Ok(Ahead::new(session, what, held.sum(), time, disk))
+    Ok(Ahead::new(session, work, held.sum(), time, disk))
 }
 
 /// Options of the CPHD writer.

@@ -24,14 +24,14 @@ pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
     let own = &typed.surfacing;
     let is_dem = matches!(own.surface, SurfaceKind::Dem(_));
     if own.geoid.is_some() && !is_dem {
-        let what = "--geoid applies to --surface dem:FILE only: other surfaces have heights above the ellipsoid";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--geoid applies to --surface dem:FILE only: other surfaces have heights above the ellipsoid";
+        return Err(Usage(fault.to_owned()).into());
     }
     if let (SurfaceKind::Slant, Some(grid)) = (&own.surface, &typed.grid)
         && (grid.x_axis != DVec3::X || grid.y_axis != DVec3::Y || grid.polar)
     {
-        let what = "--surface slant rotates the grid itself: give --grid with x (cross-range) and y (range) only, without yaw, pitch or roll";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--surface slant rotates the grid itself: give --grid with x (cross-range) and y (range) only, without yaw, pitch or roll";
+        return Err(Usage(fault.to_owned()).into());
     }
     let geoid = own.geoid.as_ref().and_then(|geoid| geoid.file());
     for path in own.surface.file().into_iter().chain(geoid) {

@@ -216,7 +216,7 @@ fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
         .collect();
     if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
         anyhow::bail!(
-            "{}: expected a value that the data determine, found none; nothing was written: widen or narrow the interval (3 values at least), \
+            "{}: expected a value that the data determine; no file was written: widen or narrow the interval (3 values at least), \
              use another --grid or --measure, more pulses, or points of known position (--at); to use the value nonetheless, write the line yourself",
             open.join(", ")
         );
@@ -244,10 +244,10 @@ fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
         seconds: images as f64 * each.as_secs_f64(),
         measured_s: each.as_secs_f64(),
     };
-    let what = format!("about {images} images of {imaged}");
+    let work = format!("about {images} images of {imaged}");
     Ok(Ahead::new(
         session,
-        what,
+        work,
         held_bytes,
         Some(time),
         Vec::new(),

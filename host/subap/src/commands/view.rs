@@ -141,8 +141,8 @@ fn layer(path: &std::path::Path, memory_bytes: u64) -> anyhow::Result<Layer> {
         .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
     {
         let fixes = track_csv::read(path)?;
-        let way: Vec<_> = fixes.iter().map(|fix| fix.position_m).collect();
-        return Ok(Layer::of_track(name, &way));
+        let positions_m: Vec<_> = fixes.iter().map(|fix| fix.position_m).collect();
+        return Ok(Layer::of_track(name, &positions_m));
     }
     let features = geojson::read(path, memory_bytes)?;
     Layer::of_features(name, features)

@@ -70,7 +70,7 @@ pub(super) fn frame(
     }
     let wrong = wrong(status);
     lines.push(match wrong.is_empty() {
-        true => "nothing lost".to_owned(),
+        true => "no losses".to_owned(),
         false => wrong.join(", "),
     });
     let cut = |line: String| -> String { line.chars().take(width).collect() };

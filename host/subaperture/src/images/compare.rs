@@ -49,7 +49,7 @@ pub fn compare(image: &OpenImage, reference: &OpenImage) -> Result<Compared, Com
         return Err(PairError {
             image: image.path.clone(),
             reference: reference.path.clone(),
-            what: "show different places: they have no pixel in common".to_owned(),
+            reason: "show different places: they have no pixel in common".to_owned(),
             unplaced: false,
         }
         .into());

@@ -36,14 +36,14 @@ pub struct Pair<'a> {
 
 /// Error of relating two images to common pixels.
 #[derive(Debug, thiserror::Error)]
-#[error("{} and {} {what}", image.display(), reference.display())]
+#[error("{} and {} {reason}", image.display(), reference.display())]
 pub struct PairError {
     /// Path of the image.
     pub image: PathBuf,
     /// Path of the reference.
     pub reference: PathBuf,
     /// Reason, with a remedy.
-    pub what: String,
+    pub reason: String,
     /// Whether georeferencing a scene's origin ([`super::OpenImage::placed`]) would help.
     pub unplaced: bool,
 }

@@ -32,10 +32,10 @@ impl<'a> Pair<'a> {
         reference: &'a OpenImage,
         looks: [Option<&'a Looks>; 2],
     ) -> Result<Self, PairError> {
-        let wrong = |what: String| PairError {
+        let wrong = |reason: String| PairError {
             image: image.path.clone(),
             reference: reference.path.clone(),
-            what,
+            reason,
             unplaced: image.is_unplaced() != reference.is_unplaced(),
         };
         let of = Both {

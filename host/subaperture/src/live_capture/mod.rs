@@ -96,8 +96,8 @@ impl Imaging {
             .reference_m
             .unwrap_or_else(|| grid.position_m(rows / 2, columns / 2));
         if !(place.antennas.is_finite() && reference_m.is_finite()) {
-            let what = "expected finite positions of antennas and reference point";
-            return Err(HistoryError::Track(what.to_owned()).into());
+            let fault = "expected finite positions of antennas and reference point";
+            return Err(HistoryError::Track(fault.to_owned()).into());
         }
         let places = match place.motion {
             BodyMotion::Track(track) => Places::Known(track, place.antennas),

@@ -46,7 +46,7 @@ impl MapFormat {
     fn sidecars(self, out: &Path) -> Vec<PathBuf> {
         match self {
             Self::Cog => vec![out.with_extension("json")],
-            Self::Png => maps::picture::beside(out).into(),
+            Self::Png => maps::picture::sidecars(out).into(),
             Self::Kmz => Vec::new(),
         }
     }
@@ -124,7 +124,7 @@ fn write_sicd(
     let Pixels::Sicd(file) = &image.pixels else {
         bail!("{}: expected a SICD", image.path.display());
     };
-    let model = on_map.map_err(|what| anyhow::anyhow!("{what}"))?;
+    let model = on_map.map_err(|error| anyhow::anyhow!("{error}"))?;
     session.note(1, || {
         format!(
             "heights are taken as {:.1} m above the ellipsoid, that of the scene centre point",
@@ -195,7 +195,7 @@ impl<'a> Wanted<'a> {
     fn of(one: &'a One<'a>, format: MapFormat) -> Result<Self, Usage> {
         let maps = &one.maps;
         let is_map = format == MapFormat::Cog;
-        let wrong = |what: &str| Err(Usage(what.to_owned()));
+        let wrong = |fault: &str| Err(Usage(fault.to_owned()));
         if one.speed_m_s.is_some() {
             return wrong("--speed applies to --format sicd only: leave it out");
         }
@@ -357,8 +357,8 @@ fn frame(one: &One, record: &Value) -> anyhow::Result<SceneFrame> {
             "{image}: its recording does not state its position on the Earth: give the scene's origin with --place LAT,LON[,HEIGHT]"
         ),
         Ok(frame) => Ok(frame),
-        Err(what) => {
-            bail!("{image}: {what}: give --place LAT,LON[,HEIGHT], or form the image again")
+        Err(error) => {
+            bail!("{image}: {error}: give --place LAT,LON[,HEIGHT], or form the image again")
         }
     }
 }

@@ -18,8 +18,8 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
         || maps.looks.is_some()
         || maps.layout.is_some()
     {
-        let what = "--projection, --pixel, --looks and --layout apply to maps; --format sidd keeps the image's own pixels: leave them out";
-        return Err(Usage(what.to_owned()));
+        let fault = "--projection, --pixel, --looks and --layout apply to maps; --format sidd keeps the image's own pixels: leave them out";
+        return Err(Usage(fault.to_owned()));
     }
     Ok(())
 }

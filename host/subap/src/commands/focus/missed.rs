@@ -47,7 +47,7 @@ pub(super) fn refusal(
     let bound = with_bound(former, spec, predicted_db, monitor);
     anyhow::anyhow!(
         "{}{bound}, or use --allow-error to accept the smallest error possible",
-        advice::told(&error)
+        advice::with_advice(&error)
     )
 }
 

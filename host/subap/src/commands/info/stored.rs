@@ -160,13 +160,13 @@ fn axes_lines(record: &Value) -> String {
 fn error(record: &Value) -> String {
     let resolved = &record["settings"]["resolved"];
     let mut parts = Vec::new();
-    for (value, what) in [
+    for (value, kind) in [
         (&resolved["error_db"], "asked"),
         (&resolved["predicted_error_db"], "predicted"),
         (&record["check"]["relative_to_image_db"], "measured"),
     ] {
         if let Some(error_db) = value.as_f64() {
-            parts.push(format!("{error_db:.1} dB {what}"));
+            parts.push(format!("{error_db:.1} dB {kind}"));
         }
     }
     match parts.is_empty() {

@@ -123,7 +123,7 @@ impl<'w> Work<'w> {
         let Self { typed, plan, .. } = *self;
         let time = link::rehearse(module, job, self.history, watch)?;
         watch.bar.finish();
-        let what = format!(
+        let work = format!(
             "{} maps of {} pulses by the module at {}; retransmissions not included",
             num_maps(plan),
             job.pulses.len(),
@@ -136,7 +136,7 @@ impl<'w> Work<'w> {
         };
         let held_bytes = self.history.held_bytes() + picture_bytes;
         let disk = vec![(typed.out.clone(), file_bytes)];
-        Ahead::new(self.session, what, held_bytes, time, disk)
+        Ahead::new(self.session, work, held_bytes, time, disk)
             .announce(self.session, &typed.rehearsal)?;
         Ok(())
     }

@@ -91,9 +91,9 @@ impl<'a> From<'a> {
         source: &'a Source,
     ) -> anyhow::Result<Self> {
         let Some(metadata) = &source.metadata else {
-            let what = "--from needs an image that says how it was formed: give the folder that subap focus left, not its \
+            let fault = "--from needs an image that says how it was formed: give the folder that subap focus left, not its \
                         image.npy";
-            return Err(Usage(what.to_owned()).into());
+            return Err(Usage(fault.to_owned()).into());
         };
         let given = &metadata["settings"]["given"];
         let recorded = session.open(&Input {
@@ -233,7 +233,7 @@ impl<'a> From<'a> {
         let beam = reading(history)?;
         let one = forming.map(|forming| [forming, beam].into_iter().sum());
         progress.finish();
-        let what = format!(
+        let work = format!(
             "{} chips of {} pulses, measured",
             targets.len(),
             collection.pulses.len()
@@ -243,7 +243,7 @@ impl<'a> From<'a> {
             seconds: one.seconds * targets.len() as f64,
             ..one
         });
-        Ok(Ahead::new(self.session, what, held_bytes, time, Vec::new()))
+        Ok(Ahead::new(self.session, work, held_bytes, time, Vec::new()))
     }
 
     /// Forms a chip around a target and measures it.
@@ -292,7 +292,7 @@ impl<'a> From<'a> {
         let lit = looks
             .clone()
             .lit(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
-        let basis = Basis::Nothing;
+        let basis = Basis::Unknown;
         Ok(Point {
             theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),
             theory_as_lit: theory::of_cuts(&basis, &response, &grid, Some(&lit)),

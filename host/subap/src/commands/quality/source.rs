@@ -133,8 +133,8 @@ impl Source {
     pub(super) fn coordinates(&self, at: &At) -> anyhow::Result<[f64; 2]> {
         if self.axes != Axes::Scene || self.grid.polar {
             if at.z.is_some() {
-                let what = "--at: an array or a polar grid has two coordinates: leave the third number out";
-                return Err(Usage(what.to_owned()).into());
+                let fault = "--at: an array or a polar grid has two coordinates: leave the third number out";
+                return Err(Usage(fault.to_owned()).into());
             }
             return Ok([at.y, self.across(at.x)]);
         }
@@ -148,8 +148,8 @@ impl Source {
                 grid.origin_m.z - normal.dot(from) / normal.z
             }
             None => {
-                let what = "--at: the image plane is vertical, so that x and y do not define a point on it: give X,Y,Z";
-                return Err(Usage(what.to_owned()).into());
+                let fault = "--at: the image plane is vertical, so that x and y do not define a point on it: give X,Y,Z";
+                return Err(Usage(fault.to_owned()).into());
             }
         };
         Ok(grid.coordinates(DVec3::new(at.x, at.y, z_m)))
@@ -359,10 +359,10 @@ mod tests {
         assert_eq!(largest_common(&image, &whole), Some([1..4, 1..5]));
         assert_eq!(largest_common(&whole, &image), Some([1..4, 1..5]));
         assert_eq!(largest_common(&whole, &whole), Some([0..5, 0..5]));
-        let nothing = Image {
+        let empty = Image {
             pixels: vec![Complex32::new(f32::NAN, 0.0); 25],
             ..whole.clone()
         };
-        assert_eq!(largest_common(&whole, &nothing), None);
+        assert_eq!(largest_common(&whole, &empty), None);
     }
 }

@@ -20,7 +20,7 @@ pub(super) enum Basis {
     /// Window of a band of unknown width.
     Window(Window),
     /// Neither support nor window is available.
-    Nothing,
+    Unknown,
 }
 
 /// Theoretical widths and side lobes of a cut.
@@ -51,7 +51,7 @@ impl Basis {
         });
         let window = || match windows {
             Some([fast, slow]) if fast == slow => Self::Window(fast),
-            _ => Self::Nothing,
+            _ => Self::Unknown,
         };
         looks.unwrap_or_else(window)
     }
@@ -70,7 +70,7 @@ impl Basis {
                 Some(format!("{fast} over fast time, {slow} over slow time"))
             }
             Self::Looks(_, [window, _]) | Self::Window(window) => Some(window.to_string()),
-            Self::Nothing => None,
+            Self::Unknown => None,
         }
     }
 }

@@ -39,16 +39,16 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
             Calibration::measure_leakage(&date, &setup, &sky, &reflector, place_m, typed.search)
         }
         (Reference::Leakage, _, None) => {
-            let what = "these captures use the leakage as reference: give the position of the reflector with --at X,Y,Z";
-            return Err(Usage(what.to_owned()).into());
+            let fault = "these captures use the leakage as reference: give the position of the reflector with --at X,Y,Z";
+            return Err(Usage(fault.to_owned()).into());
         }
         (reference, Some(range_m), _) => {
             let [sky, reflector] = [sky, reflector].map(|steps| steps.over(reference));
             Calibration::measure(&date, &setup, &sky, &reflector, range_m, typed.search)
         }
         (_, None, _) => {
-            let what = "these captures use the loop as reference: give the distance of the reflector with --range METRES";
-            return Err(Usage(what.to_owned()).into());
+            let fault = "these captures use the loop as reference: give the distance of the reflector with --range METRES";
+            return Err(Usage(fault.to_owned()).into());
         }
     }?;
     calibration.write(&typed.out)?;

@@ -49,7 +49,7 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
     if track.is_none() {
         messages::warning(
             "no --track: all pulses are placed at the scene's origin, so that there is no aperture and focus cannot form an image. Give the track \
-             of what carried the antennas; or find it from the echoes of two receivers: subap track FILE -o TRACK.csv, and focus --track TRACK.csv",
+             of the antennas with --track; or estimate it from the echoes of two receivers: subap track FILE -o TRACK.csv, and focus --track TRACK.csv",
         );
     }
     // Left-out sweeps are the same for all receivers.

@@ -53,7 +53,7 @@ pub(super) fn add_to(
     let given = values.iter().map(|(key, value)| (*key, value.as_str()));
     let text = recording
         .text_with(given)
-        .map_err(|what| anyhow::anyhow!("{}: {what}: {}", typed.recording.display(), lines()))?;
+        .map_err(|error| anyhow::anyhow!("{}: {error}: {}", typed.recording.display(), lines()))?;
     let file = match &typed.write_to {
         Some(file) => file.clone(),
         None => {
