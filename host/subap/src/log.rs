@@ -41,7 +41,7 @@ impl Format {
     }
 }
 
-/// Open log file.
+/// Log file that is being written.
 pub(crate) struct Log {
     file: File,
     format: Format,

@@ -125,7 +125,7 @@ pub(crate) fn bound_missed(text: impl Into<String>) {
     state.part_missed = true;
 }
 
-/// Print a note.
+/// Print a note, unless `-q` is given.
 pub(crate) fn note(text: &str) {
     let mut state = state();
     if !state.quiet {

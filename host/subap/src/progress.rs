@@ -79,7 +79,7 @@ impl Progress {
         }
     }
 
-    /// Change the label.
+    /// Change the label of the bar.
     pub(crate) fn tell(&self, label: String) {
         self.stage.bar.set_message(label.clone());
         self.stage.lock().label = label;

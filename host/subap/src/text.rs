@@ -123,7 +123,7 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// Labelled value.
+/// Label and value of a line of text.
 pub(crate) type Fact = (&'static str, String);
 
 /// Format labelled facts as aligned lines.

@@ -207,7 +207,7 @@ impl Connection<'_> {
         Ok(Event::Exchanged)
     }
 
-    /// Send a pulse.
+    /// Send a pulse of the job.
     fn send(
         &mut self,
         number: u32,
@@ -261,7 +261,7 @@ impl Connection<'_> {
         }
     }
 
-    /// Statistics so far.
+    /// Statistics of the session so far.
     fn counts(&self, ledger: &Ledger) -> Counts {
         Counts {
             seconds: self.opened.elapsed().as_secs_f64(),

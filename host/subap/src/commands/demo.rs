@@ -145,7 +145,7 @@ fn trials() -> Vec<Trial> {
     ]
 }
 
-/// Reference former.
+/// Exact sum, the reference of all comparisons.
 fn oracle() -> Trial {
     trial("exact", "exact", Box::new(Exact), None)
 }

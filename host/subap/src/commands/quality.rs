@@ -58,7 +58,7 @@ struct Point {
 #[derive(Serialize)]
 struct Against {
     image: String,
-    /// `complex` or `amplitudes`.
+    /// Compared values: `complex` or `amplitudes`.
     values: &'static str,
     /// Numbers of compared rows and columns.
     pixels: [usize; 2],

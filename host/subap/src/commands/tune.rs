@@ -172,7 +172,7 @@ fn search(typed: &Tune) -> Search {
     }
 }
 
-/// Result as JSON.
+/// Result of the search as JSON.
 fn record(
     session: &Session,
     typed: &Tune,

@@ -59,7 +59,7 @@ pub enum OpenError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// Not an image.
+    /// The path is not an image.
     #[error(
         "{}: expected an image: the folder of a product (with image.json and image.npy), a complex64 array (.npy), a SICD or SIDD, a GeoTIFF, or a Zarr \
          group{found}", path.display()
@@ -70,7 +70,7 @@ pub enum OpenError {
         /// Kind of the file found, after a semicolon; empty if unknown.
         found: String,
     },
-    /// Image without pixels.
+    /// The image has no pixels.
     #[error("{}: expected an image, found one without pixels", path.display())]
     Empty {
         /// Path of the image.

@@ -51,7 +51,7 @@ impl Echoes {
 /// Track estimated from the echoes so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoTrack {
-    /// Path length, metres.
+    /// Length of the estimated track, metres.
     pub length_m: f64,
     /// Number of sweeps queued without a position.
     pub waiting: u64,
@@ -80,7 +80,6 @@ pub(super) struct Walk {
     length_m: f64,
 }
 
-/// Queued sweep.
 struct Waiting {
     pulse: usize,
     time_s: f64,

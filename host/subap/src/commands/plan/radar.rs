@@ -145,7 +145,7 @@ fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
     })
 }
 
-/// Draw `ambiguity.png`.
+/// Draw `ambiguity.png`, the ambiguity function of the pulse.
 fn plot_ambiguity(shape: &PulseShape) -> anyhow::Result<Vec<u8>> {
     let around = Around::peak(shape)
         .map_err(anyhow::Error::msg)

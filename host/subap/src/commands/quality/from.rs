@@ -84,7 +84,7 @@ fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
 }
 
 impl<'a> From<'a> {
-    /// Open the recordings.
+    /// Open the recordings of `--from` with the image's settings.
     pub(super) fn open(
         session: &'a Session,
         typed: &Quality,

@@ -28,7 +28,7 @@ pub(super) struct Source {
     pub(super) grid: ImageGrid,
     /// Windows of fast and slow time.
     pub(super) windows: Option<[Window; 2]>,
-    /// Viewing geometry.
+    /// Viewing geometry of the image.
     pub(super) carrier: Option<Carrier>,
     /// Representative pulses of the recording.
     pub(super) looks: Option<RecordedLooks>,
