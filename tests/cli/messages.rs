@@ -310,11 +310,7 @@ fn messages_state_fault_place_and_advice() {
         (
             "reproduce --gotcha empty",
             1,
-            &[
-                "--gotcha empty",
-                "contains no .mat file",
-                "or the folder in which they lie",
-            ],
+            &["--gotcha empty", "contains no .mat file", "or their folder"],
         ),
         (
             "reproduce --gotcha nothing",

@@ -133,7 +133,7 @@ fn gotcha_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         if within.is_empty() {
             bail!(
                 "--gotcha {}: the folder contains no .mat file; give the files of AFRL's data set, such as \
-                 data_3dsar_pass1_az001_HH.mat, or the folder in which they lie",
+                 data_3dsar_pass1_az001_HH.mat, or their folder",
                 path.display()
             );
         }

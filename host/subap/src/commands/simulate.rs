@@ -264,8 +264,8 @@ impl Written {
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
                 messages::warning(format!(
-                    "channel {}: antenna patterns are not in the file: expected motion that a polynomial of fifth order in time follows; \
-                     the antennas' attitude: give the beam to subap focus by --beam",
+                    "channel {}: antenna patterns are not in the file, because a fifth-order polynomial in time does not fit \
+                     the antennas' attitude: give the beam with subap focus --beam",
                     channel.id
                 ));
             }

@@ -73,7 +73,7 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     if !address.ip().is_loopback() {
         messages::warning(format!(
             "--listen {address}: everyone who can reach this address and knows the full URL can see the images, and the connection is not encrypted, \
-             the secret in it neither; leave --listen out to show them to this machine alone"
+             so that the access key can be read; leave --listen out to show them on this machine only"
         ));
     }
     match session.json() {

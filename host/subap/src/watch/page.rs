@@ -33,7 +33,7 @@ pub(super) fn serve(watching: &Watching, board: &Arc<LiveState>) -> anyhow::Resu
     if !address.ip().is_loopback() {
         messages::warning(format!(
             "--listen {address}: everyone who can reach this address and knows the full URL can see the capture, and the connection is not encrypted, \
-             the secret in it neither; leave --listen out to show it to this machine alone"
+             so that the access key can be read; leave --listen out to show it on this machine only"
         ));
     }
     messages::note(&format!("the page is at {}", server.url()));

@@ -65,7 +65,7 @@ impl Report<'_> {
     fn notes(&self) -> String {
         let lobes = match self.grating_lobe_m {
             Some(metres) => format!(
-                "\nGrating lobes of the thesis's mode at 130 pulses lie at multiples of \
+                "\nGrating lobes of thesis mode at 130 pulses lie at multiples of \
                  {metres:.2} m in x from each scatterer."
             ),
             None => String::new(),

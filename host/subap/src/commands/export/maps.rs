@@ -256,7 +256,7 @@ impl<'a> Wanted<'a> {
         if ortho.error_db() > WARNED_ERROR_DB {
             messages::warning(format!(
                 "interpolation of the image leaves an error of {:.0} dB, because its pixels are only {:.2} and {:.2} times as fine as its \
-                 band needs: form it on a finer grid for less",
+                 band needs: form it on a finer grid for a smaller error",
                 ortho.error_db(),
                 ortho.oversampling()[0],
                 ortho.oversampling()[1]

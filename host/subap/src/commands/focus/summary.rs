@@ -23,7 +23,7 @@ pub(crate) fn describe(plan: &Plan, part: Part) -> String {
         .collect();
     format!(
         "{:<16} {} pulses of {} samples onto {} x {} pixels by {}\n{:<16} {}\n{:<16} {:.1} dB{}\n{:<16} {across} x {down} of {} x \
-         {} pixels{tiles}\n{:<16} {} a thread at the most",
+         {} pixels{tiles}\n{:<16} at most {} per thread",
         "work",
         plan.recording.pulses,
         plan.recording.samples,

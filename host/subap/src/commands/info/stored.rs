@@ -50,8 +50,8 @@ pub(super) fn describe(
         FileKind::Kmz => texts::file(path, "map", "KMZ, ground overlays for Google Earth"),
         FileKind::Report => texts::file(path, "report", "written by subap, for a browser"),
         _ => bail!(
-            "{}: expected a recording, an image folder (image.json) or a file of maps; found a folder without image.json: give the \
-             folder or a file of maps",
+            "{}: expected a recording, an image folder (image.json) or a file of maps; found a folder without image.json: check the \
+             path",
             path.display()
         ),
     }

@@ -58,8 +58,8 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
 pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
     let first = plan.gaps.first()?;
     Some(format!(
-        "{} before pulse {first}: a module's sub-CPIs extend across gaps, which limits their length; recordings \
-         apart may have longer ones",
+        "{} before pulse {first}: a module's sub-CPIs extend across gaps, which limits their length; separate recordings \
+         may have longer ones",
         match plan.gaps.len() {
             1 => "one gap".to_owned(),
             count => format!("{count} gaps, the first"),

@@ -245,7 +245,7 @@ impl Source {
         if bytes > u128::from(session.memory_bytes) {
             bail!(
                 "comparing the images needs up to {}; --memory allows {}: raise --memory, measure smaller \
-                 images, or compare them (subap compare), for which size is no matter",
+                 images, or use subap compare, which has no size limit",
                 text::bytes(bytes),
                 text::bytes(session.memory_bytes.into())
             );
