@@ -37,7 +37,8 @@ fn colours(path: &Path) -> std::collections::HashMap<[u8; 3], usize> {
     counts
 }
 
-/// Three images of which each has a quadrant of its own and all share the fourth: red, green, blue and white, each an exact quarter of the 8 x 8 pixels as they are drawn.
+/// Three images of which each has a quadrant of its own and all share the fourth: red, green, blue and white, each an exact quarter of the 8 x 8
+/// pixels as they are drawn.
 #[test]
 fn images_are_colours() {
     let folder = tempfile::tempdir().unwrap();

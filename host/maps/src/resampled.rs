@@ -4,7 +4,8 @@
 //! interpolation kernel would extend beyond the image's edge, are NaN.
 //!
 //! Two kinds of target pixels:
-//! - **points** of the image's own surface ([`Resampled::on_points`], [`Resampled::projected_on_points`]): exact positions in the scene. Complex values of an image that was
+//! - **points** of the image's own surface ([`Resampled::on_points`], [`Resampled::projected_on_points`]): exact positions in the scene. Complex
+//! values of an image that was
 //!   formed here equal those that its image former would compute at these points.
 //! - **ground positions** ([`Resampled::at_places`], [`Resampled::projected_at_places`]): each is projected into the image as for a map ([`crate::Ortho`]).
 //!

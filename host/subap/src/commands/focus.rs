@@ -152,7 +152,8 @@ fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> an
     )
 }
 
-/// Call a function with the recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving target. The function also gets the movers found by a track estimate, for the record.
+/// Call a function with the recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving
+/// target. The function also gets the movers found by a track estimate, for the record.
 fn with_history<T>(
     session: &Session,
     typed: &Focus,

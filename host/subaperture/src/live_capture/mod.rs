@@ -9,11 +9,13 @@
 //! own antenna position. A sweep is omitted and counted if it is incomplete, outside the track's time, or would exceed the error bound:
 //! long sweeps of a fast radar exceed float32 precision.
 //!
-//! Without a given track, the track is estimated from the echoes ([`BodyMotion::Echoes`], [`targets::live`](crate::targets::live)). A sweep is then imaged once its position is estimated,
+//! Without a given track, the track is estimated from the echoes ([`BodyMotion::Echoes`], [`targets::live`](crate::targets::live)). A sweep is then
+//! imaged once its position is estimated,
 //! about twenty sweeps later, in the initial axes of the body. Imaged sweeps are not revised, so the image is slightly less sharp than that of
 //! [`recover`](crate::targets::recover()) on the complete recording.
 //!
-//! Cost: one push per sweep and receiver. Memory: [`Live::held_bytes`], one pulse, and the waiting sweeps. `tests/cli/live.rs` compares the image with that of the recording.
+//! Cost: one push per sweep and receiver. Memory: [`Live::held_bytes`], one pulse, and the waiting sweeps. `tests/cli/live.rs` compares the image
+//! with that of the recording.
 
 mod walk;
 
@@ -120,7 +122,8 @@ impl Imaging {
         })
     }
 
-    /// Add a sweep, or queue it until its position is known. An unusable sweep, or one that would exceed the error bound, is counted as omitted and leaves the image unchanged.
+    /// Add a sweep, or queue it until its position is known. An unusable sweep, or one that would exceed the error bound, is counted as omitted and
+    /// leaves the image unchanged.
     pub fn take(&mut self, sweep: &LiveSweep) {
         if sweep.receivers.is_empty() {
             let why = sweep.why.clone();

@@ -103,7 +103,8 @@ pub struct Navigation {
     pub(super) stated_m: Option<f64>,
 }
 
-/// Deviation of positions from a track, estimated from the median: for Gaussian errors of equal variance along both axes of the plane, squared distances are exponentially distributed,
+/// Deviation of positions from a track, estimated from the median: for Gaussian errors of equal variance along both axes of the plane, squared
+/// distances are exponentially distributed,
 /// and their median is `ln 2` times the mean. Unlike the mean, the median is insensitive to outliers.
 #[derive(Clone, Copy)]
 pub(super) struct Off {
@@ -212,7 +213,8 @@ impl Navigation {
         })
     }
 
-    /// Track carried by the recording, as positions. Its shape deviates from the echo track: the deviation gives the standard deviation, and its correlation time the spacing of independent positions.
+    /// Track carried by the recording, as positions. Its shape deviates from the echo track: the deviation gives the standard deviation, and its
+    /// correlation time the spacing of independent positions.
     pub fn of_recording(found: &Recovered) -> Self {
         let moments = &found.moments;
         let off = |moment: &Moment| (moment.recorded_m - moment.position_m).truncate();
@@ -254,7 +256,8 @@ impl Navigation {
 
     /// Track from navigation alone: from positions, or else from the inertial solution.
     ///
-    /// `attitude` is that of the body at the recording's first pulse. It is propagated by the inertial headings, for any mounting of the sensor; without them it stays constant.
+    /// `attitude` is that of the body at the recording's first pulse. It is propagated by the inertial headings, for any mounting of the sensor;
+    /// without them it stays constant.
     pub fn alone(&self, about: &About, attitude: DQuat, mounting: &Mounting) -> Vec<Fix> {
         let sensor = |one: &Inertial| {
             let [yaw, _] = one.heading_rad?;
