@@ -176,7 +176,8 @@ fn items_take_the_forecast_time() {
     // What is there is not made again.
     let ran = run(at, "reproduce --only s-4-4 --out 0 --dry-run");
     assert!(
-        ran.succeeded().contains("0 items to make, 1 there already"),
+        ran.succeeded()
+            .contains("0 items to compute, 1 already computed"),
         "{ran:?}"
     );
 }

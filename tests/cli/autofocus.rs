@@ -108,7 +108,7 @@ fn a_track_is_one_that_is_read_again() {
     let ran = run(at, &line);
     let told = ran.succeeded();
     assert!(
-        told.contains("track moved by") && told.contains("entropy"),
+        told.contains("track corrected by") && told.contains("entropy"),
         "{told}"
     );
     let fixes = track_csv::read(&at.join("track.csv")).unwrap();
@@ -122,7 +122,7 @@ fn autofocus_without_output_reports_the_gain() {
     let before = listing(folder.path());
     for (options, parts) in [
         ("-m map-drift --rounds 2", ["before", "after"]),
-        ("--dry-run", ["51 images at most", "200 x 200 pixels"]),
+        ("--dry-run", ["at most 51 images", "200 x 200 pixels"]),
     ] {
         let ran = run(
             folder.path(),

@@ -160,7 +160,7 @@ fn pixels_outside_the_beam_are_zero_or_refused() {
     let grid = "--grid x=100:160:1,y=999:1001.1:1 -a bp --out edge";
     let edge = run(at, &format!("focus strip.cphd {grid} --beam 2deg"));
     edge.succeeded();
-    assert!(edge.stderr.contains("seen by no pulse"), "{edge:?}");
+    assert!(edge.stderr.contains("illuminated by no pulse"), "{edge:?}");
     let grid = "--grid x=1000:1060:1,y=999:1001.1:1 -a bp --out away";
     run(at, &format!("focus strip.cphd {grid} --beam 2deg")).failed(1, &["no pulse sees the grid"]);
     run(
@@ -186,8 +186,10 @@ fn record(at: &Path, image: &str) -> serde_json::Value {
     serde_json::from_str(&text).unwrap()
 }
 
-/// A tenth of the beam: the spectrum of one point that passes through the whole Gaussian beam is the pattern itself, over angles that the track cuts off at 3 widths, where the power
-/// is below 1e-20 of its middle's, and weighted by `d theta / d x = cos^2 theta / R`, which differs by 1 % over it. The 48 frequencies differ by 0.5 %. A tenth is far more.
+/// A tenth of the beam: the spectrum of one point that passes through the whole Gaussian beam is the pattern itself, over angles that the track cuts
+/// off at 3 widths, where the power
+/// is below 1e-20 of its middle's, and weighted by `d theta / d x = cos^2 theta / R`, which differs by 1 % over it. The 48 frequencies differ by 0.5
+/// %. A tenth is far more.
 const TOLERANCE_DEG: f64 = 0.1 * WIDTH_DEG;
 
 /// Places are seen under 13.7 deg and the pulses sample 2.6 deg without ambiguity: without an option the beam is estimated, weighted by, and stated.

@@ -193,7 +193,7 @@ fn images_of_other_surfaces_and_places_are_refused() {
     let of = compared(at, "low low/image.npy");
     assert_eq!(error_db(&of), f64::NEG_INFINITY);
     assert!(notes(&of).contains("by row and column alone"), "{of}");
-    run(at, "compare low beside/image.npy").failed(1, &["different size", "no metadata"]);
+    run(at, "compare low beside/image.npy").failed(1, &["differ in size", "no metadata"]);
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn a_scene_without_a_place_is_compared_with_its_sicd_once_its_place_is_given() {
     .succeeded();
     let exported = run(at, "export image --place 52,4,10 -o image.nitf");
     exported.succeeded();
-    run(at, "compare image image.nitf").failed(1, &["no place on the Earth", "--place"]);
+    run(at, "compare image image.nitf").failed(1, &["no position on the Earth", "--place"]);
     let of = compared(at, "image image.nitf --place 52,4,10");
     assert_eq!(error_db(&of), f64::NEG_INFINITY, "{of}");
 }
@@ -345,5 +345,5 @@ fn stacks_and_products_in_progress_are_compared_where_they_have_pixels() {
     // Both formed to -66 dB.
     assert!(error_db(&of) < -60.0, "{of}");
     assert!(notes(&of).contains("not recorded yet"), "{of}");
-    run(at, "compare growing b").failed(1, &["growing", "not whole"]);
+    run(at, "compare growing b").failed(1, &["growing", "incomplete"]);
 }

@@ -288,7 +288,7 @@ fn judge(
         assert!(case.outputs.iter().find(named).is_some(), "{report}");
         let is_whole = after == *before || all_new(at, case, before, &after);
         // On a disk that stays broken, files that cannot be put back are named.
-        let is_reported = fault.lasts && ran.stderr.contains("left in part");
+        let is_reported = fault.lasts && ran.stderr.contains("no partial output was left");
         if is_reported {
             return;
         }
@@ -350,7 +350,7 @@ fn every_call_fails(codes: Codes, lasts: bool) {
                     judge(at, case, fault, &ran, &before);
                     is_over = ran.1.is_empty();
                     failures += usize::from(ran.0.code != Some(0));
-                    if ran.0.stderr.contains("left in part") {
+                    if ran.0.stderr.contains("no partial output was left") {
                         written();
                     }
                 }

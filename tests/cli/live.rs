@@ -214,8 +214,10 @@ fn brightest_db(image: &Image, grid: &ImageGrid, about: DVec3) -> f64 {
         .log10()
 }
 
-/// A walk that nobody measured is imaged while it goes on, in the axes that the body had at first. Every reflector is within 3 dB as bright as in the image on the true way: measured are 0.2 to 0.6 dB, where the
-/// track of the whole recording costs 0.04 dB: the first positions depend on targets that are hardly known yet. Left out are the first sweep and the last, which reach beyond the first place and the last, and few of
+/// A walk that nobody measured is imaged while it goes on, in the axes that the body had at first. Every reflector is within 3 dB as bright as in
+/// the image on the true way: measured are 0.2 to 0.6 dB, where the
+/// track of the whole recording costs 0.04 dB: the first positions depend on targets that are hardly known yet. Left out are the first sweep and the
+/// last, which reach beyond the first place and the last, and few of
 /// the others. Pixels are a quarter of what is resolved apart, in both images.
 #[test]
 fn a_walk_is_imaged_while_it_is_found() {
@@ -325,7 +327,7 @@ fn a_watched_capture_is_the_same_and_says_who_may_look() {
     );
     let (_, told) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        told.contains("warning: --listen 0.0.0.0:") && told.contains("whoever reaches"),
+        told.contains("warning: --listen 0.0.0.0:") && told.contains("everyone who can reach"),
         "{told}"
     );
 }

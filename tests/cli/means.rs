@@ -92,7 +92,7 @@ fn models_that_are_none_are_refused() {
         &other.to_string(),
         &["point_ns of the time model 'measured' is no time"],
     );
-    refused("here", &["wrong.json", "no time model"]);
+    refused("here", &["wrong.json", "expected a timing model"]);
     refused(&text.replace("model-3", "model-1"), &["measure it again"]);
     ran("focus t.cphd --model nowhere.json -o x").failed(1, &["nowhere.json"]);
     // What is not ours is not replaced.

@@ -55,13 +55,13 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
         println!("{mib:4} MiB: refused: {line}");
         return None;
     }
-    let marker = " of memory at the most";
+    let marker = "note: peak memory ";
     let told = ran
         .stderr
         .lines()
-        .find_map(|line| line.strip_suffix(marker));
+        .find_map(|line| line.strip_prefix(marker));
     let told = told.unwrap_or_else(|| panic!("no peak in {ran:?}"));
-    let (number, unit) = told.trim_start_matches("note: ").split_once(' ').unwrap();
+    let (number, unit) = told.split_once(' ').unwrap();
     let peak = number.parse::<f64>().unwrap()
         * match unit {
             "KiB" => 1024.0 / MIB,
@@ -301,7 +301,10 @@ fn less_than_the_program_takes_is_refused_and_more_than_there_is_cut() {
     }
     let before = listing(at);
     let ran = run(at, &format!("{line} --memory 4000T"));
-    assert!(ran.stderr.contains("more than this machine has"), "{ran:?}");
+    assert!(
+        ran.stderr.contains("exceeds the memory of this machine"),
+        "{ran:?}"
+    );
     ran.succeeded();
     assert!(listing(at).len() > before.len());
 }

@@ -51,7 +51,7 @@ fn damaged_log_reports_losses_and_gives_a_track() {
     );
     assert!(told.contains("times are GPS"), "{told}");
     assert!(
-        ran.stderr.contains("2 messages are cut or damaged"),
+        ran.stderr.contains("2 truncated or damaged messages"),
         "{}",
         ran.stderr
     );
@@ -137,7 +137,7 @@ fn repeated_times_and_assumed_heights_are_warned_of() {
     ran.succeeded();
     assert!(
         ran.stderr
-            .contains("4 records have times that do not ascend")
+            .contains("4 records with times that do not ascend")
             && !ran.stderr.contains("damaged"),
         "{}",
         ran.stderr
@@ -161,7 +161,7 @@ fn files_other_than_logs_are_refused() {
     run(at, "navigation way.csv").failed(1, &["way.csv", "column 'x'", "has no unit"]);
     run(at, "navigation none.asc").failed(1, &["cannot read none.asc"]);
     fs::write(at.join("drive.asc"), line(0) + &line(1)).unwrap();
-    run(at, "navigation drive.asc -o t.csv --record nmea").failed(1, &["no such record"]);
+    run(at, "navigation drive.asc -o t.csv --record nmea").failed(1, &["of the requested type"]);
     run(at, "navigation drive.asc -o t.csv --origin 91,0,0").failed(1, &["--origin"]);
     run(at, "navigation drive.asc --record inspva").failed(2, &["--out"]);
     assert_eq!(listing(at).len(), 3);

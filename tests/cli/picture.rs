@@ -37,7 +37,8 @@ fn colours(path: &Path) -> std::collections::HashMap<[u8; 3], usize> {
     counts
 }
 
-/// Three images of which each has a quadrant of its own and all share the fourth: red, green, blue and white, each an exact quarter of the 8 x 8 pixels as they are drawn.
+/// Three images of which each has a quadrant of its own and all share the fourth: red, green, blue and white, each an exact quarter of the 8 x 8
+/// pixels as they are drawn.
 #[test]
 fn images_are_colours() {
     let folder = tempfile::tempdir().unwrap();
@@ -116,7 +117,7 @@ fn a_product_is_coloured_by_its_aperture() {
         (
             "picture a.npy -o b.png --sub-apertures 3",
             1,
-            &["a.npy", "not known"][..],
+            &["a.npy", "sub-apertures need"][..],
         ),
         (
             "picture image -o b.png --sub-apertures 1",

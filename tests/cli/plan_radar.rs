@@ -12,7 +12,7 @@ fn a_pass_is_planned_in_words_and_in_json() {
         "0.7495 m",
         "0.5766",
         "149.9 km",
-        "lobe 1 of 52 pulses",
+        "lobe 1 at 52 pulses",
         "11.53 m",
         "-21.",
         "rdbp, thesis",

@@ -125,8 +125,8 @@ fn tune_writes_only_the_found_values() {
     assert_eq!(fs::read_to_string(&path).unwrap(), tuned);
 
     run(at, &format!("{tune} --write-to raw/tuned.toml"))
-        .failed(2, &["--write-to", "there is such a file"]);
-    run(at, &format!("{tune} --write-to other.toml")).failed(2, &["beside"]);
+        .failed(2, &["--write-to", "the file exists"]);
+    run(at, &format!("{tune} --write-to other.toml")).failed(2, &["in the folder of"]);
 }
 
 #[test]
@@ -275,12 +275,12 @@ fn samples_that_do_not_come_out_even_are_explained() {
             .contains("warning: resolution and geometry are those at x 0 m"),
         "{ran:?}"
     );
-    assert!(ran.stderr.contains("lies at the antennas"), "{ran:?}");
+    assert!(ran.stderr.contains("is at the antennas"), "{ran:?}");
     run(at, "focus r.toml --set recording.samples=100 --out image").failed(
         1,
         &[
             "no default grid",
-            "does not say where its scene is",
+            "does not state the position of its scene",
             "--grid",
         ],
     );

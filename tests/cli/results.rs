@@ -81,7 +81,7 @@ fn crosscheck_exits_3_and_names_the_bound_exceeded() {
         &[
             "core, fixed point: error of -",
             "above the bound of -60 dB",
-            "too weak for 16 bits",
+            "too weak for 16-bit",
         ],
     );
     let ran = run(folder.path(), "crosscheck loud.cphd --json");

@@ -284,7 +284,7 @@ fn existing_tiles_are_not_lost_by_mistake() {
     let before = store(&folder.join("d"));
     run(folder, &line).failed(2, &["image.zarr", "--resume", "--force"]);
     run(folder, &format!("focus a.cphd {grid} --resume -a bp -o d"))
-        .failed(1, &["of another plan", "--force"]);
+        .failed(1, &["tiles of the same plan, found another", "--force"]);
     assert!(store(&folder.join("d")) == before);
     // All is there: nothing is formed, and the record is written again.
     let ran = run(folder, &format!("focus a.cphd {grid} --resume -o d"));
@@ -359,7 +359,7 @@ fn two_runs_into_one_folder_do_not_meet() {
     second.failed(1, &["another run"]);
     // A dead run's lock is nobody's.
     let bp = line.replace("exact", "bp");
-    run(folder, &bp).failed(1, &["another plan"]);
+    run(folder, &bp).failed(1, &["found another"]);
 }
 
 /// Without `--tiled` too an image may be larger than memory: it is the same to the bit, in the same file.

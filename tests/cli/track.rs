@@ -228,7 +228,7 @@ fn without_a_track_of_echoes_that_of_navigation_is_taken() {
     let ran = focus("--navigation receiver.csv --lever-arm -0.12675,0,0");
     ran.succeeded();
     assert!(
-        ran.stderr.contains("no track from the echoes"),
+        ran.stderr.contains("estimation from the echoes failed"),
         "{}",
         ran.stderr
     );
@@ -255,8 +255,7 @@ fn track_fusion_reports_mismatched_inputs() {
     let track = |more: &str| run(at, &format!("track walk.cphd -o track.csv {more}"));
     // Twice as far as the echoes have it; and places four times as bad as they say.
     fs::write(at.join("far.csv"), log(1.0, |t| [2.0 * t, 0.0])).unwrap();
-    track("--navigation far.csv")
-        .failed(1, &["contradict each other", "may not be the recording's"]);
+    track("--navigation far.csv").failed(1, &["contradict each other", "check the start time"]);
     fs::write(at.join("bad.csv"), log(4.0, place_m)).unwrap();
     let ran = track("--navigation bad.csv --json");
     let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
@@ -264,7 +263,7 @@ fn track_fusion_reports_mismatched_inputs() {
     let widened = told["one_track"]["widened"].as_f64().unwrap();
     assert!((widened / 4.0 - 1.0).abs() < 0.24, "{widened}");
     assert!(
-        ran.stderr.contains("is off the echoes by"),
+        ran.stderr.contains("deviates from the echoes by"),
         "{}",
         ran.stderr
     );
@@ -273,7 +272,7 @@ fn track_fusion_reports_mismatched_inputs() {
         1,
         &["late.csv", "of the recording's clock", "--navigation-start"],
     );
-    track("--navigation far.csv --navigation far.csv").failed(1, &["one log each"]);
+    track("--navigation far.csv --navigation far.csv").failed(1, &["an earlier log"]);
     // One place 10 m off is left out, and does not make the others worse.
     let good = log(1.0, place_m);
     let wild = |n: usize, line: &str| {
@@ -309,7 +308,7 @@ fn track_fusion_reports_mismatched_inputs() {
     .failed(2, &["--track fused"]);
     // Motion out of the plane spoils the track of the echoes: neither source is believed then, and a track that is off by more than twice the noise is refused by itself.
     for (out_cm, error) in [
-        (33, &["neither can be trusted", "times what it states"]),
+        (33, &["both inconsistent", "times its stated"]),
         (35, &["the track diverges", "out of the plane"]),
     ] {
         let amplitude = format!("amplitude = \"0, 6, {out_cm} cm\"");
@@ -539,7 +538,7 @@ fn echoes_that_fail_leave_no_track_and_navigation_alone() {
     let ran = focus("--track fused --navigation receiver.csv --lever-arm -0.12675,0,0");
     ran.succeeded();
     assert!(
-        ran.stderr.contains("no track from the echoes"),
+        ran.stderr.contains("estimation from the echoes failed"),
         "{}",
         ran.stderr
     );

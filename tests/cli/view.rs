@@ -419,7 +419,7 @@ fn unsupported_inputs_are_refused() {
         ("view", 2, &["IMAGE"][..]),
         ("view nowhere", 1, &["nowhere"]),
         ("view empty", 1, &["empty", "image.json"]),
-        ("view table.cphd", 1, &["table.cphd", "no image"]),
+        ("view table.cphd", 1, &["table.cphd", "expected an image"]),
         (
             "view image --layer nowhere.geojson",
             1,

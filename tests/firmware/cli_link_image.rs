@@ -53,7 +53,7 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
         "{disk_bytes} bytes told, {}",
         file.len()
     );
-    assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
+    assert!(ran.stdout.contains("on this computer, 0 not"), "{ran:?}");
     assert!(ran.is_untroubled(), "{ran:?}");
     let line = format!("focus --from-maps {arithmetic}.maps --grid {GRID} --out {arithmetic}");
     let ahead = told(folder, &line);

@@ -380,7 +380,7 @@ fn the_command_refuses_or_says_with_status_3() {
         .failed(1, &["predicted error", "-100 dB", "--allow-error"]);
     assert_eq!(listing(path), before);
     let allowed = run(path, &format!("{strict} --out allowed --allow-error"));
-    allowed.failed(3, &["predicted error", "above the -100 dB asked"]);
+    allowed.failed(3, &["predicted error", "above the bound of -100 dB"]);
     let record = std::fs::read(path.join("a/image.json")).unwrap();
     let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
     let resolved = &record["settings"]["resolved"];

@@ -116,7 +116,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
         ("image -o a.tif --layout complex --pixel 1", 1, "too coarse"),
         ("wall -o a.tif", 1, "upright"),
         ("coarse -o a.tif", 1, "finer grid"),
-        ("scene.cphd -o a.tif", 1, "no image"),
+        ("scene.cphd -o a.tif", 1, "expected an image"),
     ] {
         let ran = run(at, &format!("export {line}"));
         ran.failed(code, &[expected]);

@@ -166,21 +166,21 @@ fn add_as(
     monitor: &dyn Monitor,
     most_small_bytes: u64,
 ) -> Result<(), MapError> {
-    let mut beside = AtomicFile::create(path, 0, ".part")?;
+    let mut pending = AtomicFile::create(path, 0, ".part")?;
     let mut pyramid = Pyramid::new(ortho, layout.values(), monitor);
     let levels = pyramid.levels().to_vec();
-    let absolute = std::path::absolute(path).map_err(|e| beside.failed(e))?;
+    let absolute = std::path::absolute(path).map_err(|e| pending.failed(e))?;
     let folder = absolute.parent().unwrap_or(Path::new("."));
     let spools = levels.iter().map(|&level| {
         let [down, across] = tiles(level);
         Spool::new(folder, down * across)
     });
     let spools: Result<Vec<Spool>, _> = spools.collect();
-    let mut spools = spools.map_err(|e| beside.failed(e))?;
+    let mut spools = spools.map_err(|e| pending.failed(e))?;
     pyramid.make(&mut |level, [row, column], tile| {
         let index = row * tiles(levels[level])[1] + column;
         let put = spools[level].put(index, &layout.encoded(tile));
-        put.map_err(|e| beside.failed(e).into())
+        put.map_err(|e| pending.failed(e).into())
     })?;
 
     let data: u64 = spools.iter().map(Spool::bytes).sum();
@@ -219,15 +219,15 @@ fn add_as(
     fill(&mut file, head);
     let bytes = file.head();
     let written = (|| {
-        let mut out = BufWriter::new(beside.file());
+        let mut out = BufWriter::new(pending.file());
         out.write_all(&bytes)?;
         for spool in spools.iter_mut().rev() {
             spool.copy_to(&mut out)?;
         }
         out.flush()
     })();
-    written.map_err(|e| beside.failed(e))?;
-    Ok(files.add(beside)?)
+    written.map_err(|e| pending.failed(e))?;
+    Ok(files.add(pending)?)
 }
 
 /// `GDAL_STRUCTURAL_METADATA` of a COG, by which GDAL recognises the layout.

@@ -49,9 +49,9 @@ pub fn write(
         4326,
         "overlays are in longitude and latitude"
     );
-    let mut beside = AtomicFile::create(path, 0, ".part")?;
+    let mut pending = AtomicFile::create(path, 0, ".part")?;
     let mut archive = Archive::new(BufWriter::new(
-        beside.file().try_clone().map_err(|e| beside.failed(e))?,
+        pending.file().try_clone().map_err(|e| pending.failed(e))?,
     ));
     let written = match raster.rows.max(raster.columns) > ONE_PICTURE {
         true => archive.tiles(ortho, levels, title, monitor),
@@ -61,9 +61,9 @@ pub fn write(
         .and_then(|()| archive.finish())
         .map_err(|e| match e {
             Failure::Map(error) => error,
-            Failure::Io(source) => beside.failed(source).into(),
+            Failure::Io(source) => pending.failed(source).into(),
         })?;
-    Ok(beside.commit()?)
+    Ok(pending.commit()?)
 }
 
 enum Failure {

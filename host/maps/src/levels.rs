@@ -178,8 +178,8 @@ mod tests {
         assert_eq!(levels(&some, None, None).unwrap(), [-33.0, 20.0]);
         assert_eq!(levels(&[1.0; 4], None, None).unwrap(), [-40.0, 0.0]);
         assert_eq!(levels(&some, Some(5.0), Some(30.0)).unwrap(), [-25.0, 5.0]);
-        for nothing in [&[0.0f32, f32::NAN][..], &[f32::INFINITY]] {
-            assert!(matches!(levels(nothing, None, None), Err(MapError::Empty)));
+        for values in [&[0.0f32, f32::NAN][..], &[f32::INFINITY]] {
+            assert!(matches!(levels(values, None, None), Err(MapError::Empty)));
         }
     }
 

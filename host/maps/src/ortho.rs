@@ -18,7 +18,7 @@ use subaperture_model::image::{ImageSource, PixelBlock, power};
 use subaperture_model::resolution::support::Looks;
 
 use crate::carrier::Carrier;
-use crate::reader::{NOTHING, Reader, Traced};
+use crate::reader::{NO_VALUE, Reader, Traced};
 use crate::surface::Surface;
 use crate::{MapError, ProjectionModel, Raster};
 
@@ -127,7 +127,7 @@ impl<'a> Ortho<'a> {
                     .fold(f64::INFINITY, f64::min),
             });
         }
-        let mut out = vec![NOTHING; place[0].len() * place[1].len()];
+        let mut out = vec![NO_VALUE; place[0].len() * place[1].len()];
         let columns = place[1].len();
         self.patches(place, PATCH, &mut |patch, values| {
             for (row, values) in patch[0].clone().zip(values.chunks(patch[1].len())) {

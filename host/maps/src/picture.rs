@@ -21,7 +21,7 @@ use crate::{MapError, Ortho, Projection};
 const BAND: usize = 256;
 
 /// Paths of a picture's world file (`.pgw`) and projection file (`.prj`).
-pub fn beside(path: &Path) -> [PathBuf; 2] {
+pub fn sidecars(path: &Path) -> [PathBuf; 2] {
     ["pgw", "prj"].map(|ending| path.with_extension(ending))
 }
 
@@ -79,7 +79,7 @@ pub fn write(
     }
     written.map_err(|e| file.failed(e))?;
     files.add(file)?;
-    let [world, system] = beside(path);
+    let [world, system] = sidecars(path);
     let [east, south] = raster.step;
     let [x, y] = raster.coordinates([0.5, 0.5]);
     let text = format!("{east}\n0\n0\n{}\n{x}\n{y}\n", -south);

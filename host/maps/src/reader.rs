@@ -139,7 +139,7 @@ impl<'a> Reader<'a> {
         let counts = surface.counts();
         let values = |traced: &Traced| {
             if !inside(traced.pixel, counts) {
-                return NOTHING;
+                return NO_VALUE;
             }
             let local = [0, 1].map(|i| traced.pixel[i] - window[i].start as f64);
             let turns = match spectrum {
@@ -176,7 +176,7 @@ enum Spectrum<'a> {
 }
 
 /// Value outside the image.
-pub(crate) const NOTHING: Complex32 = Complex32::new(f32::NAN, f32::NAN);
+pub(crate) const NO_VALUE: Complex32 = Complex32::new(f32::NAN, f32::NAN);
 
 /// Projected sample: image row and column, and coordinates in the image plane.
 #[derive(Clone, Copy, Debug, Default)]

@@ -4,7 +4,8 @@
 //! interpolation kernel would extend beyond the image's edge, are NaN.
 //!
 //! Two kinds of target pixels:
-//! - **points** of the image's own surface ([`Resampled::on_points`], [`Resampled::projected_on_points`]): exact positions in the scene. Complex values of an image that was
+//! - **points** of the image's own surface ([`Resampled::on_points`], [`Resampled::projected_on_points`]): exact positions in the scene. Complex
+//! values of an image that was
 //!   formed here equal those that its image former would compute at these points.
 //! - **ground positions** ([`Resampled::at_places`], [`Resampled::projected_at_places`]): each is projected into the image as for a map ([`crate::Ortho`]).
 //!
@@ -22,7 +23,7 @@ use subaperture_model::image::{
 };
 
 use crate::carrier::Carrier;
-use crate::reader::{NOTHING, Reader, Traced};
+use crate::reader::{NO_VALUE, Reader, Traced};
 use crate::surface::Surface;
 use crate::{MapError, ProjectionModel, Source};
 
@@ -225,7 +226,7 @@ impl<'a> Resampled<'a> {
         let mut image = Image {
             rows: place[0].len(),
             columns: place[1].len(),
-            pixels: vec![NOTHING; place[0].len() * place[1].len()],
+            pixels: vec![NO_VALUE; place[0].len() * place[1].len()],
         };
         self.patches(place, PATCH, place, &mut image.pixels)?;
         Ok(image)

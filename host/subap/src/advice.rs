@@ -1,5 +1,5 @@
-//! Advice on errors: options that would help. The library reports causes, numbers and remedies without naming options; this module
-//! translates remedies into options.
+//! Advice on errors: options that would help. The library reports causes, numbers and remedies; this module translates remedies into
+//! options of the command line.
 
 use std::error::Error;
 use std::io;
@@ -18,13 +18,13 @@ use subaperture::planner::PlanError as RadarPlanError;
 use subaperture::plot::PlotError;
 use subaperture::resolution::survey::NoDefaultGrid;
 
-/// Name of the work for `--check` in errors of memory.
+/// Name of the memory user that `--check` adds.
 pub(crate) const CHECK: &str = "--check";
 
 /// Example of a grid.
 const SOME_GRID: &str = "give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0";
 
-/// One line with an error, its causes and the advice on each; a cause that is part of its parent's text is omitted.
+/// An error and its causes in one line, each with advice; a cause already contained in its parent's text is not repeated.
 pub(crate) fn one_line(error: &anyhow::Error) -> String {
     let mut line = String::new();
     for cause in error.chain() {
@@ -42,23 +42,23 @@ pub(crate) fn one_line(error: &anyhow::Error) -> String {
     line
 }
 
-/// Advice on an error and its causes, without the error.
+/// Advice on an error and its causes, without the error text.
 pub(crate) fn alone(error: &anyhow::Error) -> Option<String> {
     let advice = error.chain().find_map(of)?;
     Some(advice.trim_start_matches([':', ';', ' ', '\n']).to_owned())
 }
 
-/// Text of an error with advice.
-pub(crate) fn explained(error: &(dyn Error + 'static)) -> String {
+/// Error text with advice.
+pub(crate) fn with_advice(error: &(dyn Error + 'static)) -> String {
     format!("{error}{}", of(error).unwrap_or_default())
 }
 
-/// Advice on a forming error, to be appended to its text.
+/// Advice on an error of image formation, as a continuation of its text.
 pub(crate) fn after(error: &FormError) -> Option<String> {
     of_forming(error)
 }
 
-/// Advice on any error, to be appended to its text.
+/// Advice on any error, as a continuation of its text.
 fn of(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(inner) = inner(error) {
         return of(inner);
@@ -103,7 +103,7 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
     Some(advice.to_owned())
 }
 
-/// The error that another one wraps transparently.
+/// Error that another one wraps transparently, without being its cause.
 fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
     if let Some(error) = error.downcast_ref::<io::Error>() {
         return Some(error.get_ref()?);
@@ -146,29 +146,27 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
 }
 
 fn of_forming(error: &FormError) -> Option<String> {
-    let mut suggestions: Vec<Suggestion> = error.remedies().iter().map(Suggestion::of).collect();
+    let mut list: Vec<Advice> = error.remedies().iter().map(Advice::of).collect();
     if let FormError::Memory { what: CHECK, .. } = error {
-        suggestions.insert(0, Suggestion::new("check", "fewer pixels"));
+        list.insert(0, Advice::new("check", "fewer pixels"));
     }
-    let advice = joined(&suggestions);
+    let advice = joined(&list);
     Some(match error {
-        FormError::BoundMissed { .. } if suggestions.is_empty() => {
-            "; or allow a larger error".to_owned()
-        }
+        FormError::BoundMissed { .. } if list.is_empty() => "; or allow a larger error".to_owned(),
         FormError::BoundMissed { .. } => format!(": {advice}; or allow a larger error"),
-        _ if suggestions.is_empty() => return None,
+        _ if list.is_empty() => return None,
         FormError::Unsuited(_) if error.remedies() == [Remedy::SomeGrid] => format!("; {advice}"),
         _ => format!(": {advice}"),
     })
 }
 
-/// Remedy in terms of options: a verb and its object.
-struct Suggestion {
+/// Remedy in the terms of the command line: a verb and its object.
+struct Advice {
     verb: &'static str,
     object: String,
 }
 
-impl Suggestion {
+impl Advice {
     fn new(verb: &'static str, object: impl Into<String>) -> Self {
         Self {
             verb,
@@ -205,26 +203,26 @@ impl Suggestion {
                 Self::new("plan for less", format!("with --error-db {error_db:.0}"))
             }
             Remedy::SomeGrid => Self::new("give one,", SOME_GRID.trim_start_matches("give one, ")),
-            // A remedy without an option.
+            // A remedy for which this command has no option.
             other => Self::new("try", format!("{other:?}")),
         }
     }
 }
 
-/// Suggestions as text, such as `use a, b, or raise c`: a repeated verb is omitted.
-fn joined(suggestions: &[Suggestion]) -> String {
+/// Join remedies as in `use a, b, or raise c`; a repeated verb is omitted.
+fn joined(list: &[Advice]) -> String {
     let mut text = String::new();
-    for (i, suggestion) in suggestions.iter().enumerate() {
+    for (i, item) in list.iter().enumerate() {
         text += match i {
             0 => "",
-            _ if i + 1 == suggestions.len() => ", or ",
+            _ if i + 1 == list.len() => ", or ",
             _ => ", ",
         };
-        if i == 0 || suggestions[i - 1].verb != suggestion.verb {
-            text += suggestion.verb;
+        if i == 0 || list[i - 1].verb != item.verb {
+            text += item.verb;
             text += " ";
         }
-        text += &suggestion.object;
+        text += &item.object;
     }
     text
 }
@@ -236,7 +234,7 @@ mod tests {
     use super::*;
 
     fn unsuited(remedies: &[Remedy]) -> String {
-        explained(&FormError::Unsuited(
+        with_advice(&FormError::Unsuited(
             Reason::new("it cannot be").helped_by(remedies),
         ))
     }
@@ -309,8 +307,8 @@ mod tests {
             remedies: &[Remedy::MoreMemory],
         };
         let whole = "the image needs 1010 bytes of the 1000 bytes allowed: raise --memory";
-        assert_eq!(explained(&memory()), whole);
-        assert_eq!(explained(&ImagePlanError::Form(memory())), whole);
+        assert_eq!(with_advice(&memory()), whole);
+        assert_eq!(with_advice(&ImagePlanError::Form(memory())), whole);
         let error = anyhow::Error::new(memory()).context("focusing a.cphd");
         assert_eq!(one_line(&error), format!("focusing a.cphd: {whole}"));
         let missed = FormError::BoundMissed {
@@ -319,7 +317,7 @@ mod tests {
             limit: Reason::new("kernels").helped_by(&[Remedy::OtherFormer(&["bp"])]),
         };
         assert_eq!(
-            explained(&missed),
+            with_advice(&missed),
             "the predicted error is -40.0 dB, above the -60 dB asked: kernels: use --algorithm bp; or allow a larger error"
         );
     }

@@ -15,27 +15,27 @@ use crate::args::Rehearsal;
 use crate::config::Session;
 use crate::{messages, text};
 
-/// From when on work is long, and output large.
+/// Time above which work counts as long, and disk space above which output counts as large.
 const LONG_S: f64 = 10.0;
 const LARGE_BYTES: u64 = 1 << 30;
 
-/// Operations a thread from which on work may be long, some 5 s: measuring a part of less, which takes up to a second, would
-/// only delay it.
+/// Operations per thread above which the time is measured: about 5 s of work. Measuring a part takes up to a second and would
+/// only delay shorter work.
 const MANY_OPERATIONS: f64 = 1e10;
 
-/// A piece of work to come.
+/// Predicted cost of a piece of work.
 pub(crate) struct Ahead {
     /// Description of the work.
-    what: String,
+    work: String,
     time: Option<Forecast>,
-    /// All that the process will take, about.
+    /// Total memory of the process, bytes, approximate.
     memory_bytes: u64,
-    /// Where and how much.
+    /// Output paths with their sizes, bytes.
     disk: Vec<(PathBuf, u64)>,
 }
 
 impl Ahead {
-    /// Image by `former` into the folder `out`; `cost` is that of its plan. Long work is measured, and all work in a dry run.
+    /// Cost of an image by `former` in the folder `out`; `cost` is that of its plan. The time is measured for long work and in every dry run.
     pub(crate) fn of_image(
         session: &Session,
         rehearsal: &Rehearsal,
@@ -53,7 +53,7 @@ impl Ahead {
             buffers_bytes = held_bytes.min(task.memory_bytes);
         }
         Ok(Self {
-            what: format!(
+            work: format!(
                 "{pulses} pulses onto {} x {} pixels by {}",
                 grid.columns.count,
                 grid.rows.count,
@@ -67,23 +67,23 @@ impl Ahead {
         })
     }
 
-    /// `what`, which holds so many bytes beside what every command does, and leaves so many in `disk`.
+    /// Cost of `work`, which needs so many bytes in addition to the program itself and writes so many to each path of `disk`.
     pub(crate) fn new(
         session: &Session,
-        what: String,
+        work: String,
         held_bytes: u64,
         time: Option<Forecast>,
         disk: Vec<(PathBuf, u64)>,
     ) -> Self {
         Self {
-            what,
+            work,
             time,
             memory_bytes: session.memory.own_bytes() + held_bytes,
             disk,
         }
     }
 
-    /// Says it: whether that is all that was asked for.
+    /// Print the cost. Returns whether this was a dry run.
     pub(crate) fn announce(
         &self,
         session: &Session,
@@ -106,7 +106,7 @@ impl Ahead {
             };
             let disk = text::bytes(bytes.into());
             messages::note(&format!(
-                "this takes {time}{disk} of disk (--dry-run says more)"
+                "this takes {time}{disk} of disk (details: --dry-run)"
             ));
         }
         Ok(false)
@@ -114,7 +114,7 @@ impl Ahead {
 
     fn to_json(&self, session: &Session) -> Value {
         json!({
-            "work": self.what,
+            "work": self.work,
             "time_s": self.time.map(|time| time.seconds),
             "measured_s": self.time.map(|time| time.measured_s),
             "threads": session.threads,
@@ -129,7 +129,7 @@ impl Ahead {
     }
 
     fn describe(&self, session: &Session) -> String {
-        let mut lines = vec![format!("{:<16} {}", "work", self.what)];
+        let mut lines = vec![format!("{:<16} {}", "work", self.work)];
         lines.push(format!(
             "{:<16} {}",
             "time",
@@ -139,7 +139,7 @@ impl Ahead {
                     duration(time.seconds),
                     time.measured_s
                 ),
-                None => "not known: no part of this work could be measured".to_owned(),
+                None => "unknown: no part of this work could be timed".to_owned(),
             }
         ));
         lines.push(format!(
@@ -154,7 +154,7 @@ impl Ahead {
                     format!("{} free: too little", text::bytes(free.into()))
                 }
                 Some(free) => format!("{} free", text::bytes(free.into())),
-                None => "free space not known".to_owned(),
+                None => "free space unknown".to_owned(),
             };
             let size = text::bytes((*bytes).into());
             lines.push(format!(
@@ -167,7 +167,7 @@ impl Ahead {
     }
 }
 
-/// Two digits are what an estimate is good for.
+/// Format a duration with two digits, the accuracy of an estimate.
 fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 100.0 => text::duration(Duration::from_secs_f64(s)),
@@ -177,7 +177,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// How long it takes to read `history` whole, by reading some of it.
+/// Time to read `history` completely, measured on a part of it.
 pub(crate) fn reading(history: &dyn PhaseHistory) -> anyhow::Result<Forecast> {
     let collection = history.collection();
     let width = collection.num_samples;

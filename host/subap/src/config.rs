@@ -20,20 +20,20 @@ use crate::{interrupt, log, messages, text};
 /// Default error bound, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
-/// Default error bound of maps, dB. It is lower because images of maps are compared with images that have errors of their own.
+/// Default error bound of maps, dB. It is lower than that of images because image formation from maps adds its own error.
 pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 
-/// What to do about a default grid that is not all.
+/// Advice on a default grid that does not cover the whole scene.
 pub(crate) const OTHER_GRID: &str = "give --grid for another part or for all of it";
 
-/// Settings that every command shares.
+/// Settings shared by all commands.
 #[derive(Clone, Copy)]
 pub(crate) struct Session {
     /// Number of worker threads.
     pub(crate) threads: usize,
-    /// Bytes that images, samples and scratch may take together.
+    /// Memory for images, samples and scratch together, bytes.
     pub(crate) memory_bytes: u64,
-    /// How all of the memory is shared out.
+    /// Division of the total memory.
     pub(crate) memory: Memory,
     verbosity: u8,
     quiet: bool,
@@ -42,7 +42,7 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Sets up threads and Ctrl-C.
+    /// Set up threads, memory budget, log and signal handling.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
         let log = global.log.as_deref().map(|path| {
             let format = global.log_format.unwrap_or(log::Format::of(path));
@@ -60,7 +60,7 @@ impl Session {
         let memory = Memory::new(global.memory, threads)?;
         if let Some(asked) = memory.asked_bytes {
             messages::warning(format!(
-                "--memory {} is more than this machine has: {} it is",
+                "--memory {} exceeds the memory of this machine: {} is used",
                 text::bytes(asked.into()),
                 text::bytes(memory.total_bytes.into())
             ));
@@ -82,7 +82,7 @@ impl Session {
         }));
         session.note(1, || {
             format!(
-                "{} threads, at most {} of memory, {} of it for the work",
+                "{} threads, memory limit {} including {} for images and samples",
                 session.threads,
                 text::bytes(session.memory.total_bytes.into()),
                 text::bytes(session.memory_bytes.into())
@@ -91,12 +91,12 @@ impl Session {
         Ok(session)
     }
 
-    /// Says something on standard error from `-v` given `level` times on.
+    /// Print a note if `-v` is given at least `level` times.
     pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
         messages::detail(level, line);
     }
 
-    /// Opens the recordings given, as one aperture within the budget; several channels as their coherent sum.
+    /// Open the given recordings as one aperture within the budget; several channels as their coherent sum.
     pub(crate) fn open(&self, input: &args::Input) -> Result<Joined, ReadError> {
         let options = Options {
             channel: input.channel.as_deref(),
@@ -117,7 +117,7 @@ impl Session {
         Ok(history)
     }
 
-    /// What a command that reads `inputs` claims to write. Held until its end.
+    /// Start the claims on output files of a command that reads `inputs`. Claims last until the command ends.
     pub(crate) fn claims<P: AsRef<Path>>(
         &self,
         writing: &args::Writing,
@@ -127,26 +127,26 @@ impl Session {
     }
 
     /// Progress display for a named piece of work.
-    pub(crate) fn progress(&self, what: &str) -> Progress {
-        Progress::new(what, self.quiet)
+    pub(crate) fn progress(&self, work: &str) -> Progress {
+        Progress::new(work, self.quiet)
     }
 
-    /// How often `-v` was given.
+    /// Number of times `-v` was given.
     pub(crate) fn verbosity(&self) -> u8 {
         self.verbosity
     }
 
-    /// Whether results are to be printed as JSON.
+    /// Whether results are printed as JSON.
     pub(crate) fn json(&self) -> bool {
         self.json && !self.silent
     }
 
-    /// Whether to say in a line or two what was written, which is no result that was asked for.
+    /// Whether to report written files in a line or two; such reports are not results.
     pub(crate) fn tells(&self) -> bool {
         !(self.quiet || self.json || self.silent)
     }
 
-    /// The same for a part of a command's work that prints no results of its own.
+    /// Session for a step of a larger command, which prints no results of its own.
     pub(crate) fn silent(&self) -> Self {
         Self {
             silent: true,
@@ -154,7 +154,7 @@ impl Session {
         }
     }
 
-    /// The grid that suits a collection; says what it leaves out, and what repeats in it.
+    /// Default grid of a collection; notes the parts left out and which ambiguities it contains.
     pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
         let suited = survey.default_grid()?;
         if let Some(ambiguity) = survey.ambiguity() {
@@ -166,7 +166,7 @@ impl Session {
         Ok(suited.grid)
     }
 
-    /// Refuses a grid of which `count` images alone exceed the budget.
+    /// Check that `count` images of this grid fit the budget.
     pub(crate) fn check_grid(&self, grid: &ImageGrid, count: u64) -> anyhow::Result<()> {
         let bytes = u128::from(grid.num_pixels()) * u128::from(count) * 8;
         if bytes > u128::from(self.memory_bytes) {
@@ -175,7 +175,7 @@ impl Session {
                 _ => format!("{count} images"),
             };
             anyhow::bail!(
-                "--grid has {} x {} pixels, {images} of {}; of {} of memory (--memory) {} are for the work: use a \
+                "--grid has {} x {} pixels, {images} of {}; of {} of memory (--memory) {} are for images and samples: use a \
                  smaller or coarser --grid, or raise --memory",
                 grid.columns.count,
                 grid.rows.count,
@@ -205,19 +205,19 @@ fn no_threads(asked: Option<usize>) -> String {
     format!("cannot start {count} worker threads, one per processor: give fewer with --threads")
 }
 
-/// Says which sign and reference of the phase were inferred.
+/// Note the inferred sign and reference of the phase.
 pub(crate) fn note_inferred(history: &dyn PhaseHistory) {
     for convention in history.phase_conventions() {
         if convention.is_inferred() {
             let name = &history.collection().name;
             messages::note(&format!(
-                "{name}: phase of {convention}: of the images of the same samples under each convention, its image is the sharpest"
+                "{name}: phase of {convention}: inferred because it gives the sharpest image of all conventions",
             ));
         }
     }
 }
 
-/// The words of the command line. What is no UTF-8 is shown as well as it can be.
+/// Arguments of the command line; invalid UTF-8 is replaced.
 pub(crate) fn command_line() -> Vec<String> {
     let words = std::env::args_os();
     words
@@ -225,7 +225,7 @@ pub(crate) fn command_line() -> Vec<String> {
         .collect()
 }
 
-/// The part of an image's record that every command writes alike.
+/// Entries common to all image records.
 pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
     json!({
         "program": "subap",

@@ -11,14 +11,14 @@ use crate::advice::{self, one_line};
 use crate::messages;
 use crate::text::{self, SayError};
 
-/// Exit statuses, as README and `--help` have them.
+/// Exit statuses, as documented in README and `--help`.
 pub(crate) const DONE: u8 = 0;
 pub(crate) const FAILED: u8 = 1;
 pub(crate) const WRONG_USAGE: u8 = 2;
 pub(crate) const BOUND_MISSED: u8 = 3;
 pub(crate) const INTERRUPTED: u8 = 130;
 
-/// What was typed does not make sense together. Exit status 2, as clap's own.
+/// Wrong usage: invalid combination of options. Exit status 2, as for clap's own errors.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct Usage(pub(crate) String);
@@ -28,9 +28,9 @@ pub(crate) struct Usage(pub(crate) String);
 #[error("interrupted")]
 pub(crate) struct Interrupted;
 
-/// [`Interrupted`], with all stages of a job that were done, and the tiles of the one that was not.
+/// [`Interrupted`], with the finished stages of a job and the tiles of the unfinished one kept.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; what was done is in {0}, and the same command goes on from there")]
+#[error("interrupted; finished work is kept in {0}, and the same command continues from there")]
 pub(crate) struct InterruptedJob(pub(crate) String);
 
 /// [`Interrupted`], with the maps received so far in their file.
@@ -41,15 +41,15 @@ pub(crate) struct InterruptedWithMaps {
     pub(crate) path: String,
 }
 
-/// [`Interrupted`], with all that was captured so far in its recording.
+/// [`Interrupted`], with the sweeps captured so far kept in their recording.
 #[derive(Debug, thiserror::Error)]
-#[error("interrupted; the {steps} steps captured so far are in {path}, which is whole")]
+#[error("interrupted; the {steps} steps captured so far are in {path}, a complete recording")]
 pub(crate) struct InterruptedWithSteps {
     pub(crate) steps: u64,
     pub(crate) path: String,
 }
 
-/// Whether `--json` is among the arguments of this process. For arguments that do not parse.
+/// Whether `--json` is among the arguments of this process; used when the arguments do not parse.
 pub(crate) fn json_is_asked_for() -> bool {
     let mut words = std::env::args_os().take_while(|word| word != "--");
     words.any(|word| word == "--json")
@@ -77,7 +77,7 @@ fn say_error(text: &str, place: Option<String>, advice: Option<String>, exit_sta
         "advice": advice,
         "exit_status": exit_status,
     });
-    // A standard output that cannot be written to does not change the exit status.
+    // A write error on standard output does not change the exit status.
     let _ = text::say_json("error", object);
 }
 
@@ -96,7 +96,7 @@ pub(crate) fn exit_status(done: anyhow::Result<()>, json: bool) -> u8 {
     exit_status
 }
 
-/// File, line and key of the first fault of a text, where the error is one of a text.
+/// File, line and key of the first fault, if the error is about a text file.
 fn place(error: &anyhow::Error) -> Option<String> {
     let mut causes = error.chain();
     let found = causes.find_map(|cause| cause.downcast_ref::<DescriptionError>())?;
@@ -122,7 +122,7 @@ fn reported(done: anyhow::Result<()>) -> (u8, Option<String>) {
         return (INTERRUPTED, Some(text));
     }
     if error.chain().any(is_interruption) {
-        let text = "interrupted; nothing was left in part";
+        let text = "interrupted; no partial output was left";
         messages::error(text);
         return (INTERRUPTED, Some(text.to_owned()));
     }

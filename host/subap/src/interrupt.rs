@@ -14,57 +14,57 @@ use subaperture::io::unfinished;
 use crate::failure::{INTERRUPTED, Interrupted};
 use crate::messages;
 
-/// How long work may take to end by itself.
+/// Time that work may take to stop by itself.
 const PATIENCE: Duration = Duration::from_millis(700);
 
 static PRESSED: AtomicBool = AtomicBool::new(false);
 static KEEPERS: AtomicUsize = AtomicUsize::new(0);
 
-/// Listens for the signals.
+/// Install the signal handlers.
 pub(crate) fn listen() {
     let listening = ctrlc::set_handler(|| {
         if PRESSED.swap(true, Ordering::SeqCst) {
             unfinished::remove_all();
             exit(INTERRUPTED.into());
         }
-        // Without a thread for it work has to come to its own end, or the second signal ends it.
+        // Without this thread, work stops by itself or at the second signal.
         let _ = thread::Builder::new().spawn(second_signal_ends_the_process);
     });
     if let Err(error) = listening {
-        // Work goes on; the system's own way of ending it stays.
-        messages::warning(format!("Ctrl-C will end work at once: {error}"));
+        // The default handling of signals remains in effect.
+        messages::warning(format!("Ctrl-C will end the program at once: {error}"));
     }
 }
 
-/// Waits for the work to end, and ends it.
+/// Wait for the work to stop, then end the process.
 fn second_signal_ends_the_process() {
     thread::sleep(PATIENCE);
     while KEEPERS.load(Ordering::SeqCst) > 0 {
         thread::sleep(PATIENCE / 10);
     }
     unfinished::remove_all();
-    messages::error("interrupted; what was written is whole, and the rest is not there");
+    messages::error("interrupted; finished files are complete, others were not written");
     messages::end(INTERRUPTED);
     exit(INTERRUPTED.into());
 }
 
-/// Whether a signal came.
+/// Whether a signal was received.
 pub(crate) fn pressed() -> bool {
     PRESSED.load(Ordering::SeqCst)
 }
 
-/// What a signal sets, for work that looks at it by itself.
+/// Flag set by a signal, for code that polls it directly.
 pub(crate) fn flag() -> &'static AtomicBool {
     &PRESSED
 }
 
-/// Fails if a signal came.
+/// Fail if a signal was received.
 pub(crate) fn check() -> Result<(), Interrupted> {
     if pressed() { Err(Interrupted) } else { Ok(()) }
 }
 
-/// While one lives, the first signal does not end the process: what has come is being kept. Its holder asks
-/// [`pressed`] often.
+/// While a value of this type exists, the first signal does not end the process because partial results are being saved. The holder polls
+/// [`pressed`] frequently.
 pub(crate) struct Keeping(());
 
 impl Keeping {

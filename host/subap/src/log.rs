@@ -21,7 +21,7 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use serde_json::{Map, Value};
 
-/// How a log is written.
+/// Format of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
     /// A line begins with time and kind
@@ -31,7 +31,7 @@ pub(crate) enum Format {
 }
 
 impl Format {
-    /// By the ending of the file's name: JSON for `.json`, `.jsonl` and `.ndjson`.
+    /// Format by the file's extension: JSON for `.json`, `.jsonl` and `.ndjson`.
     pub(crate) fn of(path: &Path) -> Self {
         let ending = path.extension().and_then(|ending| ending.to_str());
         match ending {
@@ -41,17 +41,17 @@ impl Format {
     }
 }
 
-/// A log that is being written.
+/// Log file that is being written.
 pub(crate) struct Log {
     file: File,
     format: Format,
 }
 
 impl Log {
-    /// Opens a log to be appended to, or begins one.
+    /// Open a log for appending, or create it.
     ///
     /// # Errors
-    /// If the file cannot be written to, or holds something that is not a log: nothing is appended to a scenario.
+    /// If the file cannot be written, or contains something other than a log.
     pub(crate) fn open(path: &Path, format: Format) -> anyhow::Result<Self> {
         let name = || format!("cannot write the log {}", path.display());
         if path.is_file() {
@@ -60,7 +60,7 @@ impl Log {
             file.take(64).read_to_end(&mut start).with_context(name)?;
             if !start.is_empty() && !is_log(&start) {
                 bail!(
-                    "--log {}: the file is there and is no log of subap's: name another",
+                    "--log {}: expected a log of subap, found another file: give another name",
                     path.display()
                 );
             }
@@ -72,7 +72,7 @@ impl Log {
         })
     }
 
-    /// Appends what was said, with the time of now.
+    /// Append a message with the current time.
     pub(crate) fn write(
         &mut self,
         kind: &str,
@@ -82,11 +82,11 @@ impl Log {
         let time = utc(SystemTime::now());
         let line = match self.format {
             Format::Text => {
-                // Further lines of a message are indented: who looks for a kind finds it at a line's beginning.
+                // Further lines of a message are indented, so that every unindented line starts with time and kind.
                 format!("{time} {kind}: {}\n", message.replace('\n', "\n    "))
             }
             Format::Json => {
-                // By hand, so that the time comes first.
+                // Built by hand so that the time comes first.
                 let message = Value::from(message);
                 let head =
                     format!("{{\"time\":\"{time}\",\"kind\":\"{kind}\",\"message\":{message}");
@@ -96,12 +96,12 @@ impl Log {
                 }
             }
         };
-        // At once, so that lines of several runs into one file stay whole.
+        // One write per line, so that lines of several runs in one file are not mixed.
         self.file.write_all(line.as_bytes())
     }
 }
 
-/// Whether a file that begins so is a log, of either format: a time comes first.
+/// Whether a file starts like a log of either format, with a time.
 fn is_log(start: &[u8]) -> bool {
     let shape = b"0000-00-00T00:00:00.000Z";
     let start = start.strip_prefix(b"{\"time\":\"").unwrap_or(start);
@@ -112,12 +112,12 @@ fn is_log(start: &[u8]) -> bool {
         })
 }
 
-/// The moment, as logs have it.
+/// Current time in the format of logs.
 pub(crate) fn now() -> String {
     utc(SystemTime::now())
 }
 
-/// `2026-03-01T12:00:00.000Z`, of the Gregorian calendar; before 1970 the beginning of 1970.
+/// UTC as `2026-03-01T12:00:00.000Z`; times before 1970 are clamped to 1970.
 pub(crate) fn utc(time: SystemTime) -> String {
     let since = time.duration_since(SystemTime::UNIX_EPOCH);
     let since = since.unwrap_or(Duration::ZERO);
@@ -128,12 +128,12 @@ pub(crate) fn utc(time: SystemTime) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{millis:03}Z")
 }
 
-/// Year, month and day, `days` after the first of January 1970.
+/// Year, month and day of a number of days since 1 January 1970.
 fn date(mut days: u64) -> (u64, usize, u64) {
     let is_leap = |year: u64| {
         year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
     };
-    // Whole cycles of 400 years, so that no clock, however wrong, takes long.
+    // Skip whole cycles of 400 years, so that the loop is short for any clock value.
     let mut year = 1970 + 400 * (days / 146_097);
     days %= 146_097;
     while days >= 365 + u64::from(is_leap(year)) {
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn times_are_those_of_the_calendar() {
-        // From the definition of POSIX time: a leap day, a century that is none, one that is.
+        // By the definition of POSIX time: a leap day, a century that is not a leap year, one that is.
         for (seconds, text) in [
             (0, "1970-01-01T00:00:00.000Z"),
             (951_782_400, "2000-02-29T00:00:00.000Z"),
@@ -187,7 +187,7 @@ mod tests {
         let path = folder.path().join("scenario.toml");
         std::fs::write(&path, "[radar]\n").unwrap();
         let error = Log::open(&path, Format::Text).err().unwrap().to_string();
-        assert!(error.contains("no log of subap's"), "{error}");
+        assert!(error.contains("expected a log of subap"), "{error}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "[radar]\n");
     }
 }

@@ -24,8 +24,8 @@ fn main() -> ExitCode {
     let typed = match args::parse() {
         Ok(typed) => typed,
         Err(message) => {
-            // Help and version are on standard output and no failure. A reader that has gone is
-            // none either.
+            // Help and version go to standard output and are not failures. Neither is a reader that has closed
+            // the pipe.
             let code = u8::try_from(message.exit_code()).unwrap_or(failure::WRONG_USAGE);
             let _ = message.print();
             if code != failure::DONE && failure::json_is_asked_for() {
@@ -42,9 +42,7 @@ fn main() -> ExitCode {
     let done = config::Session::new(&typed.global).and_then(|session| {
         let done = commands::run(&session, command);
         if let Some(bytes) = subaperture::focus::machine::peak_bytes() {
-            session.note(1, || {
-                format!("{} of memory at the most", text::bytes(bytes.into()))
-            });
+            session.note(1, || format!("peak memory {}", text::bytes(bytes.into())));
         }
         done.map_err(|error| session.memory.explain(error))
     });

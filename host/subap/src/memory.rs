@@ -16,11 +16,11 @@ use subaperture::phase_history::ReadError;
 use crate::failure::Usage;
 use crate::{advice, text};
 
-/// Code, tables, buffers of files; what the allocator keeps.
+/// Memory of code, tables, file buffers and allocator, bytes.
 const PROGRAM_BYTES: u64 = 16 << 20;
-/// A thread's stack and the allocator's for it.
+/// Memory per thread: its stack and its allocator arena, bytes.
 const THREAD_BYTES: u64 = 1 << 20;
-/// Least and most for the picture of an image.
+/// Minimum and maximum memory for the picture of an image, bytes.
 const PICTURE_BYTES: (u64, u64) = (4 << 20, 64 << 20);
 /// Memory for the pictures of a small image, bytes per pixel: levels, colours and the compressed file.
 const PIXEL_BYTES: u64 = 32;
@@ -28,24 +28,24 @@ const PIXEL_BYTES: u64 = 32;
 /// Minimum memory for work, bytes.
 const MIN_WORK_BYTES: u64 = 4 << 20;
 
-/// How a run's memory is shared out.
+/// Division of a run's memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Memory {
-    /// Total memory of the process.
+    /// Total memory of the process, bytes.
     pub(crate) total_bytes: u64,
-    /// For images, samples and scratch.
+    /// Memory for images, samples and scratch, bytes.
     pub(crate) work_bytes: u64,
-    /// Memory for drawing pictures.
+    /// Memory for drawing pictures, bytes.
     pub(crate) picture_bytes: u64,
-    /// Requested memory, if the machine has less.
+    /// Requested memory, if the machine has less, bytes.
     pub(crate) asked_bytes: Option<u64>,
 }
 
 impl Memory {
-    /// Of `--memory asked`, or half of what the machine has.
+    /// Divide the requested memory, by default half of the machine's.
     ///
     /// # Errors
-    /// If it is less than the program itself takes.
+    /// If it is less than the program's minimum.
     pub(crate) fn new(asked: Option<u64>, threads: usize) -> anyhow::Result<Self> {
         let has = machine::memory_bytes(threads);
         let total_bytes = asked.unwrap_or(has / 2).min(has);
@@ -53,18 +53,18 @@ impl Memory {
         let least = own + PICTURE_BYTES.0 + MIN_WORK_BYTES;
         if total_bytes < least {
             let needs = format!(
-                "with {threads} threads the program itself takes {} and needs {} at the least",
+                "with {threads} threads the program itself takes {}; the minimum is {}",
                 text::bytes(own.into()),
                 text::bytes(least.into())
             );
             match asked {
                 Some(asked) if asked < least => {
                     let asked = text::bytes(asked.into());
-                    let what = format!("--memory {asked}: {needs}: give more, or fewer --threads");
-                    return Err(Usage(what).into());
+                    let fault = format!("--memory {asked}: {needs}: give more, or fewer --threads");
+                    return Err(Usage(fault).into());
                 }
                 _ => bail!(
-                    "this machine leaves {} of memory, and {needs}: raise its limit (ulimit -v), or give fewer \
+                    "available memory is {}; {needs}: raise the limit (ulimit -v), or give fewer \
                      --threads",
                     text::bytes(total_bytes.into())
                 ),
@@ -80,7 +80,7 @@ impl Memory {
         })
     }
 
-    /// What the program itself takes, and drawing.
+    /// Memory of the program itself and of drawing, bytes.
     pub(crate) fn own_bytes(&self) -> u64 {
         self.total_bytes - self.work_bytes
     }
@@ -92,7 +92,7 @@ impl Memory {
         program_bytes + self.picture_bytes.min(PIXEL_BYTES.saturating_mul(pixels))
     }
 
-    /// `error` with where the memory that it misses has gone.
+    /// Add the division of the memory to an error about missing memory.
     pub(crate) fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         let of_memory = error.chain().any(|cause| {
             matches!(cause.downcast_ref(), Some(FormError::Memory { .. }))
@@ -103,7 +103,7 @@ impl Memory {
         }
         let [total, work] = [self.total_bytes, self.work_bytes].map(|n| text::bytes(n.into()));
         anyhow::anyhow!(
-            "{} (of {total} of memory, {work} are for the work, the rest is the program's own)",
+            "{} (of {total} of memory, {work} are for images and samples, the rest is for the program)",
             advice::one_line(&error)
         )
     }

@@ -36,21 +36,21 @@ static STATE: Mutex<State> = Mutex::new(State {
     log: None,
 });
 
-/// What was said, and what may be.
+/// Messages so far, and which kinds are shown.
 struct State {
     begun: Option<Instant>,
     quiet: bool,
     verbosity: u8,
-    /// Every warning of this part of the work once, in the order of their coming.
+    /// Distinct warnings of the current step, in order.
     warnings: Vec<String>,
-    /// Every warning that was shown.
+    /// Distinct warnings shown so far.
     said: Vec<String>,
-    /// Whether a result of this part of the work missed its bound.
+    /// Whether a result of the current step exceeds its bound.
     part_missed: bool,
     bound_is_missed: bool,
     /// Whether a result was printed on standard output.
     has_result: bool,
-    /// The bar on the screen, which makes room for lines.
+    /// Progress bar on the screen, which is moved for other lines.
     bar: Option<WeakProgressBar>,
     log: Option<Log>,
 }
@@ -60,7 +60,7 @@ fn state() -> MutexGuard<'static, State> {
 }
 
 impl State {
-    /// A line, or several, on standard error.
+    /// Print one or more lines on standard error.
     fn print(&self, text: &str) {
         let text = printable(text);
         let write = || {
@@ -72,7 +72,7 @@ impl State {
         }
     }
 
-    /// Into the log; `more` is an object. A log that cannot be written to ends, and the work goes on.
+    /// Append to the log; `more` is an object. If the log cannot be written, it ends and the work continues.
     fn log(&mut self, kind: &str, message: &str, more: Value) {
         let more = match more {
             Value::Object(more) => more,
@@ -81,14 +81,14 @@ impl State {
         let Some(log) = &mut self.log else { return };
         if let Err(error) = log.write(kind, message, more) {
             self.log = None;
-            let text = format!("the log ends here, for it cannot be written: {error}");
+            let text = format!("the log ends here because it cannot be written: {error}");
             self.print(&format!("warning: {text}"));
             self.warnings.push(text);
         }
     }
 }
 
-/// How much is to be said: `-q`, and how often `-v`; and where all of it is logged.
+/// Set the verbosity (`-q`, number of `-v`) and the log.
 pub(crate) fn set_up(quiet: bool, verbosity: u8, log: Option<Log>) {
     let mut state = state();
     state.begun = Some(Instant::now());
@@ -97,14 +97,14 @@ pub(crate) fn set_up(quiet: bool, verbosity: u8, log: Option<Log>) {
     state.log = log;
 }
 
-/// What ends the command.
+/// Print the error that ends the command.
 pub(crate) fn error(text: &str) {
     let mut state = state();
     state.print(&format!("error: {text}"));
     state.log("error", text, Value::Null);
 }
 
-/// What the user has to know of a result that is not all it seems; said once, and kept for the records.
+/// Warn of a limitation of a result. A warning is shown once, and kept for the records.
 pub(crate) fn warning(text: impl Into<String>) {
     let (mut state, text) = (state(), text.into());
     if !state.said.contains(&text) {
@@ -117,7 +117,7 @@ pub(crate) fn warning(text: impl Into<String>) {
     }
 }
 
-/// A warning that a result misses the bound asked for: done all the same, and reported by the exit status.
+/// Warn that a result exceeds the error bound; the exit status reports it as well.
 pub(crate) fn bound_missed(text: impl Into<String>) {
     warning(text);
     let mut state = state();
@@ -125,7 +125,7 @@ pub(crate) fn bound_missed(text: impl Into<String>) {
     state.part_missed = true;
 }
 
-/// What may be good to know.
+/// Print a note, unless `-q` is given.
 pub(crate) fn note(text: &str) {
     let mut state = state();
     if !state.quiet {
@@ -134,7 +134,7 @@ pub(crate) fn note(text: &str) {
     state.log("note", text, Value::Null);
 }
 
-/// What `-v` given `level` times shows.
+/// Print a detail, shown if `-v` is given at least `level` times.
 pub(crate) fn detail(level: u8, text: impl FnOnce() -> String) {
     let mut state = state();
     let shown = state.verbosity >= level;
@@ -147,7 +147,7 @@ pub(crate) fn detail(level: u8, text: impl FnOnce() -> String) {
     }
 }
 
-/// A setting that was chosen, which `-v` given twice shows.
+/// Print a chosen setting, shown if `-v` is given twice.
 pub(crate) fn setting(key: &str, value: &Value) {
     let mut state = state();
     let text = format!("{key} = {value}");
@@ -157,7 +157,7 @@ pub(crate) fn setting(key: &str, value: &Value) {
     state.log("setting", &text, json!({ "key": key, "value": value }));
 }
 
-/// What was printed on standard output, for the log.
+/// Log what was printed on standard output.
 pub(crate) fn result(text: &str) {
     let mut state = state();
     state.has_result = true;
@@ -169,7 +169,7 @@ pub(crate) fn has_result() -> bool {
     state().has_result
 }
 
-/// The first line of a run's log.
+/// Begin the log of a run.
 pub(crate) fn begin(more: Value) {
     let words: Vec<&str> = more["command_line"]
         .as_array()
@@ -191,7 +191,7 @@ pub(crate) fn end(exit_status: u8) {
     state.log("end", &text, more);
 }
 
-/// A line of progress, shown where no bar shows it.
+/// Print a line of progress where no bar is shown.
 pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: Duration) {
     let mut state = state();
     if !state.quiet && !io::stderr().is_terminal() {
@@ -201,25 +201,25 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
     state.log("progress", text, more);
 }
 
-/// How long a stretch of work took, for the log.
+/// Log the duration of a piece of work.
 pub(crate) fn timing(work: &str, elapsed: Duration) {
     let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
     state().log("timing", &text, more);
 }
 
-/// Every warning so far, of this part of the work.
+/// All warnings so far of the current step.
 pub(crate) fn warnings() -> Vec<String> {
     state().warnings.clone()
 }
 
-/// What there is to know of a part of the work.
+/// Warnings and bound of a step.
 pub(crate) struct Part {
     pub(crate) warnings: Vec<String>,
     pub(crate) bound_missed: bool,
 }
 
-/// Ends a part of the work, whose warnings are not the next one's: what there is to know of it.
+/// End a step of the work, and return its warnings. They do not count for the next step.
 pub(crate) fn part() -> Part {
     let mut state = state();
     Part {
@@ -228,17 +228,17 @@ pub(crate) fn part() -> Part {
     }
 }
 
-/// Takes these for the warnings of this part of the work, and shows none again.
+/// Set the warnings of the current step without showing them again.
 pub(crate) fn keep(warnings: Vec<String>) {
     state().warnings = warnings;
 }
 
-/// Whether a result missed its bound.
+/// Whether a result exceeds its bound.
 pub(crate) fn bound_is_missed() -> bool {
     state().bound_is_missed
 }
 
-/// The bar that is on the screen from now on.
+/// Set the progress bar on the screen.
 pub(crate) fn show_bar(bar: Option<WeakProgressBar>) {
     state().bar = bar;
 }

@@ -13,42 +13,42 @@ use subaperture::monitor::Monitor;
 
 use crate::{interrupt, messages, text};
 
-/// Steps of a full bar.
+/// Number of steps of a full bar.
 const FULL: u64 = 1000;
 
-/// How often the bar is drawn again.
+/// Time between two updates of the bar.
 const FRAME: Duration = Duration::from_millis(100);
 
-/// When the first line is due.
+/// Time of the first line.
 const FIRST_LINE: Duration = Duration::from_secs(1);
 
-/// One stretch of long work. Asks for its end when Ctrl-C was pressed; vanishes when finished or dropped.
+/// Progress of one stage of long work. It requests cancellation after Ctrl-C; the bar disappears when finished or dropped.
 pub(crate) struct Progress {
-    stretch: Arc<Stretch>,
-    teller: Option<JoinHandle<()>>,
+    stage: Arc<Stage>,
+    display: Option<JoinHandle<()>>,
 }
 
-/// What the worker and the teller share.
-struct Stretch {
+/// State shared by the worker and the display thread.
+struct Stage {
     state: Mutex<State>,
     ended: Condvar,
-    /// The bits of the largest fraction reported: not negative, so that they are in the order of the numbers.
+    /// Bit pattern of the largest fraction reported. Nonnegative floats have the same order as their bit patterns.
     fraction: AtomicU64,
-    /// Hidden where there is no terminal.
+    /// Bar; hidden without a terminal.
     bar: ProgressBar,
 }
 
 struct State {
-    what: String,
+    label: String,
     begun: Instant,
     next_line: Duration,
     ended: bool,
 }
 
 impl Progress {
-    /// Progress of what is called `what`.
-    pub(crate) fn new(what: &str, quiet: bool) -> Self {
-        // Hidden by indicatif too if standard error is not a terminal.
+    /// Start the progress of a stage with this label.
+    pub(crate) fn new(label: &str, quiet: bool) -> Self {
+        // indicatif also hides the bar if standard error is not a terminal.
         let target = if quiet {
             ProgressDrawTarget::hidden()
         } else {
@@ -56,12 +56,12 @@ impl Progress {
         };
         let bar = ProgressBar::with_draw_target(Some(FULL), target)
             .with_style(style(false))
-            .with_message(what.to_owned());
+            .with_message(label.to_owned());
         bar.tick();
         messages::show_bar(Some(bar.downgrade()));
-        let stretch = Arc::new(Stretch {
+        let stage = Arc::new(Stage {
             state: Mutex::new(State {
-                what: what.to_owned(),
+                label: label.to_owned(),
                 begun: Instant::now(),
                 next_line: FIRST_LINE,
                 ended: false,
@@ -70,57 +70,57 @@ impl Progress {
             fraction: AtomicU64::new(0),
             bar,
         });
-        let told = Arc::clone(&stretch);
-        // Without a thread there is no line now and then; the work is the same.
-        let teller = thread::Builder::new().spawn(move || told.tell_until_the_end());
+        let shared = Arc::clone(&stage);
+        // Without this thread no lines are printed; the work is the same.
+        let display = thread::Builder::new().spawn(move || shared.display_until_end());
         Self {
-            stretch,
-            teller: teller.ok(),
+            stage,
+            display: display.ok(),
         }
     }
 
-    /// What is called on the bar from now on.
-    pub(crate) fn tell(&self, what: String) {
-        self.stretch.bar.set_message(what.clone());
-        self.stretch.lock().what = what;
+    /// Change the label of the bar.
+    pub(crate) fn tell(&self, label: String) {
+        self.stage.bar.set_message(label.clone());
+        self.stage.lock().label = label;
     }
 
-    /// The next stretch, from nothing, called `what`.
-    pub(crate) fn begin(&self, what: String) {
-        let mut state = self.stretch.lock();
-        // A bar's first name may stand for nothing but the time until the first stretch.
-        messages::timing(&state.what, state.begun.elapsed());
+    /// Start the next stage at zero with this label.
+    pub(crate) fn begin(&self, label: String) {
+        let mut state = self.stage.lock();
+        // The first label of a bar may only cover the time until the first stage.
+        messages::timing(&state.label, state.begun.elapsed());
         state.begun = Instant::now();
         state.next_line = FIRST_LINE;
-        self.stretch.fraction.store(0, Ordering::Relaxed);
-        self.stretch.bar.set_position(0);
-        self.stretch.bar.reset_eta();
+        self.stage.fraction.store(0, Ordering::Relaxed);
+        self.stage.bar.set_position(0);
+        self.stage.bar.reset_eta();
         drop(state);
-        self.tell(what);
+        self.tell(label);
     }
 
-    /// Takes the bar off the screen.
+    /// Remove the bar from the screen.
     pub(crate) fn finish(&self) {
-        let mut state = self.stretch.lock();
+        let mut state = self.stage.lock();
         if state.ended {
             return;
         }
         state.ended = true;
-        messages::timing(&state.what, state.begun.elapsed());
+        messages::timing(&state.label, state.begun.elapsed());
         drop(state);
-        self.stretch.ended.notify_all();
-        self.stretch.bar.finish_and_clear();
+        self.stage.ended.notify_all();
+        self.stage.bar.finish_and_clear();
         messages::show_bar(None);
     }
 }
 
-impl Stretch {
+impl Stage {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Keeps the bar alive, or tells a line when it is due.
-    fn tell_until_the_end(&self) {
+    /// Redraw the bar, or print a line when it is due, until the end.
+    fn display_until_end(&self) {
         let mut state = self.lock();
         while !state.ended {
             let passed = state.begun.elapsed();
@@ -128,8 +128,8 @@ impl Stretch {
                 state.next_line = next_line(passed);
                 let fraction = self.fraction();
                 let known = (fraction > 0.0).then_some(fraction);
-                let line = line(&state.what, fraction, passed);
-                messages::progress(&line, &state.what, known, passed);
+                let line = line(&state.label, fraction, passed);
+                messages::progress(&line, &state.label, known, passed);
             }
             let waited = self.ended.wait_timeout(state, FRAME);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;
@@ -144,25 +144,25 @@ impl Stretch {
     }
 }
 
-/// When the line after that of now is due: 1, 5, 10, 20, 40, 80, 140, 200 seconds.
+/// Time of the line after the current one: 1, 5, 10, 20, 40, 80, 140, 200 seconds.
 fn next_line(passed: Duration) -> Duration {
     passed + passed.clamp(Duration::from_secs(4), Duration::from_secs(60))
 }
 
-/// `focusing: 34 %, 21.0 s left`; without a fraction only how long it has taken.
-fn line(what: &str, fraction: f64, passed: Duration) -> String {
+/// Format as `focusing: 34 %, 21.0 s left`; without a fraction, the elapsed time.
+fn line(label: &str, fraction: f64, passed: Duration) -> String {
     if fraction <= 0.0 {
-        return format!("{what}: {} so far", text::duration(passed));
+        return format!("{label}: {} so far", text::duration(passed));
     }
     let left = passed.mul_f64(((1.0 - fraction) / fraction).min(1e6));
     format!(
-        "{what}: {:.0} %, {} left",
+        "{label}: {:.0} %, {} left",
         (100.0 * fraction).floor(),
         text::duration(left)
     )
 }
 
-/// That of the bar, while its fraction is known or not.
+/// Style of the bar, with or without a known fraction.
 fn style(known: bool) -> ProgressStyle {
     let template = match known {
         true => "{msg:>16} {wide_bar} {percent:>3} %  {eta} left",
@@ -179,17 +179,15 @@ impl Monitor for Progress {
             false => fraction.clamp(0.0, 1.0),
         };
         let before = self
-            .stretch
+            .stage
             .fraction
             .fetch_max(fraction.to_bits(), Ordering::Relaxed);
         let before = f64::from_bits(before);
         if fraction > before {
             if before == 0.0 {
-                self.stretch.bar.set_style(style(true));
+                self.stage.bar.set_style(style(true));
             }
-            self.stretch
-                .bar
-                .set_position((fraction * FULL as f64) as u64);
+            self.stage.bar.set_position((fraction * FULL as f64) as u64);
         }
     }
 
@@ -201,8 +199,8 @@ impl Monitor for Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.finish();
-        if let Some(teller) = self.teller.take() {
-            let _ = teller.join();
+        if let Some(display) = self.display.take() {
+            let _ = display.join();
         }
     }
 }
@@ -235,7 +233,7 @@ mod tests {
             line("focusing", 0.0, seconds(10)),
             "focusing: 10.0 s so far"
         );
-        // Next to nothing done: no overflow.
+        // A tiny fraction does not overflow.
         line("focusing", 1e-300, seconds(1000));
     }
 
@@ -245,10 +243,10 @@ mod tests {
         for fraction in [0.5, 0.2, f64::NAN, -1.0] {
             progress.progress(fraction);
         }
-        assert_eq!(progress.stretch.fraction(), 0.5);
+        assert_eq!(progress.stage.fraction(), 0.5);
         progress.progress(7.0);
-        assert_eq!(progress.stretch.fraction(), 1.0);
+        assert_eq!(progress.stage.fraction(), 1.0);
         progress.begin("at other work".to_owned());
-        assert_eq!(progress.stretch.fraction(), 0.0);
+        assert_eq!(progress.stage.fraction(), 0.0);
     }
 }

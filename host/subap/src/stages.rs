@@ -7,24 +7,24 @@ use subaperture::quantity::seconds;
 
 use crate::config::Session;
 
-/// Print the expected cost of each stage, and of the `comparison` with the exact sum, by the timing model.
-pub(crate) fn foretell(session: &Session, cost: &Cost, comparison: &StageCost) {
+/// Show the predicted cost of each stage, and of the `comparison` with the exact sum, by the timing model.
+pub(crate) fn show_predicted(session: &Session, cost: &Cost, comparison: &StageCost) {
     for stage in cost.stages.iter().chain([comparison]) {
         session.note(1, || {
             let (name, operations) = (&stage.name, stage.operations);
             let time = duration(stage.core_s);
-            format!("stage {name:<28} {operations:.1e} operations, about {time} of a core")
+            format!("stage {name:<28} {operations:.1e} operations, about {time} on one core")
         });
     }
     session.note(1, || {
         let all_s = cost.core_s() + comparison.core_s;
         let threads = session.threads;
         let [all, each] = [all_s, all_s / threads as f64].map(duration);
-        format!("all stages about {all} of a core, {each} on {threads}, reading apart")
+        format!("all stages: about {all} on one core, {each} on {threads}, excluding reading")
     });
 }
 
-/// Forms by `form`, which is given a monitor that does what `monitor` does; and says what stages took.
+/// Form an image by `form`, which gets a monitor that forwards to `monitor`, and show the measured time of each stage.
 pub(crate) fn measured<T>(
     session: &Session,
     monitor: &dyn Monitor,
@@ -46,13 +46,13 @@ pub(crate) fn measured<T>(
     {
         session.note(1, || {
             let [threads, clock] = [threads, clock].map(|time| duration(time.as_secs_f64()));
-            format!("stage {stage:<28} took {threads} of a core, {clock} on the clock")
+            format!("stage {stage:<28} took {threads} of core time, {clock} elapsed")
         });
     }
     formed
 }
 
-/// Two digits are what it is good for.
+/// Format a duration with two digits.
 pub(crate) fn duration(duration_s: f64) -> String {
     let rounded = format!("{duration_s:.1e}").parse();
     seconds(rounded.unwrap_or(duration_s))

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-/// `text` without control characters but ends of lines and tabs;
-/// they are shown as `\u{1b}`: names come from files,
-/// and no file is to write commands to a terminal.
+/// Replace control characters except line feeds and tabs by escapes such as `\u{1b}`.
+///
+/// Names come from files, and a file must not be able to control the terminal.
 pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     let is_command = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
     if !text.contains(is_command) {
@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_write_no_commands_to_a_terminal() {
+    fn control_characters_are_escaped() {
         assert_eq!(printable("two\nlines of \u{b5}m"), "two\nlines of \u{b5}m");
         assert_eq!(printable("a\u{1b}[2Jb\r\u{9b}"), "a\\u{1b}[2Jb\\r\\u{9b}");
     }

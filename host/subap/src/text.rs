@@ -11,11 +11,11 @@ use crate::terminal::printable;
 
 pub(crate) use subaperture::quantity::{bytes, degrees, hertz, seconds, significant};
 
-/// Why a result could not be printed.
+/// Error of printing a result.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SayError {
-    /// Whoever read standard output has seen enough, which is no failure.
-    #[error("nobody reads standard output any more")]
+    /// The reader of standard output has closed it; not a failure.
+    #[error("standard output was closed by its reader")]
     ReaderGone,
     /// The operating system refused.
     #[error("cannot write to standard output: {0}")]
@@ -31,7 +31,7 @@ impl From<io::Error> for SayError {
     }
 }
 
-/// Prints a result, a line or several, on standard output.
+/// Print a result of one or more lines on standard output.
 ///
 /// # Errors
 /// [`SayError`].
@@ -41,8 +41,8 @@ pub(crate) fn say(line: impl AsRef<str>) -> Result<(), SayError> {
     print(format!("{line}\n").as_bytes())
 }
 
-/// Prints a result as JSON: `value`, an object, with `schema` (`subaperture-` and `name`) and `schema_version`
-/// unless it has them, and every warning so far.
+/// Print a result as JSON: the object `value`, with `schema` (`subaperture-` and `name`), `schema_version`
+/// if missing, and all warnings so far.
 ///
 /// # Errors
 /// [`SayError`].
@@ -62,13 +62,13 @@ pub(crate) fn say_json(name: &str, value: impl Serialize) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// A level in decibels, without a minus before zero.
+/// Format a level in decibels, without a minus sign before zero.
 pub(crate) fn decibels(level_db: f64) -> String {
     // Adding zero turns -0 into 0.
     format!("{:.2} dB", (level_db * 100.0).round() / 100.0 + 0.0)
 }
 
-/// Puts bytes on standard output as they are.
+/// Write bytes to standard output unchanged.
 ///
 /// # Errors
 /// [`SayError`].
@@ -78,7 +78,7 @@ pub(crate) fn print(bytes: &[u8]) -> Result<(), SayError> {
     Ok(out.flush()?)
 }
 
-/// A duration to a tenth of a second, or in minutes.
+/// Format a duration to a tenth of a second, or in minutes.
 pub(crate) fn duration(taken: Duration) -> String {
     let seconds = taken.as_secs_f64();
     if seconds < 100.0 {
@@ -88,12 +88,12 @@ pub(crate) fn duration(taken: Duration) -> String {
     }
 }
 
-/// A length, or `none`.
+/// Format a length, or `none`.
 pub(crate) fn metres(value_m: Option<f64>) -> String {
     value_m.map_or_else(|| "none".to_owned(), quantity::metres)
 }
 
-/// A table with its columns aligned, the first to the left, the others to the right.
+/// Format a table with aligned columns, the first to the left, the others to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
@@ -123,7 +123,7 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// Something known, and the label that it is told by.
+/// Label and value of a line of text.
 pub(crate) type Fact = (&'static str, String);
 
 /// Format labelled facts as aligned lines.
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_read_well() {
+    fn durations_and_lengths_have_few_digits() {
         assert_eq!(duration(Duration::from_millis(1234)), "1.2 s");
         assert_eq!(duration(Duration::from_secs(125)), "2 min 5 s");
         assert_eq!(metres(None), "none");

@@ -1,5 +1,5 @@
-//! An image that grows while the radar flies: pulses are pushed one at a time as they come, with their positions, and the
-//! image of those so far is there after every one. `live FOLDER` leaves `live.npy` and `live.png` there.
+//! Live image of a flying radar: pulses are pushed one at a time with their antenna positions, and the
+//! current image is available after each. `live FOLDER` writes `live.npy` and `live.png` there.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! A former of one's own: every pixel's sum in float32, its phasors by a recurrence over frequency, held against the
+//! A custom image former: the sum of every pixel with phasors by a recurrence over frequency, compared with the
 //! exact sum.
 
 use serde_json::{Value, json};
@@ -15,10 +15,10 @@ use subaperture::num_complex::Complex64;
 use subaperture::prelude::*;
 use subaperture::simulate::{Preset, Variation};
 
-/// What it errs by: a sum of float32 values rounds each by 2^-25 of itself, and a recurrence in float64 adds less.
+/// Planned error, dB: float32 rounding is 2^-25 per value, and the float64 recurrence adds less.
 const PLANNED_DB: f64 = -110.0;
 
-/// The former, which has nothing to be told.
+/// The former, which has no settings.
 struct Recurrence;
 
 impl ImageFormer for Recurrence {
@@ -34,7 +34,7 @@ impl ImageFormer for Recurrence {
         Some(-100.0)
     }
 
-    /// Before any sample is read: what will be done, and what it will err by.
+    /// Decide from the specification alone, before any sample is read, how the image is formed and with which error.
     fn decide(
         &self,
         spec: &ImageSpec,
@@ -43,11 +43,12 @@ impl ImageFormer for Recurrence {
     ) -> Result<Decision, FormError> {
         if spec.collection.sweeps() {
             return Err(FormError::unsuited(
-                "recurrence: antennas that move while a pulse lasts are not followed".to_owned(),
+                "recurrence: expected pulses without intra-pulse motion, which it does not model"
+                    .to_owned(),
             ));
         }
         goal.check(PLANNED_DB, || {
-            Reason::new("float32 holds no more: ask for less")
+            Reason::new("float32 limits the error: raise the bound")
         })?;
         Ok(Decision {
             choices: json!({}),
@@ -63,11 +64,11 @@ impl ImageFormer for Recurrence {
     }
 }
 
-/// For a pixel, pulse and frequency a sum and a recurrence, complex: 16. A pulse is held.
+/// Cost: one complex sum and one recurrence step, 16 operations, per pixel, pulse and frequency. One pulse is in memory.
 fn cost(spec: &ImageSpec) -> Cost {
     let (pulses, samples) = (spec.collection.pulses.len(), spec.collection.num_samples);
     let all = spec.grid.num_pixels() as f64 * (pulses * samples) as f64;
-    // Some 4 ns of a core each.
+    // About 4 ns on one core each.
     let sum = StageCost::new("sum", 16.0 * all, 4.0 * all);
     Cost::of([sum]).holding("a pulse", Copies::Pass, 8.0 * samples as f64)
 }
@@ -77,7 +78,7 @@ struct Opened<'a> {
 }
 
 impl Forming for Opened<'_> {
-    /// One pulse at a time, which fits any memory.
+    /// Form the tiles one pulse at a time, which fits any memory.
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let ImageSpec {
             collection,
@@ -98,7 +99,7 @@ impl Forming for Opened<'_> {
             for tile in tiles.iter_mut() {
                 let points: Vec<DVec3> = tile.points(grid).collect();
                 for (point_m, pixel) in points.into_iter().zip(&mut tile.pixels) {
-                    // exp(+j 2 pi f (path - reference path) / c) undoes the phase of an echo from the pixel.
+                    // exp(+j 2 pi f (path - reference path) / c) compensates the phase of an echo from the pixel.
                     let delay_s = pulse.relative_path_m(point_m) / SPEED_OF_LIGHT_M_S;
                     let turned =
                         |hz: f64| Complex64::cis(std::f64::consts::TAU * (hz * delay_s).fract());

@@ -1,4 +1,4 @@
-//! Phase history of one's own: positions and samples in arrays, made here of a point at x 2 m, y -1 m.
+//! Custom phase history: positions and samples in arrays, here of a point at x 2 m, y -1 m.
 
 use std::f64::consts::TAU;
 
@@ -11,7 +11,7 @@ const PULSES: usize = 128;
 const SAMPLES: usize = 96;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // What a recording of one's own would bring: antennas, frequencies, samples.
+    // Data that a recording would provide: antenna positions, frequencies, samples.
     let antennas_m: Vec<DVec3> = (0..PULSES)
         .map(|n| DVec3::new(n as f64 - 63.5, -800.0, 600.0))
         .collect();
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sweep: Sweep::AT_ONCE,
     });
     let collection = Collection {
-        name: "a point of one's own".to_owned(),
+        name: "custom point".to_owned(),
         num_samples: SAMPLES,
         pulses: pulses.collect(),
         frame: SceneFrame::Local,

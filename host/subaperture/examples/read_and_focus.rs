@@ -1,4 +1,4 @@
-//! Reads a recording and forms its image: `read_and_focus lot.cphd lot` leaves a folder `lot`.
+//! Read a recording and form its image: `read_and_focus lot.cphd lot` writes a folder `lot`.
 
 use subaperture::prelude::*;
 

@@ -1,4 +1,4 @@
-//! A radar and a scene described in text, simulated, focused, and a point measured against theory.
+//! Simulate a radar and a scene described as text, form the image, and compare a point with theory.
 
 use subaperture::prelude::*;
 use subaperture::quality::response::{Direction, Target};

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let text = Plan::new(&former, &spec, BoundPolicy::Refused, &Silent)?.to_text();
 
-    // Execute the plan where the recording is: form the tiles, compare them with the exact sum, and plan again if the scene needs it.
+    // Execute the plan where the recording is: form the tiles, compare them with the exact sum, and replan if the scene requires it.
     let plan = Plan::from_text(&text)?;
     let weights = plan.weights(recording.collection())?;
     let execution = Execution {

@@ -56,7 +56,7 @@ pub fn plan(collection: &Collection) -> Result<Probe, String> {
     let (count, width) = (collection.pulses.len(), collection.num_samples);
     if count < LEAST || width < LEAST {
         return Err(format!(
-            "{count} pulses of {width} frequencies are fewer than {LEAST} of {LEAST}"
+            "expected at least {LEAST} pulses of {LEAST} frequencies, found {count} of {width}"
         ));
     }
     let survey = Survey::of(collection).ok_or("no pulses")?;
@@ -85,13 +85,13 @@ pub fn plan(collection: &Collection) -> Result<Probe, String> {
             grid: ImageGrid::horizontal(columns, rows, 0.0),
         });
     }
-    Err("the scene has too many pixels for a trial".to_owned())
+    Err("the scene has too many pixels for a probe image".to_owned())
 }
 
 /// Maximum number of rounds in which the aperture is shortened until the patch fits.
 const MAX_ROUNDS: usize = 24;
 
-/// Patch of the probe image and, near the antennas, the range for which its pixels are made.
+/// Patch of the probe image and, near the antennas, the range that determines its pixel step.
 fn patch(collection: &Collection, survey: &Survey) -> Result<(Extent, Option<f64>), String> {
     if let Some(extent) = collection.extent {
         return Ok((extent, None));
@@ -145,7 +145,7 @@ fn steps_m(
         let across_m = survey.wavelength_m * near_m / (4.0 * survey.aperture_length_m);
         if survey.aperture_length_m < MIN_WAVELENGTHS * survey.wavelength_m {
             return Err(format!(
-                "the antennas move by less than {MIN_WAVELENGTHS} wavelengths"
+                "expected antennas that move by at least {MIN_WAVELENGTHS} wavelengths, found less"
             ));
         }
         return Ok([along_m.min(across_m); 2]);

@@ -71,10 +71,10 @@ impl FocusedImage {
         inputs: Vec<InputFile>,
     ) -> Self {
         let collection = history.collection();
-        let told = formed.settings.get("warnings").and_then(Value::as_array);
-        let of_former = told.into_iter().flatten().filter_map(Value::as_str);
+        let listed = formed.settings.get("warnings").and_then(Value::as_array);
+        let from_former = listed.into_iter().flatten().filter_map(Value::as_str);
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-        // Theory is of the pulses that see the middle.
+        // The theoretical response is that of the pulses whose beam covers the image centre.
         let seen = beam
             .as_ref()
             .and_then(|beam| seeing(beam, history, middle_m).ok());
@@ -89,7 +89,7 @@ impl FocusedImage {
             predicted_error_db: formed.predicted_error_db,
             bound_missed: formed.bound_missed,
             warnings: (history.warnings().into_iter())
-                .chain(of_former.map(str::to_owned))
+                .chain(from_former.map(str::to_owned))
                 .collect(),
             channels: history.channels(),
             phase_conventions: history.phase_conventions(),

@@ -71,9 +71,9 @@ impl<'a> Focusing<'a> {
         }
     }
 
-    /// Beam that selects the pulses of each point, as `subap focus --beam` has it. Default: [`BeamChoice::Stated`], the beam of the recording's antennas, or the
+    /// Beam that selects the pulses of each point, as in `subap focus --beam`. Default: [`BeamChoice::Stated`], the beam of the recording's antennas, or the
     /// one that its Doppler spectrum clearly shows where ghosts are possible. [`FocusedImage::settings`] and
-    /// [`FocusedImage::warnings`] say which beam was used, and which was not.
+    /// [`FocusedImage::warnings`] report the beam that was used and the ones that were rejected.
     #[must_use]
     pub fn beam(self, beam: BeamChoice) -> Self {
         Self { beam, ..self }
@@ -134,7 +134,7 @@ impl<'a> Focusing<'a> {
     /// A former of another crate forms every pixel from all pulses, unless it is wrapped in [`InBeam`].
     ///
     /// # Errors
-    /// [`FormError`]; [`FormError::Unsuited`] if a beam that was asked for does not suit the recording, the grid or a former of another crate.
+    /// [`FormError`]; [`FormError::Unsuited`] if a requested beam does not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
         let start = Instant::now();
         let mut warnings = Vec::new();
@@ -147,7 +147,7 @@ impl<'a> Focusing<'a> {
         Ok(image)
     }
 
-    /// The former in the chosen beam; `None` for an image from all pulses, and for a former that has a beam.
+    /// The former in the chosen beam; `None` for an image from all pulses, and for a former that already has a beam.
     fn in_beam<F: ImageFormer + ?Sized>(
         &self,
         former: &F,
@@ -156,14 +156,14 @@ impl<'a> Focusing<'a> {
         if former.beam().is_some() {
             return Ok(None);
         }
-        // A former is its name and its settings, as in a stored plan.
+        // A former is identified by its name and settings, as in a stored plan.
         let again = formers::former(former.name(), &former.settings()).ok();
         let again = again.filter(|again| again.settings() == former.settings());
         let asked = !matches!(self.beam, BeamChoice::Stated | BeamChoice::None);
         let Some(again) = again else {
             return match asked {
                 true => Err(FormError::unsuited(format!(
-                    "the former {} is not one of subaperture: form its image in a beam by InBeam::new",
+                    "expected a former of subaperture, found {}: wrap it in InBeam::new to form its image in a beam",
                     former.name()
                 ))),
                 false => Ok(None),
@@ -181,7 +181,7 @@ impl<'a> Focusing<'a> {
         }
         if let unseen @ 1.. = chosen.num_unseen {
             warnings.push(format!(
-                "{unseen} of {} pixels are seen by no pulse: they are zero",
+                "{unseen} of {} pixels are illuminated by no pulse: they are zero",
                 self.grid.num_pixels()
             ));
         }

@@ -27,9 +27,9 @@ impl SicdOnMap {
             path: file.path().to_owned(),
             what: what.to_owned(),
         };
-        let band = file
-            .band()
-            .ok_or_else(|| wrong("XML: no spacing of its samples (Grid/Row/SS, Grid/Col/SS)"))?;
+        let band = file.band().ok_or_else(|| {
+            wrong("XML: expected sample spacings Grid/Row/SS and Grid/Col/SS, found none")
+        })?;
         let height_m = projection.scp().height_m;
         let [row_m, column_m] = projection.spacings_m();
         let at = |along_m| {
@@ -38,7 +38,9 @@ impl SicdOnMap {
         };
         let places = (at([0.0; 2]), at([row_m, 0.0]), at([0.0, column_m]));
         let (Some(centre), Some(down), Some(across)) = places else {
-            return Err(wrong("its pixels about the scene centre point are nowhere"));
+            return Err(wrong(
+                "the pixels around the scene centre point do not project to the ground",
+            ));
         };
         Ok(Self {
             steps_m: [down, across].map(|next| next.distance(centre)),

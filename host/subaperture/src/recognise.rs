@@ -320,7 +320,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_recognised_by_content_and_not_by_name() {
+    fn content_and_not_the_name_decides_the_kind() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         for (name, content, expected) in [
@@ -369,7 +369,7 @@ mod tests {
             fs::write(at.join(name), content).unwrap();
             assert_eq!(recognise(&at.join(name)), expected, "{name}");
         }
-        assert_eq!(recognise(&at.join("nothing")), FileKind::Unknown);
+        assert_eq!(recognise(&at.join("missing")), FileKind::Unknown);
         assert_eq!(recognise(at), FileKind::Folder);
     }
 }

@@ -115,7 +115,6 @@ impl FocusedImage {
 
 #[cfg(not(feature = "plot"))]
 impl FocusedImage {
-    /// No picture.
     fn drawn(&self) -> Result<Vec<u8>, SaveError> {
         Ok(Vec::new())
     }

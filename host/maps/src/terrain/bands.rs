@@ -19,7 +19,7 @@ pub use crate::terrain::geokeys::Tags;
 /// `PlanarConfiguration` of bands interleaved by pixel.
 const PIXEL_INTERLEAVED: u16 = 1;
 
-/// An open GeoTIFF.
+/// Open GeoTIFF with numeric bands.
 #[derive(Debug)]
 pub struct GeoTiff {
     path: PathBuf,

@@ -17,7 +17,7 @@ use crate::terrain::lattice::{Lattice, Projection};
 use crate::terrain::raster::{Extent, Raster, check_memory};
 use crate::terrain::{Region, TerrainError};
 
-/// Posts per side.
+/// Numbers of posts along a side.
 const SIDES: [usize; 2] = [1201, 3601];
 
 const VOID: i16 = -32768;

@@ -73,8 +73,7 @@ fn relative_path_after_m(pulse: &Pulse, point_m: [f64; 3], after: f64) -> f64 {
         sweep.receiver_m_s2.to_array(),
         s,
     );
-    let by_way_of_m =
-        |point_m| distance_m(transmitter_m, point_m) + distance_m(receiver_m, point_m);
+    let path_via_m = |point_m| distance_m(transmitter_m, point_m) + distance_m(receiver_m, point_m);
     let reference_m = pulse.reference_m.to_array();
     let drift_m = match sweep.reference_m_s {
         None => 0.0,
@@ -82,10 +81,10 @@ fn relative_path_after_m(pulse: &Pulse, point_m: [f64; 3], after: f64) -> f64 {
             let then_m = moved_m(reference_m, velocity.to_array(), [0.0; 3], s);
             let at_middle_m = distance_m(pulse.transmitter_m.to_array(), reference_m)
                 + distance_m(pulse.receiver_m.to_array(), reference_m);
-            by_way_of_m(then_m) - at_middle_m
+            path_via_m(then_m) - at_middle_m
         }
     };
-    by_way_of_m(point_m) - pulse.reference_path_m - drift_m
+    path_via_m(point_m) - pulse.reference_path_m - drift_m
 }
 
 /// Map of `pulses` around a patch, `[doppler][range]`, both ascending. `fast` are the fast-time weights, `slow` the slow-time

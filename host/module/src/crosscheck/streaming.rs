@@ -14,7 +14,7 @@ use subaperture_model::phase_history::{Band, PhaseHistory, ReadError};
 /// Maximum range transform length of the core, and maximum frequencies per pulse.
 const LONGEST_RANGE: usize = 4096;
 
-/// Maximum pulses of a sub-CPI whose map has twice as many Doppler bins, of which the core supports 4096.
+/// Maximum pulses of a sub-CPI; its map has twice as many Doppler bins, and the core supports 4096.
 const MAX_PULSES: usize = 2048;
 
 /// Dimensions of maps that contain all power of a sub-CPI: twice the bins that pulses and frequencies have, as in a module plan,

@@ -27,7 +27,7 @@ const END_LIMIT: Duration = Duration::from_millis(200);
 /// Path of the standard error that the emulator inherits.
 const LOG: &str = "/dev/stderr";
 
-/// Emulated module.
+/// Module emulated by QEMU.
 #[derive(Debug)]
 pub struct Emulator {
     firmware: PathBuf,

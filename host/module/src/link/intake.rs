@@ -93,7 +93,7 @@ impl<'c> Intake<'c> {
         self.again = again;
     }
 
-    /// Start a run.
+    /// Start a run: forget incomplete maps.
     pub(super) fn begin(&mut self) {
         self.assembly.restart();
         self.listening = true;

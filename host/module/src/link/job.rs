@@ -37,7 +37,7 @@ impl<'a> Job<'a> {
         self.wanted().num_sub_cpis()
     }
 
-    /// Expected maps.
+    /// Maps expected from a job.
     pub(super) fn wanted(&self) -> Wanted<'a> {
         Wanted {
             num_pulses: u32::from(self.setup.num_pulses).max(1),
@@ -56,8 +56,8 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// No maps.
-    pub(super) fn nothing() -> Self {
+    /// No expected maps, for a session without a job.
+    pub(super) fn empty() -> Self {
         Self {
             num_pulses: 1,
             patches: Vec::new(),

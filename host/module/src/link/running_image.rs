@@ -62,7 +62,7 @@ impl RunningImage {
         grid.num_pixels() * pixel_bytes + MAX_WAITING as u64 * sub_cpi
     }
 
-    /// Add a map.
+    /// Add a received map to its sub-CPI.
     pub fn take(&mut self, map: OwnedMap) {
         self.waiting
             .entry(map.header.sub_cpi)
@@ -132,7 +132,7 @@ impl RunningImage {
     }
 }
 
-/// Maps in memory.
+/// Maps of complete sub-CPIs in memory.
 struct Batch<'a> {
     run: &'a Run,
     headers: Vec<MapHeader>,

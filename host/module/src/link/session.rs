@@ -39,7 +39,7 @@ pub trait SessionObserver {
     }
 }
 
-/// Prints nothing and never cancels.
+/// Silent observer that never cancels.
 impl SessionObserver for subaperture_model::monitor::Silent {}
 
 /// Receive buffers lent to a session.
@@ -94,8 +94,8 @@ impl<'b> Session<'b> {
         };
         let mut ledger = Ledger::new(settings);
         let mut nowhere = DiscardMaps;
-        let intake = Intake::new(Wanted::nothing(), &mut [], &mut nowhere);
-        let mut conversation = Conversation::new(&mut ledger, JobSettings::nothing(), intake, None);
+        let intake = Intake::new(Wanted::empty(), &mut [], &mut nowhere);
+        let mut conversation = Conversation::new(&mut ledger, JobSettings::empty(), intake, None);
         connection.lead(&mut conversation, None, watch)?;
         let identity = conversation.identity().cloned().ok_or(LinkError::Silent)?;
         Ok(Self {
@@ -207,7 +207,7 @@ impl Connection<'_> {
         Ok(Event::Exchanged)
     }
 
-    /// Send a pulse.
+    /// Send a pulse of the job.
     fn send(
         &mut self,
         number: u32,
@@ -261,7 +261,7 @@ impl Connection<'_> {
         }
     }
 
-    /// Statistics so far.
+    /// Statistics of the session so far.
     fn counts(&self, ledger: &Ledger) -> Counts {
         Counts {
             seconds: self.opened.elapsed().as_secs_f64(),

@@ -11,7 +11,7 @@ use std::time::Duration;
 /// If fewer bytes than this were received, wait a little for more.
 const FEW_BYTES: usize = 1024;
 
-/// Additional wait time.
+/// Additional wait time for more bytes.
 const GATHER: Duration = Duration::from_micros(500);
 
 /// Line to a module.

@@ -17,11 +17,10 @@
 //!
 //! | tag | payload |
 //! |---|---|
-//! | `HEAD` | the first: setup, arithmetic, window, weights, frame, provenance ([`Run`]) |
 //! | `HEAD` | first section: setup, arithmetic, window, weights, frame, provenance ([`Run`]) |
 //! | `MAP ` | one map: its header of 152 bytes, then its samples as the module sent them: float32 pairs, or 16-bit pairs followed by the exponents |
 //! | `TAIL` | last section: totals ([`RunTotals`]), and for every map its file offset (8 bytes) and its header |
-//! After the tail stand 8 bytes with its place in the file and `SUBAPEND`. A section whose tag begins
+//!
 //! The tail is followed by 8 bytes with its file offset and by `SUBAPEND`. Readers may skip an unknown section if its tag
 //! begins with a lower-case letter; any other change requires a new version.
 //!

@@ -19,7 +19,7 @@ use subaperture_io::lock::KEPT_SUFFIX;
 pub struct MapWriter {
     path: PathBuf,
     run: Run,
-    beside: AtomicFile,
+    pending: AtomicFile,
     /// Offset of the next section.
     end: u64,
     places: Vec<(u64, MapHeader)>,
@@ -49,14 +49,14 @@ impl MapWriter {
         let mut writer = Self {
             path: path.to_owned(),
             run: run.clone(),
-            beside: AtomicFile::create(path, 0, KEPT_SUFFIX)?,
+            pending: AtomicFile::create(path, 0, KEPT_SUFFIX)?,
             end: PREAMBLE_BYTES,
             places: Vec::new(),
             seen: HashSet::new(),
             payload,
         };
         writer
-            .beside
+            .pending
             .file()
             .write_all(&preamble())
             .and_then(|()| writer.write_section(HEAD))
@@ -111,16 +111,16 @@ impl MapWriter {
         trailer.extend_from_slice(END);
         let ended = self
             .write_section(TAIL)
-            .and_then(|()| self.beside.file().write_all(&trailer));
+            .and_then(|()| self.pending.file().write_all(&trailer));
         let path = self.path;
         let Err(source) = ended else {
-            return self.beside.commit();
+            return self.pending.commit();
         };
         // Maps that took hours to receive are worth more than their index.
-        let cut = cut(self.beside.file(), tail);
+        let cut = cut(self.pending.file(), tail);
         let kept = cut
             .map_err(drop)
-            .and_then(|()| self.beside.commit().map_err(drop));
+            .and_then(|()| self.pending.commit().map_err(drop));
         Err(failed(
             &path,
             match kept {
@@ -156,7 +156,7 @@ impl MapWriter {
         let mut head = tag.to_vec();
         head.extend_from_slice(&crc.finalize().to_le_bytes());
         head.extend_from_slice(&length.to_le_bytes());
-        let file = self.beside.file();
+        let file = self.pending.file();
         let written = file
             .write_all(&head)
             .and_then(|()| file.write_all(&self.payload));

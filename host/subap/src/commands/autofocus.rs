@@ -26,10 +26,10 @@ use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
 
-/// Of the picture's levels.
+/// Dynamic range of the picture, dB.
 const SPAN_DB: f64 = 60.0;
 
-/// Estimates a correction, prints the figures and writes the files.
+/// Estimate a correction, print the results and write the files.
 pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     let start = Instant::now();
     let Some((found, history)) = sharpened(session, typed)? else {
@@ -44,14 +44,14 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     report(session, typed, &found, start)
 }
 
-/// Estimates a correction, writes the files and returns the record.
+/// Estimate a correction, write the files and return the record.
 pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
     let start = Instant::now();
-    let (found, history) = sharpened(session, typed)?.expect("it is no rehearsal");
+    let (found, history) = sharpened(session, typed)?.expect("not a dry run");
     record(session, typed, &history, &found, start)
 }
 
-/// The result and the recording; `None` for a dry run.
+/// Estimated correction and the recording; `None` for a dry run.
 fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sharpened, Joined)>> {
     let former = typed.former.former()?;
     if let Some(grid) = &typed.settings.grid {
@@ -87,7 +87,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
     let found = found.map_err(|error| match error {
         SharpenError::Form(error) => anyhow::Error::new(error),
         error @ SharpenError::TooFewPoints { .. } => anyhow::Error::new(error)
-            .context("look farther down with --within, or take another --method"),
+            .context("extend the search with --within, or use another --method"),
         error => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
@@ -101,7 +101,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
         files.write_bytes(path, text.as_bytes())?;
     }
     if let Some(path) = &typed.picture {
-        // One scale for both, from the brightest pixel of either.
+        // Common scale for both images, relative to the brighter peak.
         let scale = Scale::Fixed {
             top_db: found.before.peak_db.max(found.after.peak_db).ceil(),
             span_db: SPAN_DB,
@@ -120,7 +120,7 @@ fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sha
     Ok(Some((found, history)))
 }
 
-/// Claims what is to be written. Held until the command's end.
+/// Claim the output files. The claim lasts until the command ends.
 fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims(&typed.writing, &typed.input.files);
     if let Some(path) = &typed.out {
@@ -132,7 +132,7 @@ fn claim(session: &Session, typed: &Autofocus) -> anyhow::Result<OutputClaims> {
     Ok(claims)
 }
 
-/// Prints the expected cost of a dry run, by an image a round; whether this was a dry run.
+/// Print the predicted cost of a dry run, from one image per round. Returns whether this was a dry run.
 fn ahead(
     session: &Session,
     typed: &Autofocus,
@@ -166,17 +166,17 @@ fn ahead(
         seconds: one.seconds * images as f64,
         ..one
     });
-    let what = format!(
-        "{images} images at most of {} x {} pixels by {}",
+    let quantity = format!(
+        "at most {images} images of {} x {} pixels by {}",
         grid.columns.count,
         grid.rows.count,
         former.name()
     );
     let held_bytes = history.held_bytes() + HELD_IMAGES * 8 * grid.num_pixels();
-    Ahead::new(session, what, held_bytes, time, Vec::new()).announce(session, &typed.rehearsal)
+    Ahead::new(session, quantity, held_bytes, time, Vec::new()).announce(session, &typed.rehearsal)
 }
 
-/// The method with its options.
+/// Autofocus method with its options.
 fn method(typed: &Autofocus) -> Box<dyn Method> {
     let points = |default: Points| Points {
         most: typed.settings.points.unwrap_or(default.most),
@@ -215,7 +215,7 @@ fn name(typed: &Autofocus) -> &'static str {
     method(typed).name()
 }
 
-/// The correction; zeros of the method's kind if there is none.
+/// Correction; zeros of the kind the method estimates if there is none.
 fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) -> Correction {
     let pulses = history.collection().pulses.len();
     found
@@ -231,7 +231,7 @@ fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) 
         })
 }
 
-/// The file: phases of all pulses, or the track of the first channel, half way between its antennas.
+/// Output file: phases of all pulses, or the track of the first channel, midway between its antennas.
 fn file(collection: &Collection, correction: &Correction) -> String {
     match correction {
         Correction::Phase { error_rad } => phase_csv::text(error_rad),
@@ -301,8 +301,8 @@ fn report(
     let by = match &found.correction {
         None => "no correction".to_owned(),
         Some(correction) => match (correction.rms_phase_rad(), correction.rms_displacement_m()) {
-            (Some(phase), _) => format!("phases of {phase:.3} rad rms taken away"),
-            (None, moved) => format!("track moved by {} rms", text::metres(moved)),
+            (Some(phase), _) => format!("phases corrected by {phase:.3} rad RMS"),
+            (None, moved) => format!("track corrected by {} RMS", text::metres(moved)),
         },
     };
     text::say(format!(
@@ -318,24 +318,24 @@ fn report(
     if session.tells() {
         let path = path.display();
         text::say(match correction_is_phase(typed, found) {
-            true => format!("written to {path}: subap focus --phase {path} takes it"),
-            false => format!("written to {path}: subap focus --track {path} takes it"),
+            true => format!("written to {path}: apply it with subap focus --phase {path}"),
+            false => format!("written to {path}: apply it with subap focus --track {path}"),
         })?;
     }
     Ok(())
 }
 
-/// The judgement on held-out data, as a line.
+/// Result of the test on held-out data, as one line.
 fn judgement(found: &Sharpened) -> String {
     let Some(held_out) = &found.held_out else {
         return match found.outcome {
-            Outcome::NothingFound => "no correction that was tried sharpens the image".to_owned(),
+            Outcome::NothingFound => "no tested correction sharpens the image".to_owned(),
             _ => "not judged on held-out data: the figures are those of the data used to estimate"
                 .to_owned(),
         };
     };
     let mut text = format!(
-        "{}: range cells that were not used to estimate: entropy {:.4} before, {:.4} after; probability of such a gain by chance {} over {} segments",
+        "{}: on range cells not used for the estimate: entropy {:.4} before, {:.4} after; probability of such a gain by chance {} over {} segments",
         match held_out.sharper {
             true => "sharper on held-out data",
             false => "not accepted on held-out data",
@@ -350,7 +350,7 @@ fn judgement(found: &Sharpened) -> String {
         let p_value = probability(p_value);
         write!(
             text,
-            "; track error {error} rms by the jackknife, probability {p_value} if the track were no better than the recorded one"
+            "; track error {error} RMS by the jackknife, probability {p_value} if the track were no better than the recorded one"
         )
         .expect("text grows");
     }
@@ -367,22 +367,22 @@ fn probability(p: f64) -> String {
 const LESS_THAN_A_QUARTER: &str =
     "held-out range cells gain less than a quarter of the gain on the cells used";
 
-/// Why a correction is refused, or kept without a judgement.
+/// Reason why a correction is refused, or kept untested.
 fn doubt(found: &Sharpened) -> Option<String> {
-    let what = |correction: &Option<Correction>| match correction {
+    let quantity = |correction: &Option<Correction>| match correction {
         Some(Correction::Track { .. }) => "track",
         _ => "phases",
     };
     let limit = SIGNIFICANCE;
     match (found.outcome, &found.held_out) {
         (Outcome::NotSharper, held_out) => {
-            let what = what(&found.refused);
+            let quantity = quantity(&found.refused);
             let reason = match held_out {
-                Some(held_out) if what == "track" && held_out.p_value >= limit => format!(
+                Some(held_out) if quantity == "track" && held_out.p_value >= limit => format!(
                     "expected a gain on held-out range cells with a probability by chance below {limit}, found {}",
                     probability(held_out.p_value)
                 ),
-                Some(held_out) if what == "track" => match held_out.track_p_value {
+                Some(held_out) if quantity == "track" => match held_out.track_p_value {
                     Some(p_value) if p_value >= limit => format!(
                         "expected a track better than the recorded one with a probability of error below {limit}, found {}",
                         probability(p_value)
@@ -399,19 +399,19 @@ fn doubt(found: &Sharpened) -> Option<String> {
                 _ => LESS_THAN_A_QUARTER.to_owned(),
             };
             Some(format!(
-                "{what}: correction refused, {what} unchanged: {reason}"
+                "{quantity}: correction refused, {quantity} unchanged: {reason}"
             ))
         }
         (Outcome::Unjudged, _) => Some(match (&found.correction, &found.refused) {
             (kept @ Some(_), _) => format!(
                 "{}: correction kept without a judgement: bright points lie in too few range cells to hold some of them out; \
                  its sharpness is that of the data it was estimated from",
-                what(kept)
+                quantity(kept)
             ),
             (None, refused) => {
-                let what = what(refused);
+                let quantity = quantity(refused);
                 format!(
-                    "{what}: correction refused, {what} unchanged: bright points lie in too few range cells to hold some of them out; \
+                    "{quantity}: correction refused, {quantity} unchanged: bright points lie in too few range cells to hold some of them out; \
                      --keep-unjudged keeps it"
                 )
             }

@@ -20,10 +20,10 @@ use crate::failure::{InterruptedWithSteps, Usage};
 use crate::progress::Progress;
 use crate::{interrupt, messages, text, watch};
 
-/// Steps that wait for the progress bar; more are passed over.
+/// Maximum number of steps queued for the progress bar; further steps are skipped.
 const WAITING: usize = 64;
 
-/// Captures, or prints what there is to know of experiments.
+/// Capture, or print information about experiments.
 pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     if typed.keys {
         text::say(experiment::reference())?;
@@ -39,8 +39,9 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
         experiment.device = Device::Replay(recording.clone());
     }
     let Some(out) = typed.out.clone().or(experiment.recording.clone()) else {
-        let what = "say where the recording goes: --out NAME, or files.recording of the experiment";
-        return Err(Usage(what.to_owned()).into());
+        let missing =
+            "no output for the recording: give --out NAME, or files.recording of the experiment";
+        return Err(Usage(missing.to_owned()).into());
     };
     if typed.rehearsal.dry_run {
         return rehearse(session, &experiment.plan, &out);
@@ -65,7 +66,7 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
     end(&experiment.plan, summary, &out)
 }
 
-/// The capture itself. Ctrl-C ends it by its own means.
+/// Run the capture. Ctrl-C stops it cleanly.
 fn captured(
     session: &Session,
     radio: &mut dyn Transceiver,
@@ -77,17 +78,17 @@ fn captured(
     let (live, shown) = sync_channel(WAITING);
     thread::scope(|scope| {
         let progress = &progress;
-        // Without a thread there is no bar: its end of the queue is gone, and the capture goes on.
+        // Without a thread there is no progress bar; the capture is not affected.
         let _ = thread::Builder::new().spawn_scoped(scope, move || show(plan, progress, shown));
         let queues = watch::queues(session, plan);
         let summary = capture(radio, plan, out, queues, Some(&live), interrupt::flag());
-        // The bar's thread ends with it.
+        // The progress thread ends when its queue is dropped.
         drop(live);
         summary
     })
 }
 
-/// How far it is; of an endless capture how many sweeps there are.
+/// Show the progress; for an endless capture the number of sweeps.
 fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
     let steps = plan.carriers_taken() as f64;
     let (mut sweep, mut taken) = (None, 0u32);
@@ -106,14 +107,14 @@ fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
     }
 }
 
-/// The metadata's file, by which others open the recording.
+/// Path of the SigMF metadata file of a recording.
 pub(super) fn meta(out: &Path) -> PathBuf {
     let mut name = out.as_os_str().to_owned();
     name.push(".sigmf-meta");
     PathBuf::from(name)
 }
 
-/// What the plan takes at the least.
+/// Print the minimum time and disk space of the plan.
 fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
     let ranges = Ranges::b210();
     plan.check(&ranges)?;
@@ -145,11 +146,11 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
         ("resolution", format!("{:.3} m", plan.resolution_m())),
         ("unambiguous", format!("{:.2} m", plan.unambiguous_m())),
         ("sweep", format!("at least {}", text::seconds(sweep_s))),
-        ("disk", format!("at most {} a second", sized(rate))),
+        ("disk", format!("at most {} per second", sized(rate))),
     ];
     if let Some(sweeps) = sweeps {
         let all = format!(
-            "{sweeps} sweeps: at least {} of the radio's time, {} of disk",
+            "{sweeps} sweeps: at least {} of capture time, {} of disk space",
             text::seconds(sweeps * sweep_s),
             sized(sweeps * sweep_s * rate)
         );
@@ -191,7 +192,7 @@ const EVENTS: [&str; 5] = [
     "unplugged",
 ];
 
-/// Those that are not zero, in words; `None` if all are.
+/// Nonzero counts in words; `None` if all are zero.
 fn counted(counts: [u64; 5], names: [&str; 5]) -> Option<String> {
     let some = counts
         .into_iter()
@@ -212,17 +213,17 @@ fn ended(summary: &Summary) -> &'static str {
     }
 }
 
-/// Says what is wrong with steps.
+/// Warn of flagged steps.
 pub(super) fn warn(summary: &Summary) {
     if let Some(flagged) = counted(summary.flagged, FLAGS) {
         messages::warning(format!(
-            "of {} steps {flagged}: they are marked, and profiles leave out what is not whole",
+            "of {} steps {flagged}: they are flagged, and range profiles omit flagged steps",
             summary.steps
         ));
     }
 }
 
-/// Says what was captured.
+/// Report the finished capture.
 pub(super) fn tell(
     session: &Session,
     plan: &Plan,
@@ -253,7 +254,7 @@ pub(super) fn tell(
         (
             "set to",
             format!(
-                "{} samples a second, {} dB sent, {} and {} dB received",
+                "{} samples/s, gains: transmit {} dB, receive {} and {} dB",
                 set.sample_rate_hz,
                 set.transmit_gain_db,
                 set.receive_gain_db[0],
@@ -264,10 +265,16 @@ pub(super) fn tell(
     ];
     if let Some(events) = counted(summary.events, EVENTS) {
         let lost = summary.lost_samples;
-        facts.push(("events", format!("{events}; {lost} samples a channel lost")));
+        facts.push((
+            "events",
+            format!("{events}; {lost} samples per channel lost"),
+        ));
     }
     if summary.late_sweeps > 0 {
-        let late = format!("{} began later than plan.pri says", summary.late_sweeps);
+        let late = format!(
+            "{} started later than plan.pri requires",
+            summary.late_sweeps
+        );
         facts.push(("sweeps", late));
     }
     Ok(text::say(text::facts(&facts).join("\n"))?)
@@ -303,7 +310,7 @@ pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
     })
 }
 
-/// Whether the disk has no room, or its user's share of it is used up: whatever else fails, room does not help.
+/// Whether the disk or its user's quota is full. For other errors, freeing space does not help.
 fn is_full(error: &SigmfError) -> bool {
     use std::io::ErrorKind::{QuotaExceeded, StorageFull};
     let mut cause: Option<&(dyn std::error::Error + 'static)> = Some(error);
@@ -318,21 +325,21 @@ fn is_full(error: &SigmfError) -> bool {
     false
 }
 
-/// Why a capture that ended before its time did, with what is left of it.
+/// Return the error that ended a capture early, with the location of the data captured so far.
 pub(super) fn end(plan: &Plan, summary: Summary, out: &Path) -> anyhow::Result<()> {
     let (steps, path) = (summary.steps, meta(out).display().to_string());
-    let left = format!("the {steps} steps that came are in {path}");
+    let left = format!("the {steps} steps captured so far are in {path}");
     match summary.ended {
         EndReason::Done => Ok(()),
-        // That is how an endless one ends.
+        // The normal end of an endless capture.
         EndReason::Stopped if plan.sweeps == 0 => Ok(()),
         EndReason::Stopped => Err(InterruptedWithSteps { steps, path }.into()),
         EndReason::Radio(error) => Err(anyhow!("{error}; {left}")),
-        EndReason::Disk(error) if is_full(&error) => {
-            Err(anyhow!("{error}; {left}: make room, and capture again"))
-        }
+        EndReason::Disk(error) if is_full(&error) => Err(anyhow!(
+            "{error}; {left}: free disk space and capture again"
+        )),
         EndReason::Disk(error) => Err(anyhow!(
-            "{error}; {left}: see to the disk, or capture to another one"
+            "{error}; {left}: check the disk, or capture to another one"
         )),
     }
 }

@@ -8,7 +8,7 @@ use crate::args::Compare;
 use crate::config::Session;
 use crate::{messages, text};
 
-/// Prints the differences of the two images, on the pixels that both have.
+/// Compare two images on their common pixels and print the measures.
 pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
     let progress = session.progress("comparing");
     let open = |path| {
@@ -32,7 +32,7 @@ pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
         && error_db > bound_db
     {
         messages::bound_missed(format!(
-            "the relative RMS error is {error_db:.1} dB, above the --error-db {bound_db} asked"
+            "relative RMS error is {error_db:.1} dB, above the bound --error-db {bound_db}"
         ));
     }
     if session.json() {
@@ -51,7 +51,7 @@ pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// As lines: the figures, then the pixels and values that they are of, where these are not simply those of both images.
+/// Format the measures, followed by the compared pixels and values if these are not all of both images.
 fn describe(compared: &Compared) -> String {
     let figures = compared.comparison.to_string();
     let phases = |line: &&str| compared.complex || !line.starts_with("peak phase error");

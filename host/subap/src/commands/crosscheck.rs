@@ -1,4 +1,4 @@
-//! `subap crosscheck`: the embedded core and the host's `rdbp` maps against the float64 sum, sub-CPI by sub-CPI.
+//! `subap crosscheck`: compare the embedded core and the host's `rdbp` maps with the float64 sum, one sub-CPI at a time.
 
 use serde_json::{Value, json};
 use subaperture::module::crosscheck::{FIXED_DB, FLOAT_DB, Report, SUB_CPI, SubCpi, crosscheck};
@@ -7,7 +7,7 @@ use crate::args::Crosscheck;
 use crate::config::Session;
 use crate::{messages, text};
 
-/// Prints the largest errors; a bound is missed if one is above its own.
+/// Print the largest errors. Fails if an error exceeds its bound.
 pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let progress = session.progress("cross-checking");
@@ -30,7 +30,7 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
     }
 }
 
-/// A sub-CPI in a line.
+/// One line for a sub-CPI.
 fn line(sub_cpi: &SubCpi) -> String {
     let rdbp = sub_cpi.image.map_or_else(String::new, |image| {
         format!(
@@ -45,7 +45,7 @@ fn line(sub_cpi: &SubCpi) -> String {
     )
 }
 
-/// The errors above their bounds.
+/// Description of the errors above their bounds.
 fn missed(report: &Report) -> String {
     let (float, fixed) = (report.worst_float(), report.worst_fixed());
     let mut all = Vec::new();
@@ -59,7 +59,7 @@ fn missed(report: &Report) -> String {
         let samples_db = fixed.sample_rounding_db;
         let why = match samples_db > FIXED_DB {
             true => format!(
-                ": its samples are too weak for 16 bits that hold the recording's largest, and rounding them leaves {samples_db:.1} dB"
+                ": the samples are too weak for 16-bit quantisation scaled to the recording's peak; rounding leaves {samples_db:.1} dB"
             ),
             false => String::new(),
         };
@@ -79,7 +79,7 @@ fn missed(report: &Report) -> String {
     all.join("; ")
 }
 
-/// The largest errors and what was compared.
+/// Summary of the largest errors and the compared data.
 fn summary(report: &Report) -> String {
     let (float, fixed) = (report.worst_float(), report.worst_fixed());
     let rdbp = match report.worst_image() {

@@ -30,18 +30,18 @@ use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::{advice, interrupt, messages, text};
 
-/// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
+/// Scene of 80 x 80 m with a margin of 5 m, sampled at about half the resolution (0.58 x 0.75 m).
 const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
 
-/// Largest number of images in memory or on the disk: the exact one, and image and difference of each method; plus one for the
-/// pictures.
+/// Upper limit on image-sized buffers in memory, and on disk: the exact image, an image and a difference for each former,
+/// and one more for pictures.
 const IMAGES: u64 = 20;
 
 /// Error bound of the formers that plan, dB.
 const ERROR_DB: f64 = -60.0;
 
-/// Image former of the demonstration, with its error bound.
-struct Method {
+/// Former to demonstrate, with the error bound to keep.
+struct Trial {
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
@@ -49,9 +49,9 @@ struct Method {
     bound_db: Option<f64>,
 }
 
-/// Image with its error and processing time.
+/// Formed image with its error.
 struct Outcome {
-    method: Method,
+    trial: Trial,
     image: Image,
     difference: Image,
     comparison: Comparison,
@@ -59,14 +59,14 @@ struct Outcome {
     taken: Duration,
 }
 
-/// Method whose former plans for its bound.
-fn method(
+/// Trial of a former that chooses all its parameters by its bound.
+fn trial(
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
     bound_db: Option<f64>,
-) -> Method {
-    Method {
+) -> Trial {
+    Trial {
         folder,
         title,
         former,
@@ -74,8 +74,8 @@ fn method(
     }
 }
 
-fn methods() -> Vec<Method> {
-    let range_doppler = |folder, title, mode, pulses, bound_db| Method {
+fn trials() -> Vec<Trial> {
+    let range_doppler = |folder, title, mode, pulses, bound_db| Trial {
         folder,
         title,
         former: Box::new(RangeDopplerBackprojection {
@@ -89,7 +89,7 @@ fn methods() -> Vec<Method> {
     let thesis = Mode::Thesis(Thesis::default());
     let precise = Mode::Precise;
     vec![
-        method(
+        trial(
             "bp",
             "bp",
             Box::new(Backprojection { error_db: ERROR_DB }),
@@ -111,19 +111,19 @@ fn methods() -> Vec<Method> {
             130,
             Some(-45.0),
         ),
-        method(
+        trial(
             "ffbp",
             "ffbp",
             Box::new(FastFactorised { error_db: ERROR_DB }),
             Some(ERROR_DB),
         ),
-        method(
+        trial(
             "omega-k",
             "omega-k",
             Box::new(OmegaK { error_db: ERROR_DB }),
             Some(ERROR_DB),
         ),
-        method(
+        trial(
             "rda",
             "rda",
             Box::new(RangeDopplerAlgorithm {
@@ -132,25 +132,25 @@ fn methods() -> Vec<Method> {
             }),
             Some(ERROR_DB),
         ),
-        method(
+        trial(
             "pfa",
             "pfa",
             Box::new(PolarFormat {
                 error_db: ERROR_DB,
                 centre_m: None,
             }),
-            // Its error is the scene's size over the range's; nothing makes it smaller.
+            // The plane-wave error depends on scene size over range; no setting reduces it.
             None,
         ),
     ]
 }
 
-/// What is compared with.
-fn oracle() -> Method {
-    method("exact", "exact", Box::new(Exact), None)
+/// Exact sum, the reference of all comparisons.
+fn oracle() -> Trial {
+    trial("exact", "exact", Box::new(Exact), None)
 }
 
-/// Simulates, focuses, compares, and writes everything under the folder.
+/// Simulate, focus, compare, and write all files under the folder.
 pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let start = Instant::now();
     let grid = match typed.grid.clone() {
@@ -164,7 +164,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let simulated = Preset::Table41.simulate(&Variation::default());
     let collection = simulated.collection();
     let weights = Weights::new(collection, Window::default(), Window::default());
-    // A former counts its own image.
+    // A former includes its own image in its memory.
     let other_bytes = grid.num_pixels() * (IMAGES - 1) * 8;
     let task = Task {
         history: &simulated,
@@ -194,8 +194,8 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     writing::write(session, typed, &grid, &exact.image, &report, start)?;
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
-            "{} misses its bound; see the table",
-            outcome.method.title
+            "{} exceeds its bound; see the table",
+            outcome.trial.title
         ));
     }
     if session.json() {
@@ -215,10 +215,10 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Claims everything that is to be written. Held until the command's end.
+/// Claim all output files. The claim lasts until the command ends.
 fn claim(session: &Session, typed: &Demo) -> anyhow::Result<OutputClaims> {
     let mut claims = session.claims::<&Path>(&typed.writing, &[]);
-    let folders: Vec<&str> = methods().iter().map(|method| method.folder).collect();
+    let folders: Vec<&str> = trials().iter().map(|trial| trial.folder).collect();
     let pictures = folders
         .iter()
         .map(|folder| format!("difference-{folder}.png"));
@@ -230,19 +230,19 @@ fn claim(session: &Session, typed: &Demo) -> anyhow::Result<OutputClaims> {
     Ok(claims)
 }
 
-/// Image by one method, and its processing time.
-fn form(session: &Session, task: &Task, method: &Method) -> (Result<Formed, FormError>, Duration) {
-    let progress = session.progress(method.title);
+/// Form an image with one former. Returns the image and the time taken.
+fn form(session: &Session, task: &Task, trial: &Trial) -> (Result<Formed, FormError>, Duration) {
+    let progress = session.progress(trial.title);
     let begun = Instant::now();
-    // The demonstration measures every image's error and shows it.
-    let formed = method.former.form_best(&Task {
+    // The error of each image is measured and shown, so a missed bound is no failure here.
+    let formed = trial.former.form_best(&Task {
         monitor: &progress,
         ..*task
     });
     (formed, begun.elapsed())
 }
 
-/// Images of all methods, compared with the exact one.
+/// Form the images of all formers and compare each with the exact image.
 fn outcomes(
     session: &Session,
     typed: &Demo,
@@ -250,17 +250,17 @@ fn outcomes(
     exact: &Image,
 ) -> anyhow::Result<Vec<Outcome>> {
     let mut outcomes = Vec::new();
-    for mut method in methods() {
+    for mut trial in trials() {
         if typed.grid.is_some() {
-            // Bounds are relative to an image of all the scene's bright scatterers.
-            method.bound_db = None;
+            // Bounds are relative to an image that contains all bright scatterers of the scene.
+            trial.bound_db = None;
         }
-        let (formed, taken) = form(session, task, &method);
+        let (formed, taken) = form(session, task, &trial);
         let formed = match formed {
-            // On a grid that somebody chose, not every former need be able.
+            // On a grid given by the user, some formers may not apply.
             Err(error @ FormError::Unsuited(_)) if typed.grid.is_some() => {
-                let why = advice::explained(&error);
-                messages::warning(format!("{} is left out: {why}", method.title));
+                let why = advice::with_advice(&error);
+                messages::warning(format!("{} is skipped: {why}", trial.title));
                 continue;
             }
             formed => formed?,
@@ -269,7 +269,7 @@ fn outcomes(
         let difference = subtract(&formed.image, exact);
         let (image, settings) = (formed.image, formed.settings);
         outcomes.push(Outcome {
-            method,
+            trial,
             image,
             difference,
             comparison,
@@ -280,18 +280,18 @@ fn outcomes(
     Ok(outcomes)
 }
 
-/// What all the images will take.
+/// Predicted cost of all images.
 fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> {
-    let progress = session.progress("measuring parts");
+    let progress = session.progress("measuring speed");
     let task = Task {
         monitor: &progress,
         ..*task
     };
     let (mut parts, mut count) = (Vec::new(), 0);
-    for method in std::iter::once(oracle()).chain(methods()) {
+    for trial in std::iter::once(oracle()).chain(trials()) {
         count += 1;
-        // A former that cannot leaves its image out.
-        parts.extend(forecast::forecast(&*method.former, &task)?);
+        // A former that does not apply is skipped.
+        parts.extend(forecast::forecast(&*trial.former, &task)?);
     }
     progress.finish();
     let (columns, rows) = (task.grid.columns.count, task.grid.rows.count);
@@ -306,10 +306,10 @@ fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> 
 }
 
 impl Outcome {
-    /// Whether there is a bound and the error is not known to be within it.
+    /// Whether there is a bound that the error exceeds or may exceed.
     fn misses_bound(&self) -> bool {
         let error_db = self.comparison.error_db.unwrap_or(f64::NAN);
-        self.method.bound_db.is_some_and(|bound_db| {
+        self.trial.bound_db.is_some_and(|bound_db| {
             let within = error_db <= bound_db;
             !within
         })

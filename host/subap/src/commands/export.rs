@@ -1,4 +1,4 @@
-//! `subap export`: write an image in formats of other programs. Commands that form images use [`Products`] for the same formats.
+//! `subap export`: write an image in other formats. Commands that form images use [`Products`] for the same formats.
 
 mod maps;
 mod sicd;
@@ -20,28 +20,28 @@ use crate::failure::Usage;
 use crate::text;
 use maps::MapFormat;
 
-/// Reads a product and writes it.
+/// Read an image and write it in the requested format.
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     let Some(format) = typed.format.or_else(|| ImageFormat::of(&typed.out)) else {
-        let what = format!(
-            "{}: its ending names no format: give --format sicd, sidd, cog, kmz, png or zarr",
+        let fault = format!(
+            "{}: no format has this extension: give --format sicd, sidd, cog, kmz, png or zarr",
             typed.out.display()
         );
-        return Err(Usage(what).into());
+        return Err(Usage(fault).into());
     };
     let [image, others @ ..] = typed.images.as_slice() else {
-        return Err(Usage("no image is named".to_owned()).into());
+        return Err(Usage("expected at least one image".to_owned()).into());
     };
     if !others.is_empty() && format != ImageFormat::Zarr {
-        let what = format!(
-            "--format {} is of one image, and {} are named: --format zarr takes several",
+        let fault = format!(
+            "--format {} takes one image, found {}: only --format zarr takes several",
             format.name(),
             typed.images.len()
         );
-        return Err(Usage(what).into());
+        return Err(Usage(fault).into());
     }
     let folder = stored::product_folder(image).unwrap_or(image);
-    // What it is decides what it can be written as, before anything is claimed.
+    // The kind of the image decides which formats are possible; checked before outputs are claimed.
     check_format(typed, &stored::open_unread(session, image)?, format)?;
     let export = One {
         image,
@@ -67,25 +67,25 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Opens an image whose pixels are all there.
+/// Open an image whose tiles must all be formed.
 fn whole(session: &Session, path: &Path) -> anyhow::Result<OpenImage> {
     let image = stored::open(session, path)?;
     if let Pixels::Unfinished(tiles) = &image.pixels {
         let [formed, count] = tiles.tiles();
         bail!(
-            "{}: {formed} of its {count} tiles are formed: export it once subap focus has formed them all",
+            "{}: {formed} of {count} tiles are formed: complete the image with subap focus before exporting it",
             path.display()
         );
     }
     Ok(image)
 }
 
-/// The grid and the record of an image.
+/// Grid and record of an image.
 fn recorded(one: &One, image: &OpenImage) -> anyhow::Result<(ImageGrid, Value)> {
     match (image.grid(), &image.record) {
         (Some((grid, _)), Some(record)) => Ok((grid.clone(), record.clone())),
         _ => bail!(
-            "{}: it is an image of the kind {}, whose record does not say what --format {} needs: where pixels are and from where they were seen",
+            "{}: expected a product of subap focus, found {}: --format {} needs the pixel positions and the viewing geometry from its record",
             one.image.display(),
             image.kind(),
             one.format.name()
@@ -93,20 +93,20 @@ fn recorded(one: &One, image: &OpenImage) -> anyhow::Result<(ImageGrid, Value)> 
     }
 }
 
-/// Refuses a format that the image cannot be written as.
+/// Check that an image can be written in a format.
 fn check_format(typed: &Export, image: &OpenImage, format: ImageFormat) -> anyhow::Result<()> {
     let path = image.path.display();
     let is_map = matches!(
         format,
         ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png
     );
-    let says_its_place = matches!(
+    let states_position = matches!(
         image.lies,
         PixelGeometry::Sicd { .. } | PixelGeometry::Map(_)
     ) || image.kind() == ImageKind::Sidd;
-    if typed.place.is_some() && says_its_place {
+    if typed.place.is_some() && states_position {
         return Err(Usage(format!(
-            "{path} says itself where on the Earth it is: leave --place out"
+            "{path} states its own position on the Earth: leave --place out"
         ))
         .into());
     }
@@ -115,27 +115,27 @@ fn check_format(typed: &Export, image: &OpenImage, format: ImageFormat) -> anyho
         _ if format == ImageFormat::Zarr => Ok(()),
         ImageKind::Sicd if is_map => Ok(()),
         ImageKind::Sicd => Err(Usage(format!(
-            "{path} is a SICD, of which maps are made (--format cog, kmz or png) and stacks (zarr): --format {} is of images that subap formed",
+            "{path} is a SICD: use --format cog, kmz, png or zarr; --format {} needs a product of subap focus",
             format.name()
         ))
         .into()),
         ImageKind::Zarr if image.looks().is_some() => Ok(()),
         kind => bail!(
-            "{path} is an image of the kind {kind}, which does not say from where its pixels were seen: --format zarr takes it, and --format {} is of \
-             products of subap focus{}",
+            "{path}: found {kind}, which does not state its viewing geometry: use --format zarr; --format {} needs \
+             a product of subap focus{}",
             format.name(),
-            if is_map { " and of SICDs" } else { "" }
+            if is_map { " or a SICD" } else { "" }
         ),
     }
 }
 
-/// An image as one file, or with others as one stack.
+/// Image to write: to a file of its own, or with others to one stack.
 struct One<'a> {
-    /// As the user calls it.
+    /// Path as given by the user.
     image: &'a Path,
-    /// Those of its stack.
+    /// All images of its stack.
     others: &'a [PathBuf],
-    /// Where it lies: a product's folder, or a SICD's file.
+    /// Folder of a product, or path of a SICD.
     folder: &'a Path,
     format: ImageFormat,
     out: &'a Path,
@@ -155,7 +155,7 @@ struct Written {
 }
 
 impl Written {
-    /// A file of the image's own pixels.
+    /// Output file in the image's own pixel grid.
     fn file(out: &Path, bytes: u64) -> Self {
         let path = out.display().to_string();
         Self {
@@ -167,7 +167,7 @@ impl Written {
 }
 
 impl One<'_> {
-    /// Refuses options that are not of the format.
+    /// Check that the options apply to the format.
     fn check(&self) -> Result<(), Usage> {
         match self.format {
             ImageFormat::Sicd => sicd::check(self),
@@ -179,7 +179,7 @@ impl One<'_> {
         }
     }
 
-    /// Claims all that is going to be written.
+    /// Claim all output files.
     fn claim(&self, claims: &mut OutputClaims) -> anyhow::Result<()> {
         match self.format {
             ImageFormat::Sicd | ImageFormat::Sidd => sicd::claim(self, claims),
@@ -190,7 +190,7 @@ impl One<'_> {
         }
     }
 
-    /// Writes it, complete or not at all.
+    /// Write all output files, complete or not at all.
     fn write(&self, session: &Session) -> anyhow::Result<Written> {
         match self.format {
             ImageFormat::Sicd => sicd::write(session, self),
@@ -203,18 +203,18 @@ impl One<'_> {
     }
 }
 
-/// Formats of an image that is formed by the same run, written into its folder each under a name of its own.
+/// Additional formats of an image formed in the same run, written to its folder under fixed names.
 pub(crate) struct Products<'a> {
     /// Folder of the image.
     pub(crate) folder: &'a Path,
     pub(crate) formats: &'a [ImageFormat],
-    /// Where on the Earth the scene's origin is, where the recording does not say.
+    /// Position of the scene's origin on the Earth, for recordings that do not state it.
     pub(crate) place: Option<Geodetic>,
     pub(crate) writing: Writing,
 }
 
 impl Products<'_> {
-    /// Claims all files, before there is an image; `inputs` are what the run reads. Held until the run's end.
+    /// Claim all files before the image is formed; `inputs` are the files read by the run. The claim lasts until the run ends.
     pub(crate) fn claim<P: AsRef<Path>>(
         &self,
         session: &Session,
@@ -223,8 +223,8 @@ impl Products<'_> {
         let mut claims = session.claims(&self.writing, inputs);
         for (n, &format) in self.formats.iter().enumerate() {
             if self.formats[..n].contains(&format) {
-                let what = format!("--product {}: it is named twice", format.name());
-                return Err(Usage(what).into());
+                let fault = format!("--product {}: given twice", format.name());
+                return Err(Usage(fault).into());
             }
             self.with(format, |one| {
                 one.check()?;
@@ -234,27 +234,27 @@ impl Products<'_> {
         Ok(claims)
     }
 
-    /// Refuses what the image of a scene in this frame cannot be written as, before it is formed.
+    /// Check before forming that an image in this scene frame can be written in all formats.
     pub(crate) fn check_place(&self, frame: &SceneFrame) -> anyhow::Result<()> {
         if self.place.is_some() || !matches!(frame, SceneFrame::Local) {
             return Ok(());
         }
         match self.formats.iter().find(|format| format.is_of_the_earth()) {
             Some(format) => bail!(
-                "--product {}: the recording ties its scene to no place on the Earth: give --place LAT,LON[,HEIGHT] of the scene's origin",
+                "--product {}: the recording does not state its position on the Earth: give the scene's origin with --place LAT,LON[,HEIGHT]",
                 format.name()
             ),
             None => Ok(()),
         }
     }
 
-    /// Writes all of them of the image that is there now; their paths.
+    /// Write all formats of the complete image. Returns their paths.
     pub(crate) fn write(&self, session: &Session) -> anyhow::Result<Vec<PathBuf>> {
         let one = |&format: &ImageFormat| {
             self.with(format, |one| {
                 one.write(session).with_context(|| {
                     format!(
-                        "{} is there, but not its {}",
+                        "{} is written, but writing {} failed",
                         self.folder.display(),
                         format.name()
                     )

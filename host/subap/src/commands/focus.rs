@@ -1,4 +1,4 @@
-//! `subap focus`: form an image of recordings, and write it with its record.
+//! `subap focus`: form an image from recordings and write it with its record.
 
 pub(crate) mod beam;
 mod check;
@@ -41,10 +41,10 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{advice, interrupt, messages, stages, text};
 
-/// Forms the image and writes its folder, complete or not at all.
+/// Form the image and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if !typed.logs.navigation.is_empty() && typed.track != Some(TrackSource::Fused) {
-        return Err(Usage("--navigation is for --track fused".to_owned()).into());
+        return Err(Usage("--navigation needs --track fused".to_owned()).into());
     }
     surface::check(&typed.image)?;
     if let Some(path) = &typed.from_maps {
@@ -54,12 +54,13 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         return tiled::run(session, typed);
     }
     if typed.image.forming.scratch.is_some() {
-        return Err(
-            Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
-        );
+        return Err(Usage(
+            "--scratch applies to --tiled and to plans only: leave it out".to_owned(),
+        )
+        .into());
     }
     let start = Instant::now();
-    // What can be refused is refused before anything is read.
+    // Options are checked before any file is read.
     typed.image.forming.former.former()?;
     let model = forming::time_model(&typed.image)?;
     if let Some(grid) = &typed.image.grid.pixels {
@@ -96,19 +97,19 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         start,
     };
     thread::scope(|scope| {
-        // The grid may be given, and planned meanwhile. Without a thread whoever needs the survey makes it.
+        // The survey is computed in a thread of its own while planning runs; without one, its first user computes it.
         let _ = thread::Builder::new().spawn_scoped(scope, || survey.get());
         let grid = job.grid()?;
-        air.tell(session, &grid);
+        air.report(session, &grid);
         room(typed, &grid)?;
         let of = (job.history, typed.motion.velocity);
         let former = beam::former(session, &typed.image, of, &grid)?;
-        make(&job, &*former, &grid)
+        form_and_deliver(&job, &*former, &grid)
     })
 }
 
-/// Tells of the image on `grid`, forms and delivers it.
-fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result<()> {
+/// Form the image on `grid` and write it.
+fn form_and_deliver(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result<()> {
     let Job { session, typed, .. } = *job;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
@@ -152,7 +153,8 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
     )
 }
 
-/// The recordings that are typed, as the image is formed of them: on a track, without the air's delay, corrected, seen from what moves. With them the movers of a track found of echoes, for the record.
+/// Call a function with the recordings as the image uses them: on the requested track, corrected for delay and phase, in the frame of a moving
+/// target. The function also gets the movers found by a track estimate, for the record.
 fn with_history<T>(
     session: &Session,
     typed: &Focus,
@@ -174,7 +176,7 @@ fn with_history<T>(
     }
 }
 
-/// The error of the image that is in its folder, on `count` of its pixels: as `--check` has it, with the bound.
+/// Measured error of the image in the output folder on `count` of its pixels, with the bound, as in `--check`.
 pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow::Result<Value> {
     with_history(session, typed, |history, _| {
         let stored = product::open(&typed.out)?;
@@ -194,13 +196,13 @@ pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow:
         let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
         let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
         progress.finish();
-        let mut told = serde_json::to_value(check)?;
-        told["bound_db"] = bound_db.into();
-        Ok(told)
+        let mut report = serde_json::to_value(check)?;
+        report["bound_db"] = bound_db.into();
+        Ok(report)
     })
 }
 
-/// What else the image is to be written as.
+/// Additional output formats of the image.
 fn products(typed: &Focus) -> Products<'_> {
     Products {
         folder: &typed.out,
@@ -210,7 +212,7 @@ fn products(typed: &Focus) -> Products<'_> {
     }
 }
 
-/// Checks that the image can be written.
+/// Check that an image of this size can be written.
 fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
     Product::prepare(&typed.out, grid.num_pixels()).map_err(|error| match error {
         WriteError::NoSpace { .. } => anyhow::Error::from(error).context(format!(
@@ -223,14 +225,14 @@ fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
     })
 }
 
-/// An image that is to be formed of a recording.
+/// Image to be formed from a recording.
 pub(crate) struct Job<'a> {
     pub(crate) session: &'a Session,
     pub(crate) typed: &'a Focus,
-    /// As it is seen from what moves, if that is asked for.
+    /// Pulses, in the frame of the moving target if one is requested.
     pub(crate) history: &'a dyn PhaseHistory,
     pub(crate) survey: &'a Surveying<'a>,
-    /// Targets that move, of a track that is found of echoes; else null.
+    /// Moving targets found by a track estimate; null otherwise.
     pub(crate) movers: Value,
     /// Transforms and timing model.
     pub(crate) numerics: Numerics<'a>,
@@ -238,7 +240,7 @@ pub(crate) struct Job<'a> {
     pub(crate) start: Instant,
 }
 
-/// The recording as seen from what moves, if that is asked for.
+/// The recording in the frame of a moving target, if one is requested.
 fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<Option<Moving<'a>>> {
     let first_s = recorded.collection().pulses[0].time_s;
     let moving = typed
@@ -249,14 +251,14 @@ fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<O
 }
 
 impl Job<'_> {
-    /// The grid that is given, or else the one that suits, on the surface that is asked for.
+    /// The given grid or the default one, on the requested surface.
     fn grid(&self) -> anyhow::Result<ImageGrid> {
         surface::grid(self.session, &self.typed.image, self.history, || {
             self.survey.get()
         })
     }
 
-    /// Writes a whole image by the former of this name, in its beam, with its record and picture.
+    /// Write a complete image by the named former with its record and picture.
     fn deliver(
         &self,
         grid: &ImageGrid,
@@ -272,16 +274,16 @@ impl Job<'_> {
         let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
         let surfacing = &typed.image.grid;
         let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
-        // Of a folder of elevation models the relief says the name.
+        // A folder of elevation models is named by the relief.
         let ground = surfacing.surface.file().into_iter().chain(geoid);
         let ground = ground.filter(|path| path.is_file());
-        let beside = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
-        for path in beside.chain(ground) {
-            inputs.push(read_beside(path)?);
+        let auxiliary = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
+        for path in auxiliary.chain(ground) {
+            inputs.push(auxiliary_file(path)?);
         }
         checksums.finish();
-        let told = about.check.as_ref().map(ToString::to_string);
-        // What is measured of the image is what the pulses show that see its middle.
+        let report = about.check.as_ref().map(ToString::to_string);
+        // The resolution is that of the pulses whose beam covers the image centre.
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let seeing = beam.map(|beam| seeing(&beam, self.history, middle_m));
         let seeing = seeing.transpose().ok().flatten();
@@ -293,18 +295,18 @@ impl Job<'_> {
         let former = resolved.map_or(former, |resolved| selected(resolved, former));
         let title = format!("{}, {former}", self.survey.get().name);
         deliver::deliver(session, typed, image, &record, &title)?;
-        match told {
+        match report {
             Some(check) if !session.json() => Ok(text::say(check)?),
             _ => Ok(()),
         }
     }
 }
 
-/// Print the expected cost of the image. Whether that is all that was asked for.
+/// Print the predicted cost of the image. Returns whether this was a dry run.
 fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
-    stages::foretell(session, &plan.cost, &comparison_cost(&task.spec()));
+    stages::show_predicted(session, &plan.cost, &comparison_cost(&task.spec()));
     let task = Task {
         monitor: &progress,
         ..*task
@@ -315,7 +317,7 @@ fn announce(job: &Job, former: &dyn ImageFormer, plan: &Plan, task: &Task) -> an
     ahead.announce(session, rehearsal)
 }
 
-/// Form the image in memory, and compare it with the exact sum if that is asked for.
+/// Form the image in memory and compare it with the exact sum if requested.
 fn form(
     job: &Job,
     former: &dyn ImageFormer,
@@ -333,9 +335,9 @@ fn form(
         plan.form(former, &Task { monitor, ..*task })
     });
     let formed = formed.map_err(|error| missed::refusal(error, former, &task.spec(), &progress))?;
-    tell_settings(&formed.settings);
+    report_settings(&formed.settings);
     if formed.bound_missed {
-        missed::tell(former, &task.spec(), formed.predicted_error_db, &progress);
+        missed::warn(former, &task.spec(), formed.predicted_error_db, &progress);
     }
     progress.finish();
     let against_exact = |plan: check::Plan| {
@@ -350,8 +352,8 @@ fn form(
     Ok((formed, check))
 }
 
-/// A file that is read beside the recordings, for the record.
-fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
+/// Read an auxiliary file for its checksum in the record.
+fn auxiliary_file(path: &Path) -> anyhow::Result<InputFile> {
     let named = || format!("cannot read {}", path.display());
     let mut file = open_file(path).with_context(named)?;
     let (bytes, crc32) = checksum(&mut file).with_context(named)?;
@@ -362,10 +364,10 @@ fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
     })
 }
 
-/// Tells what the former chose, and what it has to say of the image.
-fn tell_settings(settings: &Map<String, Value>) {
-    let told = settings.get("warnings").and_then(Value::as_array);
-    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
+/// Report the former's settings and its warnings.
+fn report_settings(settings: &Map<String, Value>) {
+    let report = settings.get("warnings").and_then(Value::as_array);
+    for warning in report.into_iter().flatten().filter_map(Value::as_str) {
         messages::warning(warning);
     }
     for (key, value) in settings {
@@ -373,13 +375,13 @@ fn tell_settings(settings: &Map<String, Value>) {
     }
 }
 
-/// `error`, with what the command line can do about a missed bound.
-fn explained(error: FormError) -> anyhow::Error {
+/// Add advice on options to a missed error bound.
+fn with_advice(error: FormError) -> anyhow::Error {
     match error {
         FormError::BoundMissed { .. } => {
             anyhow::anyhow!(
-                "{}: raise --error-db, or take the best there is with --allow-error",
-                advice::explained(&error)
+                "{}: raise --error-db, or use --allow-error to accept the smallest error possible",
+                advice::with_advice(&error)
             )
         }
         error => error.into(),

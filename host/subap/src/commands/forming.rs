@@ -1,4 +1,4 @@
-//! Steps shared by `focus` and `velocity`: claiming the output folder, surveying the recording, forecasting time and memory,
+//! Steps shared by `focus` and `velocity`: claiming the output folder, surveying the recording, predicting time and memory,
 //! and writing the image with its record.
 
 use std::path::Path;
@@ -20,7 +20,7 @@ use subaperture::resolution::survey::Survey;
 use crate::args::{Imaging, Writing};
 use crate::config::Session;
 
-/// Claims the folder of an image and checks that it can be written. Held until the command's end.
+/// Claim the folder of an image and check that it can be written. The claim lasts until the command ends.
 pub(crate) fn claim<P: AsRef<Path>>(
     session: &Session,
     writing: &Writing,
@@ -34,7 +34,7 @@ pub(crate) fn claim<P: AsRef<Path>>(
     Ok(claims)
 }
 
-/// Bounds on a time model, which has some hundred numbers.
+/// Size limits of a timing model, which has about a hundred numbers.
 const MODEL_LIMITS: Limits = Limits {
     bytes: 64 << 10,
     string_bytes: 4 << 10,
@@ -43,19 +43,19 @@ const MODEL_LIMITS: Limits = Limits {
 
 const NO_PULSES: &str = "the input holds no pulses";
 
-/// What the recording can show.
+/// Survey of a recording: band, aperture and resolution.
 pub(crate) fn survey(history: &dyn PhaseHistory) -> anyhow::Result<Survey> {
     Survey::of(history.collection()).context(NO_PULSES)
 }
 
-/// What a recording can show, found once, by whoever needs it first.
+/// Survey of a recording, computed once when first needed.
 pub(crate) struct Surveying<'a> {
     collection: &'a Collection,
     found: OnceLock<Survey>,
 }
 
 impl<'a> Surveying<'a> {
-    /// Of a recording that has pulses.
+    /// Prepare the survey of a recording, which must contain pulses.
     pub(crate) fn of(history: &'a dyn PhaseHistory) -> anyhow::Result<Self> {
         let collection = history.collection();
         anyhow::ensure!(!collection.pulses.is_empty(), NO_PULSES);
@@ -65,7 +65,7 @@ impl<'a> Surveying<'a> {
         })
     }
 
-    /// It, waiting for whoever is finding it.
+    /// The survey; waits if another thread computes it.
     pub(crate) fn get(&self) -> &Survey {
         self.found.get_or_init(|| {
             Survey::of(self.collection).expect("a collection with pulses has a survey")
@@ -73,7 +73,7 @@ impl<'a> Surveying<'a> {
     }
 }
 
-/// The recording in an image's record: what it can show, and which of its channels its pulses are of.
+/// Collection entry of an image's record: the survey and the channels used.
 pub(crate) fn about(survey: &Survey, history: &dyn PhaseHistory) -> anyhow::Result<Value> {
     let mut about = serde_json::to_value(survey)?;
     let channels = history.channels();
@@ -87,7 +87,7 @@ pub(crate) fn about(survey: &Survey, history: &dyn PhaseHistory) -> anyhow::Resu
     Ok(about)
 }
 
-/// The grid that is given, or else the one that suits, if its image can be written.
+/// The given grid or the default one, checked for writability.
 pub(crate) fn grid_or(
     session: &Session,
     given: Option<ImageGrid>,
@@ -103,7 +103,7 @@ pub(crate) fn grid_or(
     Ok(grid)
 }
 
-/// The time model in a file, if one is asked for.
+/// Read the timing model of `--model`, if given.
 pub(crate) fn time_model(typed: &Imaging) -> anyhow::Result<Option<TimeModel>> {
     let Some(path) = &typed.model else {
         return Ok(None);
@@ -113,14 +113,14 @@ pub(crate) fn time_model(typed: &Imaging) -> anyhow::Result<Option<TimeModel>> {
         .and_then(|file| json::value(file, MODEL_LIMITS))
         .map_err(|error| match error {
             JsonError::Io(error) => anyhow::Error::from(error)
-                .context(format!("cannot read the time model {}", path.display())),
-            error => anyhow::anyhow!("{}: no time model: {error}", path.display()),
+                .context(format!("cannot read the timing model {}", path.display())),
+            error => anyhow::anyhow!("{}: expected a timing model: {error}", path.display()),
         })?;
     let model = TimeModel::from_value(value).with_context(|| path.display().to_string())?;
     Ok(Some(model))
 }
 
-/// Writes an image, which `panel` shows, its record and its picture, complete or not at all.
+/// Write an image, its record and its picture drawn from `panel`, complete or not at all.
 pub(crate) fn write(
     session: &Session,
     out: &Path,

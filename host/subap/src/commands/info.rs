@@ -27,13 +27,13 @@ use crate::failure::Usage;
 use crate::messages;
 use crate::text::{self};
 
-/// Prints the survey of the inputs as one aperture.
+/// Print the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let kinds = typed.input.files.iter();
     let kinds: Vec<(&PathBuf, FileKind)> =
         kinds.map(|path| (path, stored::kind_of(path))).collect();
     if kinds.iter().any(|(_, kind)| *kind != FileKind::Recording) {
-        return of_stored(session, &kinds);
+        return describe_files(session, &kinds);
     }
     let history = session.open(&typed.input)?;
     let survey = match typed.at {
@@ -44,7 +44,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     if survey.centre_at_antennas {
         let [x, y, z] = survey.scene_centre_m;
         messages::warning(format!(
-            "resolution and geometry are those at x {x} m, y {y} m, z {z} m, which lies at the antennas: --at X,Y,Z shows them in the scene"
+            "resolution and geometry apply at x {x} m, y {y} m, z {z} m, which is at the antennas: give a point of the scene with --at X,Y,Z"
         ));
     }
     let advice = Advice::of(session, &history, &survey);
@@ -129,7 +129,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         if let Some(error) = track_error {
             let _ = writeln!(
                 report,
-                "{:<16} held by the file; positions recorded are {} RMS and {} at most off it",
+                "{:<16} contained in the file; the recorded positions deviate by {} RMS, {} at most",
                 "true track",
                 text::metres(Some(error.rms_m)),
                 text::metres(Some(error.max_m))
@@ -140,11 +140,11 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What is no recording, one after the other.
-fn of_stored(session: &Session, paths: &[(&PathBuf, FileKind)]) -> anyhow::Result<()> {
+/// Describe files that are not recordings, one after the other.
+fn describe_files(session: &Session, paths: &[(&PathBuf, FileKind)]) -> anyhow::Result<()> {
     if let Some((path, _)) = paths.iter().find(|(_, kind)| *kind == FileKind::Recording) {
         return Err(Usage(format!(
-            "{} is a recording, and others are not: ask for them apart",
+            "{} is a recording, and others are not: describe them in separate commands",
             path.display()
         ))
         .into());
@@ -162,12 +162,12 @@ fn of_stored(session: &Session, paths: &[(&PathBuf, FileKind)]) -> anyhow::Resul
     Ok(())
 }
 
-/// A file that says more of itself than its pulses do.
+/// CPHD file with its metadata.
 struct Container {
     path: PathBuf,
     info: CphdInfo,
-    /// Where each channel's antennas are at the middle pulse, off those of the first, metres; or why the channels are
-    /// not side by side. Nothing of a lone channel.
+    /// Antenna positions of each channel at the middle pulse relative to the first channel, metres; or the reason why the channels
+    /// cannot be compared. `None` for a single channel.
     offsets_m: Option<Result<Vec<DVec3>, ReadError>>,
 }
 
@@ -236,7 +236,7 @@ impl Container {
                 channel.id,
                 channel.num_vectors,
                 channel.num_samples,
-                self.beside(i)
+                self.channel_details(i)
             );
         }
         if let Some(Err(why)) = &self.offsets_m {
@@ -245,8 +245,8 @@ impl Container {
         text
     }
 
-    /// What there is to know of channel `i` beside the others.
-    fn beside(&self, i: usize) -> String {
+    /// Polarisation, band and antenna offset of channel `i`.
+    fn channel_details(&self, i: usize) -> String {
         let channel = &self.info.channels[i];
         let about = channel.about();
         let mut text = String::new();
@@ -301,20 +301,20 @@ impl Container {
     }
 }
 
-/// Error bound that sub-CPIs are planned for, dB.
+/// Error bound for which sub-CPIs are planned, dB.
 const BOUND_DB: f64 = -60.0;
 
-/// The longest sub-CPIs that serve, in either mode of range-Doppler backprojection.
+/// Longest useful sub-CPIs in either mode of range-Doppler backprojection.
 struct Advice {
-    /// Sub-CPI and patch that the planner takes in precise mode.
+    /// Sub-CPI and patch chosen by the planner in precise mode.
     precise: Option<Planned>,
     /// Longest sub-CPI whose first grating lobes lie outside the declared extent, thesis mode.
     thesis_pulses: Option<usize>,
-    /// Cross-range distance of the first grating lobe, thesis mode, times pulses a sub-CPI.
+    /// Cross-range distance of the first grating lobe in thesis mode, metres times pulses per sub-CPI.
     grating_lobe_m: Option<f64>,
 }
 
-/// What the planner of range-Doppler backprojection chose for the default grid.
+/// Choice of the range-Doppler backprojection planner for the default grid.
 struct Planned {
     pulses: usize,
     patch_m: [f64; 2],
@@ -346,7 +346,7 @@ impl Advice {
     fn of(session: &Session, history: &dyn PhaseHistory, survey: &Survey) -> Self {
         let thesis_pulses = survey.declared_extent_m.and_then(|[x_m, y_m]| {
             let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
-            // The scene's width across the line of sight, corner to corner at the worst.
+            // Width of the scene across the line of sight, at most its diagonal.
             let turn = survey.azimuth_deg.to_radians();
             let width_m = x * turn.sin().abs() + y * turn.cos().abs();
             let pulses = (survey.unambiguous_cross_range_m? / width_m).floor() as usize;

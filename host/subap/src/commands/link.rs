@@ -29,7 +29,7 @@ use crate::failure::{InterruptedWithMaps, Usage};
 use crate::progress::Progress;
 use crate::{interrupt, messages, text};
 
-/// Has the module compute the maps. Those that came are kept, however it ends.
+/// Let the module compute the maps. Maps received are kept in any case.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
     check_firmware(typed)?;
@@ -54,7 +54,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let mut watch = Watching {
         bar: session.progress("linking"),
         verbose,
-        told: None,
+        last: None,
     };
     let mut buffers = Buffers::new();
     let mut module = link::Session::open(&mut *transport, &mut buffers, settings, &mut watch)
@@ -72,11 +72,11 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     work.transfer(&mut module, &run, &mut job, &mut watch, start)
 }
 
-/// A program is given only where there is one to emulate.
+/// Check that a program is given only for an emulated module.
 fn check_firmware(typed: &Link) -> Result<(), Usage> {
     if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
         let what = format!(
-            "--firmware is what to emulate, and {} runs its own",
+            "--firmware applies to an emulated module; {} runs its own: leave it out",
             typed.place
         );
         return Err(Usage(what));
@@ -84,10 +84,10 @@ fn check_firmware(typed: &Link) -> Result<(), Usage> {
     Ok(())
 }
 
-/// How patient the session is, on a line of this speed.
+/// Time limits of the session on a line of this speed.
 fn settings(typed: &Link, baud: Option<u32>, num_samples: usize) -> Settings {
     Settings {
-        // Half a second, and four of the longest frames on a line of this speed.
+        // Half a second, and four times the longest frame on a line of this speed.
         answer: Duration::from_millis(500)
             + baud.map_or(Duration::ZERO, |baud| {
                 let bits = 10.0 * wire::max_frame_bytes(num_samples) as f64;
@@ -100,7 +100,7 @@ fn settings(typed: &Link, baud: Option<u32>, num_samples: usize) -> Settings {
     }
 }
 
-/// What is said at the end, and whether it is a failure: it is unless every map came.
+/// Report the outcome. It is an error unless all maps were received.
 fn report(
     session: &Session,
     typed: &Link,
@@ -131,31 +131,31 @@ fn report(
         && !session.json()
     {
         text::say(format!(
-            "verified  {same} maps the same as the core's here, bit by bit, {different} not"
+            "verified  {same} maps bit-identical to the core on this computer, {different} not"
         ))?;
     }
     if let Some((_, different)) = compared
         && different > 0
     {
         bail!(
-            "{different} maps differ from the core's here and were left out: is the firmware of this \
+            "{different} maps differ from those of the core on this computer and were left out: is the firmware of this \
              version?"
         );
     }
     match &outcome.ending {
         TransferEnd::Complete => Ok(()),
-        // A failure, so that no script takes an image of half the aperture for the whole.
+        // An error status, so that scripts do not use an incomplete aperture unnoticed.
         TransferEnd::Incomplete => bail!(
             "{} of {} maps are missing: {}; {}",
             outcome.missing.len(),
             outcome.counts.maps_wanted,
             match typed.rate {
-                Some(_) => "the module or the line are too slow for this --rate",
-                None => "the line loses too much, and more --retries may fetch them",
+                Some(_) => "module or line are too slow for this --rate",
+                None => "the line loses too many frames: raise --retries",
             },
             match maps {
                 0 => "nothing was written".to_owned(),
-                _ => format!("the {maps} that came are in {path}"),
+                _ => format!("the {maps} maps received are in {path}"),
             }
         ),
         TransferEnd::Failed(LinkError::Cancelled) if maps > 0 => {
@@ -165,29 +165,29 @@ fn report(
         TransferEnd::Failed(error) if maps > 0 => {
             bail!(
                 "{}; the {maps} maps received so far are in {path}",
-                advice::explained(error)
+                advice::with_advice(error)
             )
         }
-        TransferEnd::Failed(error) => bail!("{}", advice::explained(error)),
+        TransferEnd::Failed(error) => bail!("{}", advice::with_advice(error)),
     }
 }
 
-/// A number that an earlier session is unlikely to have used.
+/// Session number from the clock, different from earlier sessions in all likelihood.
 fn number_of_now() -> u32 {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     now.map_or(1, |now| now.as_millis() as u32)
 }
 
-/// What is known at the end.
+/// Closing record of the file.
 fn closing(
     outcome: &Outcome,
     job: &Job<'_>,
     compared: Option<(u64, u64)>,
     written: u64,
 ) -> RunTotals {
-    /// Missing maps that are named one by one.
+    /// Maximum number of missing maps listed individually.
     const NAMED: usize = 1000;
-    // Those that came and were not the core's own are missing too.
+    // Received maps that failed verification count as missing too.
     let missing = outcome.counts.maps_wanted.saturating_sub(written);
     let mut counters = outcome.counts.to_json();
     let named = outcome.missing.iter().take(NAMED);
@@ -218,7 +218,7 @@ fn closing(
     }
 }
 
-/// How a transfer ended, in a word, or why it failed.
+/// Ending of a transfer in one word, or its failure.
 fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
     match ending {
         TransferEnd::Complete if !some_are_missing => "complete".to_owned(),
@@ -227,7 +227,7 @@ fn ending_name(ending: &TransferEnd, some_are_missing: bool) -> String {
     }
 }
 
-/// Into the file, and into the picture.
+/// Sink that writes maps to the file and adds them to the picture.
 struct Keep<'a> {
     writer: &'a mut MapWriter,
     picture: Option<Picture>,
@@ -244,31 +244,31 @@ impl MapSink for Keep<'_> {
     }
 }
 
-/// The progress line.
+/// Monitor that shows a progress line.
 struct Watching {
     bar: Progress,
     verbose: bool,
-    /// When numbers were shown last, and the bytes of then.
-    told: Option<(Instant, u64, u64)>,
+    /// Time and byte counts of the last display.
+    last: Option<(Instant, u64, u64)>,
 }
 
 impl SessionObserver for Watching {
     fn update(&mut self, counts: &Counts) {
         let now = Instant::now();
         let (bytes_out, bytes_in) = (counts.bytes_to_module, counts.bytes_from_module);
-        let Some((then, before_out, before_in)) = self.told else {
-            self.told = Some((now, bytes_out, bytes_in));
+        let Some((then, before_out, before_in)) = self.last else {
+            self.last = Some((now, bytes_out, bytes_in));
             return;
         };
         let passed_s = (now - then).as_secs_f64();
         if passed_s < 0.5 {
             return;
         }
-        self.told = Some((now, bytes_out, bytes_in));
+        self.last = Some((now, bytes_out, bytes_in));
         let rate = |now: u64, before: u64| (now - before) as f64 / passed_s / 1e3;
         let damaged = counts.frames_from_module.damaged + counts.frames_to_module.damaged;
         self.bar.tell(format!(
-            "{} of {} maps, {:.0} kB/s out, {:.0} kB/s in, {damaged} damaged, {} maps lost",
+            "{} of {} maps, {:.0} kB/s sent, {:.0} kB/s received, {damaged} damaged frames, {} lost maps",
             counts.maps_taken,
             counts.maps_wanted,
             rate(bytes_out, before_out),

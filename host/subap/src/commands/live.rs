@@ -21,17 +21,18 @@ use crate::failure::Usage;
 use crate::watch::{Watched, imaged};
 use crate::{messages, text};
 
-/// Captures and images.
+/// Run a capture and its imaging.
 pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
     let started = Instant::now();
     let experiment = Experiment::read_within(&typed.experiment, &typed.set, session.memory_bytes)?;
     let Some(live) = &experiment.live else {
-        let what = "the experiment has no section [live], which says what is imaged and how the antennas move: subap capture --keys has its keys";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "the experiment has no section [live], which sets the image grid and the motion of the antennas: subap capture --keys lists its keys";
+        return Err(Usage(fault.to_owned()).into());
     };
     let Some(out) = typed.out.clone().or(experiment.recording.clone()) else {
-        let what = "say where the recording goes: --out NAME, or files.recording of the experiment";
-        return Err(Usage(what.to_owned()).into());
+        let fault =
+            "no output for the recording: give --out NAME, or files.recording of the experiment";
+        return Err(Usage(fault.to_owned()).into());
     };
     session.check_grid(&live.grid, 1)?;
     let mut claims = session.claims(&typed.writing, std::slice::from_ref(&typed.experiment));
@@ -67,18 +68,18 @@ fn imaging(
 ) -> anyhow::Result<Imaging> {
     let receivers = follower.receivers();
     if setup.antennas.is_none() && receivers.len() > 1 {
-        let what =
-            "two receivers whose antennas have no places: give the experiment a section [antennas]";
-        return Err(Usage(what.to_owned()).into());
+        let fault =
+            "two receivers need antenna positions: add a section [antennas] to the experiment";
+        return Err(Usage(fault.to_owned()).into());
     }
-    let way = match &live.way {
+    let motion = match &live.way {
         experiment::BodyMotion::Echoes { start_m } => {
             BodyMotion::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
         }
-        told => BodyMotion::Track(told.track()?),
+        given => BodyMotion::Track(given.track()?),
     };
     let place = CaptureGeometry {
-        way,
+        motion,
         antennas: setup.antennas.unwrap_or_default(),
         reference_m: live.reference_m,
         receivers,
@@ -92,7 +93,7 @@ fn imaging(
     Ok(Imaging::new(&live.grid, setup.steps, place, &settings)?)
 }
 
-/// Writes the image, and says what was captured and imaged.
+/// Write the image and report the capture and the image.
 fn report(
     session: &Session,
     typed: &Live,
@@ -108,22 +109,22 @@ fn report(
     let (left_out, why) = imaging.left_out();
     if let Some(why) = why {
         messages::warning(format!(
-            "{left_out} sweeps are not in the image; the last: {why}"
+            "image: {left_out} sweeps are left out; the last because: {why}"
         ));
     }
     if watched.skipped > 0 {
         messages::warning(format!(
-            "{} sweeps came faster than they were imaged and are not in the image: a smaller or coarser live.grid is faster; the recording has them",
+            "image: {} sweeps arrived faster than they could be imaged and are left out, but are in the recording: use a smaller or coarser live.grid",
             watched.skipped
         ));
     }
-    if let Some(way) = imaging.found() {
-        doubt(&way);
+    if let Some(track) = imaging.found() {
+        doubt(&track);
     }
     if let Some(folder) = &typed.image {
         save(session, typed, imaging, experiment, out, (folder, started))?;
     }
-    let image = told(imaging, watched.skipped);
+    let image = record_of_image(imaging, watched.skipped);
     if session.json() {
         warn(summary);
         let mut value = record(plan, summary, out);
@@ -139,12 +140,12 @@ fn report(
         "image",
         format!("{} sweeps, error below {error_db:.1} dB", imaging.taken()),
     )];
-    if let Some(way) = imaging.found() {
+    if let Some(track) = imaging.found() {
         facts.push((
-            "way",
+            "track",
             format!(
-                "{:.2} m by {} targets' echoes; x is forward at first",
-                way.length_m, way.going.targets
+                "{:.2} m long, estimated from {} targets; x is the initial direction of travel",
+                track.length_m, track.going.targets
             ),
         ));
     }
@@ -158,24 +159,24 @@ fn report(
     Ok(text::say(text::facts(&facts).join("\n"))?)
 }
 
-/// What makes a way doubtful that was found of echoes.
-fn doubt(way: &EchoTrack) {
-    let going = &way.going;
+/// Warn of sweeps where the estimated track is doubtful.
+fn doubt(track: &EchoTrack) {
+    let going = &track.going;
     if going.blind > 0 {
         messages::warning(format!(
-            "{} sweeps do not tell where they were taken: fewer than two targets are seen in them, or too near to each other in range",
+            "track: {} sweeps have no position: fewer than two targets are detected in them, or the targets are too close in range",
             going.blind
         ));
     }
     if going.doubtful > 0 {
         messages::warning(format!(
-            "in {} sweeps phases are near half a turn from what was expected: from there on the way may be off by half wavelengths; move slower, or take sweeps faster (fewer steps, a shorter dwell)",
+            "track: phase residuals near pi in {} sweeps: half-wavelength slips are possible from there on; move slower, or shorten the sweep (fewer steps, shorter dwell)",
             going.doubtful
         ));
     }
 }
 
-fn told(imaging: &Imaging, skipped: u64) -> Value {
+fn record_of_image(imaging: &Imaging, skipped: u64) -> Value {
     let grid = imaging.live().grid();
     let brightest = imaging.image().peak().map(|peak| {
         let place = grid.position_m(peak.row, peak.column);
@@ -187,16 +188,16 @@ fn told(imaging: &Imaging, skipped: u64) -> Value {
         "skipped": skipped,
         "predicted_error_db": imaging.live().accuracy().predicted_db(),
         "brightest": brightest,
-        "way": imaging.found().map(|way| json!({
-            "length_m": way.length_m,
-            "targets": way.going.targets,
-            "blind": way.going.blind,
-            "doubtful": way.going.doubtful,
+        "way": imaging.found().map(|track| json!({
+            "length_m": track.length_m,
+            "targets": track.going.targets,
+            "blind": track.going.blind,
+            "doubtful": track.going.doubtful,
         })),
     })
 }
 
-/// Writes the image as a product: what `subap quality`, `view` and the others open.
+/// Write the image as a product, readable by `subap quality`, `view` and others.
 fn save(
     session: &Session,
     typed: &Live,
@@ -209,7 +210,7 @@ fn save(
     let name = &experiment.plan.name;
     let sweeps = imaging.taken();
     if sweeps == 0 {
-        messages::warning("no sweep is in the image: there is no picture of it");
+        messages::warning("image: no sweep was imaged, so that no picture is drawn");
     }
     let title = format!("{name}, {sweeps} sweeps");
     let metadata = Record {
@@ -220,7 +221,7 @@ fn save(
         settings: json!({
             "algorithm": "live",
             "window": typed.window.to_string(),
-            // All sweeps alike.
+            // All sweeps are weighted equally.
             "slow_window": "none",
             "resolved": {
                 "error_db": typed.error_db,

@@ -4,7 +4,7 @@ use crate::args::{self, Man};
 use crate::failure::Usage;
 use crate::text;
 
-/// Print the page.
+/// Print the man page of the program or of a command.
 pub(crate) fn run(typed: &Man) -> anyhow::Result<()> {
     let mut command = args::command();
     command.build();

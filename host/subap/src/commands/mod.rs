@@ -42,8 +42,8 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
     if session.json()
         && let Command::Completions(_) | Command::Man(_) | Command::Recording(_) = command
     {
-        let what = "--json has no effect on this command, which prints plain text: leave it out";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--json has no effect on this command, which prints plain text: leave it out";
+        return Err(Usage(fault.to_owned()).into());
     }
     match command {
         Command::Focus(typed) => focus::run(session, &typed),

@@ -16,10 +16,10 @@ use crate::args::Navigation;
 use crate::config::Session;
 use crate::{messages, text};
 
-/// Gaps that are told one by one.
+/// Maximum number of gaps listed individually.
 const MAX_GAPS: usize = 10;
 
-/// Reads a log, says what is in it, and writes its track if that is asked for.
+/// Read a log, describe it, and write its track if requested.
 pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &[&typed.file]);
     let picture = typed.out.as_ref().map(|out| out.with_extension("png"));
@@ -44,12 +44,12 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
         text::say(line)?;
     }
     if let (Some(track), true) = (track, session.tells()) {
-        text::say(format!("{}: {} places", track.out, track.fixes))?;
+        text::say(format!("{}: {} positions", track.out, track.fixes))?;
     }
     Ok(())
 }
 
-/// Reads a log, and says what of it is lost.
+/// Read a log and warn of lost data.
 pub(super) fn read(session: &Session, path: &Path, options: &Options) -> anyhow::Result<Log> {
     let progress = session.progress("reading");
     let log = Log::read(path, options)?;
@@ -57,13 +57,13 @@ pub(super) fn read(session: &Session, path: &Path, options: &Options) -> anyhow:
     let (damaged, disordered) = (log.account.damaged(), log.account.disordered());
     if damaged > 0 {
         messages::warning(format!(
-            "{}: {damaged} messages are cut or damaged and left out (-v lists them)",
+            "{}: {damaged} truncated or damaged messages are left out (-v lists them)",
             path.display()
         ));
     }
     if disordered > 0 {
         messages::warning(format!(
-            "{}: {disordered} records have times that do not ascend and are left out (-v lists them)",
+            "{}: {disordered} records with times that do not ascend are left out (-v lists them)",
             path.display()
         ));
     }
@@ -74,14 +74,14 @@ pub(super) fn read(session: &Session, path: &Path, options: &Options) -> anyhow:
     Ok(log)
 }
 
-/// What a log holds, as lines.
+/// Description of a log as lines.
 pub(super) fn lines(log: &Log) -> Vec<String> {
     let coverage = log.coverage();
-    let lines = coverage.iter().flat_map(described);
+    let lines = coverage.iter().flat_map(describe);
     lines.chain(clock(log)).collect()
 }
 
-/// What a log holds, as JSON.
+/// Description of a log as JSON.
 pub(super) fn about(log: &Log) -> Value {
     record(log, &log.coverage(), None)
 }
@@ -106,7 +106,9 @@ fn write(
     };
     let name = typed.file.display();
     let Some(chosen) = chosen.filter(|one| one.with[0] > 0) else {
-        bail!("{name}: no such record with a place");
+        bail!(
+            "{name}: expected records of the requested type with positions, found no such record"
+        );
     };
     let frame = match typed.origin {
         None => log.frame(),
@@ -117,7 +119,9 @@ fn write(
                 height_m: origin.z,
             };
             if !(origin.x.abs() <= 90.0 && origin.y.abs() <= 180.0) {
-                bail!("--origin {origin}: latitudes are -90 to 90 degrees, longitudes -180 to 180");
+                bail!(
+                    "--origin {origin}: expected a latitude of -90 to 90 degrees and a longitude of -180 to 180"
+                );
             }
             let [east, north, _] = place.east_north_up();
             Some(SceneFrame::Earth {
@@ -127,7 +131,7 @@ fn write(
             })
         }
     };
-    let frame = frame.with_context(|| format!("{name}: no place"))?;
+    let frame = frame.with_context(|| format!("{name}: the log contains no position"))?;
     let fixes = log.fixes(chosen.kind, &frame, chosen.from);
     let fixes = fixes.with_context(|| name.to_string())?;
     let csv = csv(typed, chosen, &frame, &fixes);
@@ -144,7 +148,7 @@ fn write(
     })
 }
 
-/// The track as it is read again: seconds from its first record, metres, degrees.
+/// Track in CSV format: seconds from its first record, metres, degrees.
 fn csv(typed: &Navigation, chosen: &Coverage, frame: &SceneFrame, fixes: &[Fix]) -> String {
     let mut lines = vec![format!(
         "# {TEXT_MARK} navigation: {} of {}, from {}",
@@ -182,7 +186,7 @@ fn csv(typed: &Navigation, chosen: &Coverage, frame: &SceneFrame, fixes: &[Fix])
     lines.join("\n") + "\n"
 }
 
-/// The track from above, and where it has gaps.
+/// Plan view of the track with its gaps.
 fn chart(name: &str, frame: &SceneFrame, chosen: &Coverage, fixes: &[Fix]) -> Chart {
     let mut points: Vec<(f64, f64)> = Vec::with_capacity(fixes.len());
     let mut lost = Vec::new();
@@ -217,7 +221,7 @@ fn chart(name: &str, frame: &SceneFrame, chosen: &Coverage, fixes: &[Fix]) -> Ch
         curves.push(curve("without records", lost, Stroke::Dashed));
     }
     curves.push(curve(
-        "first place",
+        "first position",
         first.into_iter().collect(),
         Stroke::Dots,
     ));
@@ -231,17 +235,17 @@ fn chart(name: &str, frame: &SceneFrame, chosen: &Coverage, fixes: &[Fix]) -> Ch
     }
 }
 
-/// A kind of records in some lines.
-fn described(one: &Coverage) -> Vec<String> {
+/// Description of one type of record in a few lines.
+fn describe(one: &Coverage) -> Vec<String> {
     let seconds = one.to.since(one.from);
     let [places, velocities, attitudes] = one.with;
     let mut lines = vec![format!(
-        "{:<9} {} records over {seconds:.3} s from {}{}; {places} places, {velocities} velocities, {attitudes} attitudes",
+        "{:<9} {} records over {seconds:.3} s from {}{}; {places} positions, {velocities} velocities, {attitudes} attitudes",
         one.kind.name(),
         one.records,
         one.from,
         match one.interval_s > 0.0 {
-            true => format!(", one in {:.4} s", one.interval_s),
+            true => format!(", interval {:.4} s", one.interval_s),
             false => String::new(),
         }
     )];
@@ -265,19 +269,15 @@ fn described(one: &Coverage) -> Vec<String> {
     lines
 }
 
-/// By which clock times go.
+/// Time scale of the log.
 fn clock(log: &Log) -> Option<String> {
     let leap = log.account.leap_seconds_s;
     Some(match (log.account.clock, leap) {
         (Clock::Gps, Some(leap_s)) => format!("times are GPS, {leap_s} s ahead of UTC"),
-        (Clock::Gps, None) => {
-            "times are GPS; by how much it is ahead of UTC is not said".to_owned()
-        }
-        (Clock::SecondsOfWeek, _) => "times are seconds of a GPS week that is not named".to_owned(),
-        (Clock::SecondsOfDay, _) => {
-            "times are seconds of a day of UTC that is not named".to_owned()
-        }
-        (Clock::Own, _) => "times are of the log's own clock".to_owned(),
+        (Clock::Gps, None) => "times are GPS; the offset from UTC is not stated".to_owned(),
+        (Clock::SecondsOfWeek, _) => "times are seconds of an unstated GPS week".to_owned(),
+        (Clock::SecondsOfDay, _) => "times are seconds of an unstated day of UTC".to_owned(),
+        (Clock::Own, _) => "times are by the log's own clock".to_owned(),
     })
 }
 

@@ -18,7 +18,7 @@ use crate::args::{ColourMap, Picture};
 use crate::config::Session;
 use crate::text;
 
-/// Reads one image, or several of one grid, and writes the picture.
+/// Read one image, or several on a common grid, and draw the picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     let inputs: Vec<_> = typed
         .images
@@ -39,11 +39,11 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     if images.len() > 1 && (typed.sub_apertures.is_some() || typed.look.colours != ColourMap::Grey)
     {
         bail!(
-            "several images are the colours of the picture themselves: leave --sub-apertures and --colours out, or give one image"
+            "several images are used as the colour channels: leave --sub-apertures and --colours out, or give one image"
         );
     }
     let parts = match typed.sub_apertures {
-        Some(count) => first.parts_of_aperture(count.into())?,
+        Some(count) => first.sub_apertures(count.into())?,
         None => Vec::new(),
     };
     let basis = match &images[..] {
@@ -73,7 +73,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     };
     if let Some(axes) = &first.axes {
         panel.axes = axes.clone();
-        // Anyone's levels are of anything.
+        // Levels of images from other sources may be of any magnitude.
         panel.reference = "";
     }
     let about = &first.about;
@@ -115,16 +115,16 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// An image as it is drawn.
+/// Image with the metadata for drawing it.
 struct Pictured {
     stored: OpenImage,
     grid: ImageGrid,
     aperture: Option<Aperture>,
     rows_down: bool,
     in_metres: bool,
-    /// Names of the axes, where they are not the grid's.
+    /// Axis names, if they differ from the grid's.
     axes: Option<[ShownAxis; 2]>,
-    /// What the record says of its picture.
+    /// Picture entry of the image's record.
     about: Value,
 }
 
@@ -163,11 +163,11 @@ impl Pictured {
         self.about["title"].as_str().map_or(name, str::to_owned)
     }
 
-    /// Parts of its aperture, from one end to the other.
-    fn parts_of_aperture(&self, count: usize) -> anyhow::Result<Vec<AperturePart<'_>>> {
+    /// Sub-apertures from one end of the aperture to the other.
+    fn sub_apertures(&self, count: usize) -> anyhow::Result<Vec<AperturePart<'_>>> {
         let aperture = self.aperture.as_ref().with_context(|| {
             format!(
-                "{}: which part of the aperture saw what is not known: it takes the record of a collection of less than 90 degrees on a Cartesian grid, or a SICD that tells its \
+                "{}: sub-apertures need the record of a collection of less than 90 degrees on a Cartesian grid, or a SICD that states its \
                  bandwidth",
                 self.stored.path.display()
             )
@@ -185,7 +185,7 @@ impl Pictured {
     }
 }
 
-/// Images that are colours: four of all polarisations by Pauli's basis, two or three as they are.
+/// Colour channels: Pauli decomposition for four polarisations; two or three images unchanged.
 fn channels<'a>(images: &'a [Pictured], basis: Option<&'a [(&str, Sum); 3]>) -> Vec<Channel<'a>> {
     if let Some(basis) = basis {
         let sums = basis.iter().map(|(name, sum)| Channel {
@@ -205,7 +205,7 @@ fn channels<'a>(images: &'a [Pictured], basis: Option<&'a [(&str, Sum); 3]>) -> 
     each.collect()
 }
 
-/// How large a pixel of what is shown is, rows before columns.
+/// Pixel size as shown, rows before columns.
 fn pixel(panel: &Panel, in_metres: bool) -> String {
     let grid = panel.shown_grid();
     let [down, across] = [grid.rows.step.abs(), grid.columns.step.abs()];
@@ -216,7 +216,7 @@ fn pixel(panel: &Panel, in_metres: bool) -> String {
     }
 }
 
-/// A unit vector of the record.
+/// Unit vector from the record.
 fn direction(value: &Value) -> Option<DVec3> {
     let number = |i: usize| value[i].as_f64();
     DVec3::new(number(0)?, number(1)?, number(2)?).try_normalize()

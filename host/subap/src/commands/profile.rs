@@ -18,25 +18,25 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{args, interrupt, messages, text};
 
-/// What pictures show below the strongest, dB.
+/// Dynamic range of the pictures, dB.
 const SPAN_DB: f64 = 60.0;
-/// Rows of a waterfall, at the most: sweeps between are passed over.
+/// Maximum number of rows of a waterfall; of more sweeps, some are skipped.
 const MAX_ROWS: usize = 512;
-/// Places of all profiles of a waterfall, at the most: 256 MiB.
-const MAX_PLACES: usize = 1 << 26;
-/// Places a resolution cell, at the most: of 65536 carriers 64 MiB.
+/// Maximum number of range cells in a waterfall: 256 MiB.
+const MAX_CELLS: usize = 1 << 26;
+/// Maximum number of range cells per resolution cell: 64 MiB for 65536 carriers.
 const MAX_FINENESS: usize = 64;
 
-/// How sweeps are made profiles.
-struct Means<'a> {
+/// Range processing of sweeps.
+struct Processing<'a> {
     typed: &'a args::Profile,
     ranging: Ranging,
-    /// Which of the receivers that have antennas is shown.
+    /// Index of the shown receiver among those with antennas.
     receiver: usize,
     calibrated: bool,
 }
 
-impl<'a> Means<'a> {
+impl<'a> Processing<'a> {
     fn new(typed: &'a args::Profile, setup: &Setup) -> anyhow::Result<Self> {
         let calibration = typed.calibration.as_deref().map(Calibration::read);
         let options = Options {
@@ -49,11 +49,11 @@ impl<'a> Means<'a> {
         let receivers = ranging.reference().receivers();
         let receiver = receivers.iter().position(|there| *there == typed.receiver);
         let Some(receiver) = receiver else {
-            let what = format!(
+            let fault = format!(
                 "--receiver {} has no antenna in this capture",
                 typed.receiver
             );
-            return Err(Usage(what).into());
+            return Err(Usage(fault).into());
         };
         Ok(Self {
             typed,
@@ -77,7 +77,7 @@ impl<'a> Means<'a> {
         Ok((read, profile))
     }
 
-    /// Peaks from the strongest down to the floor, by range.
+    /// Peaks in descending order down to the floor, then sorted by range.
     fn peaks(&self, profile: &Profile) -> Vec<Peak> {
         let strongest = profile.values.iter().map(|z| z.norm()).fold(0.0, f64::max);
         let mut peaks = profile.peaks(strongest * 10f64.powf(-self.typed.floor / 20.0));
@@ -86,19 +86,19 @@ impl<'a> Means<'a> {
     }
 }
 
-/// Tells the peaks of a sweep, and draws it and all sweeps.
+/// Report the peaks of a sweep, and draw the sweep and a waterfall of all sweeps.
 pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()> {
     if typed.fineness > MAX_FINENESS {
-        let what = format!("--fineness is {MAX_FINENESS} at the most");
-        return Err(Usage(what).into());
+        let fault = format!("--fineness: expected at most {MAX_FINENESS}");
+        return Err(Usage(fault).into());
     }
     let mut recording = Recording::open_within(&typed.recording, session.memory_bytes / 2)?;
     if recording.interrupted() {
-        messages::warning("the capture was killed, or still runs: what is whole of it is shown");
+        messages::warning("the capture was killed or is still running: complete sweeps are shown");
     }
     let setup = recording.setup().clone();
     let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
-    let mut means = Means::new(typed, &setup)?;
+    let mut processing = Processing::new(typed, &setup)?;
     let sweeps: BTreeSet<u64> = recording.steps().iter().map(|step| step.sweep).collect();
     let mut inputs = vec![typed.recording.clone()];
     inputs.extend(typed.calibration.clone());
@@ -108,15 +108,15 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         let count = 1 + usize::from(sweeps.len() > 1);
         claims.folder(folder, &names[..count])?;
     }
-    let (sweep, profile) = means.profile(&mut recording, typed.sweep)?;
-    let peaks = means.peaks(&profile);
+    let (sweep, profile) = processing.profile(&mut recording, typed.sweep)?;
+    let peaks = processing.peaks(&profile);
     if let Some(folder) = &typed.out {
         let title = format!("{}, sweep {}", setup.name, typed.sweep);
         let chart = chart(&profile, title);
         let mut files = FileSet::new();
         files.write_bytes(&folder.join("profile.png"), &lines(&chart)?)?;
         if sweeps.len() > 1 {
-            let drawn = waterfall(session, &mut means, &mut recording, &sweeps)?;
+            let drawn = waterfall(session, &mut processing, &mut recording, &sweeps)?;
             files.write_bytes(&folder.join("waterfall.png"), &drawn)?;
         }
         interrupt::check()?;
@@ -133,7 +133,7 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
                 "carriers": { "usable": sweep.usable(), "count": setup.steps },
                 "resolution_m": unambiguous_m / setup.steps as f64,
                 "unambiguous_m": unambiguous_m,
-                "calibrated": means.calibrated,
+                "calibrated": processing.calibrated,
                 "peaks": peaks.iter().map(|peak| json!({
                     "range_m": peak.range_m,
                     "level_db": levels(peak.magnitude),
@@ -148,7 +148,7 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
             }),
         );
     }
-    let to = if means.calibrated {
+    let to = if processing.calibrated {
         "the reflector"
     } else {
         "the reference"
@@ -195,16 +195,16 @@ fn chart(profile: &Profile, title: String) -> Chart {
     }
 }
 
-/// Sweeps upwards, ranges across. One that has too few carriers is left pale.
+/// Waterfall: sweeps upwards, ranges across. Sweeps with too few carriers are left blank.
 fn waterfall(
     session: &Session,
-    means: &mut Means,
+    processing: &mut Processing,
     recording: &mut Recording,
     sweeps: &BTreeSet<u64>,
 ) -> anyhow::Result<Vec<u8>> {
     let setup = recording.setup().clone();
-    let places = setup.steps * means.typed.fineness;
-    let rows = MAX_ROWS.min(MAX_PLACES / places).max(1);
+    let places = setup.steps * processing.typed.fineness;
+    let rows = MAX_ROWS.min(MAX_CELLS / places).max(1);
     let stride = sweeps.len().div_ceil(rows);
     let shown: Vec<u64> = sweeps.iter().copied().step_by(stride).collect();
     let progress = session.progress("waterfall");
@@ -213,7 +213,7 @@ fn waterfall(
     for (i, &sweep) in shown.iter().enumerate() {
         interrupt::check()?;
         progress.progress(i as f64 / shown.len() as f64);
-        match means.profile(recording, sweep) {
+        match processing.profile(recording, sweep) {
             Ok((_, profile)) => {
                 spacing_m = profile.spacing_m;
                 let levels = profile

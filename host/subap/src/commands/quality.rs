@@ -30,7 +30,7 @@ use from::From;
 use source::{Both, Source};
 use theory::{Basis, Theory};
 
-/// All that was measured.
+/// All measurements of an image.
 #[derive(Serialize)]
 struct Report {
     image: String,
@@ -40,34 +40,34 @@ struct Report {
     against: Option<Against>,
 }
 
-/// A point and what theory says of each of its cuts.
+/// Point response with the theory for each of its cuts.
 #[derive(Serialize)]
 struct Point {
     response: Response,
-    /// The chip that was formed of it, if one was.
+    /// Chip formed for this point, if any.
     #[serde(skip_serializing_if = "Option::is_none")]
     formed: Option<from::About>,
-    /// Of all pulses alike.
+    /// Theory for pulses of equal strength.
     theory: Vec<Option<Theory>>,
-    /// Of pulses as strong as they lit the point, measured from the recording.
+    /// Theory for pulses weighted by the illumination measured from the recording.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     theory_as_lit: Vec<Option<Theory>>,
 }
 
-/// How the image differs from another.
+/// Difference from another image.
 #[derive(Serialize)]
 struct Against {
     image: String,
-    /// `complex` or `amplitudes`.
+    /// Compared values: `complex` or `amplitudes`.
     values: &'static str,
-    /// Rows and columns that were compared.
+    /// Numbers of compared rows and columns.
     pixels: [usize; 2],
-    /// What was done to have both on the same pixels, and what was assumed.
+    /// Processing steps and assumptions of the comparison.
     notes: Vec<String>,
     comparison: Comparison,
     percent_difference: PercentSummary,
     mean_coherence: Option<f64>,
-    /// `None` where an image has no contrast.
+    /// Offset between the images; `None` if one has no contrast.
     offset_pixels: Option<Offset>,
     #[serde(skip)]
     difference: PercentDifference,
@@ -85,8 +85,8 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         anyhow::bail!("{why}");
     }
     if typed.measuring.line_of_sight.is_some() && source.grid.polar {
-        let what = "--line-of-sight says nothing to a polar grid: leave it out";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--line-of-sight does not apply to a polar grid: leave it out";
+        return Err(Usage(fault.to_owned()).into());
     }
     let basis = Basis::new(&source, typed.measuring.window);
     let (settings, targets) = targets(session, typed, &source, &basis)?;
@@ -149,8 +149,8 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     }
 }
 
-/// Measures the points that are typed, or the so many strongest, draws them into the folder `plots`, and prints nothing: what would be printed as
-/// JSON, and the names of the pictures.
+/// Measure the given or the strongest points and draw them into the folder `plots` without printing. Returns the JSON report
+/// and the names of the pictures.
 pub(crate) fn of_job(
     session: &Session,
     typed: &Quality,
@@ -188,7 +188,7 @@ pub(crate) fn of_job(
     Ok((serde_json::to_value(&report)?, drawn))
 }
 
-/// The strongest points, as many as there are.
+/// At most the requested number of strongest points.
 fn strongest_points(
     source: &Source,
     basis: &Basis,
@@ -200,7 +200,7 @@ fn strongest_points(
     }
     let found = match strongest(source.pixels(), &source.grid, count, settings) {
         Ok(found) => found.points,
-        // An image is worth its report even if its pixels tell no points.
+        // The rest of the report is useful even if no points can be measured.
         Err(error @ (ResponseError::TooCoarse { .. } | ResponseError::Unsuited(_))) => {
             messages::warning(format!("no points are measured: {error}"));
             Vec::new()
@@ -234,14 +234,14 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
     statistics.map_err(|error| anyhow::anyhow!(error))
 }
 
-/// What the points are measured with, and which they are.
+/// Measurement settings and targets.
 fn targets<'a>(
     session: &Session,
     typed: &Quality,
     source: &Source,
     basis: &'a Basis,
 ) -> anyhow::Result<(Settings<'a>, Vec<Target>)> {
-    // Of a recording's own chips the image need only tell the place.
+    // If chips are formed from the recording, the image is only needed for positions.
     let settings = Settings {
         line_of_sight_rad: typed.measuring.line_of_sight.map(f64::to_radians),
         carrier: source.carrier,
@@ -285,12 +285,12 @@ fn points(
                 formed: None,
                 response,
             }),
-            // The rest of the report is worth having where nobody asked for this point.
+            // The default point may lie in a missing part; the rest of the report is still useful.
             Err(error @ ResponseError::NotFinite { .. })
                 if source.is_partial() && matches!(target, Target::Brightest) =>
             {
                 messages::warning(format!(
-                    "no point is measured: {error}, where {} has no pixels",
+                    "no point is measured: {error}, because {} has missing pixels there",
                     source.name
                 ));
             }
@@ -408,7 +408,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         text::degrees(r.phase_rad.to_degrees()),
         match r.turn_is_known {
             true => "",
-            false => " if it turns by less than half a turn a pixel",
+            false => " (if the phase changes by less than pi per pixel)",
         }
     ))?;
     if let Some(about) = &point.formed {
@@ -452,7 +452,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         "ISLR dB (1.5 widths)",
     ];
     text::say(text::table(&header, &rows))?;
-    // Theory without the recording knows no beam, which dims part of the pulses.
+    // Theory without the recording does not include the beam, which attenuates some pulses.
     let wider = |(cut, theory): (&Cut, &Option<Theory>)| {
         let width = theory.as_ref()?.width()?;
         Some(cut.width_3db? > 1.05 * width)
@@ -465,11 +465,11 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         .any(|wider| wider);
     if any_wider && point.theory_as_lit.is_empty() {
         text::say(
-            "wider than theory, which takes all pulses as equally strong: --from RECORDING tells whether a beam made it so",
+            "wider than theory for pulses of equal strength: --from RECORDING shows whether the antenna beam is the reason",
         )?;
     }
     text::say(format!(
-        "ISLR of both dimensions {} dB",
+        "two-dimensional ISLR   {} dB",
         number(r.islr_2d_db, 2)
     ))?;
     Ok(())

@@ -12,7 +12,7 @@ use crate::args::{Probe, Radio, RadioTask};
 use crate::config::Session;
 use crate::{messages, text};
 
-/// Does what was asked for.
+/// Run the requested subcommand.
 pub(crate) fn run(session: &Session, typed: &Radio) -> anyhow::Result<()> {
     match &typed.task {
         RadioTask::List(typed) => list(session, typed.serial.as_deref()),
@@ -29,7 +29,7 @@ struct Listed {
     address: String,
 }
 
-/// Prints the radios that there are: those of UHD, and the simulated one, which is always there. With a serial number only the one that has it.
+/// Print the available radios: those of UHD, and the simulated one. With a serial number, only that radio.
 fn list(session: &Session, serial: Option<&str>) -> anyhow::Result<()> {
     let mut radios = connected(session, serial)?;
     if serial.is_none() {
@@ -55,7 +55,7 @@ fn list(session: &Session, serial: Option<&str>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Radios that are connected; none is no failure, unless one is asked for by its serial number.
+/// Radios connected by UHD. Finding none is an error only if a serial number is given.
 #[cfg(feature = "uhd")]
 fn connected(session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<Listed>> {
     use subaperture::radio::uhd;
@@ -77,7 +77,7 @@ fn connected(session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<List
     Ok(listed.collect())
 }
 
-/// A build without UHD finds none, and says so.
+/// Without UHD in the build no radio is found; this is reported.
 #[cfg(not(feature = "uhd"))]
 fn connected(_session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<Listed>> {
     if serial.is_some() {
@@ -87,17 +87,17 @@ fn connected(_session: &Session, serial: Option<&str>) -> anyhow::Result<Vec<Lis
     Ok(Vec::new())
 }
 
-/// What a radio was set to, and what it says of itself.
+/// Configuration of a radio and readings of its sensors.
 struct Set {
     set: Configuration,
     sensors: Sensors,
     gps_locked: Option<bool>,
 }
 
-/// What a radio is, and what it came to with an experiment's settings.
+/// Radio with its response to an experiment's settings.
 struct Probed {
     about: About,
-    /// What it was set to and what it says of itself; else what of the plan does not suit it.
+    /// Applied settings and readings; or the reason why the plan does not suit the radio.
     set: Result<Set, RadioError>,
 }
 
@@ -110,7 +110,9 @@ fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
     })?;
     opening.finish();
     if let Err(objection) = &probed.set {
-        messages::warning(format!("the plan does not suit this radio: {objection}"));
+        messages::warning(format!(
+            "the plan is not possible on this radio: {objection}"
+        ));
     }
     match session.json() {
         true => text::say_json("radio", probed.record()),
@@ -118,7 +120,7 @@ fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
     }
 }
 
-/// Sets a radio as the plan has it, tunes it to the first carrier, and looks at its sensors.
+/// Configure a radio by the plan, tune it to the first carrier, and read its sensors.
 fn set(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Set, RadioError> {
     plan.check(&radio.about().ranges)?;
     let set = radio.configure(&plan.radio)?;
@@ -150,8 +152,8 @@ impl Probed {
             ("bandwidth", hertz(&ranges.bandwidth_hz)),
             ("transmitter", gains(&ranges.transmit_gain_db)),
             ("receivers", gains(&ranges.receive_gain_db)),
-            ("transmits at", ranges.transmit_antennas.join(", ")),
-            ("receives at", ranges.receive_antennas.join(", ")),
+            ("TX ports", ranges.transmit_antennas.join(", ")),
+            ("RX ports", ranges.receive_antennas.join(", ")),
         ];
         let Ok(Set {
             set,
@@ -164,7 +166,7 @@ impl Probed {
         facts.push((
             "set to",
             format!(
-                "{} samples a second of a clock of {}, {} wide, {} dB sent, {} and {} dB received",
+                "{} samples/s, master clock {}, bandwidth {}, gains: transmit {} dB, receive {} and {} dB",
                 set.sample_rate_hz,
                 text::hertz(set.master_clock_hz),
                 text::hertz(set.bandwidth_hz),

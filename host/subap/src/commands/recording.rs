@@ -1,4 +1,4 @@
-//! `subap recording`: how raw recordings are described.
+//! `subap recording`: print the description format of raw recordings, and examples.
 
 use anyhow::Context;
 use subaperture::io::{arrays, recording};
@@ -6,14 +6,14 @@ use subaperture::io::{arrays, recording};
 use crate::args::Recording;
 use crate::text;
 
-/// What is done with arrays once they are in a file.
+/// Next steps after the arrays are in a file.
 const FIRST_STEPS: &str = "
 First steps:
-  subap info mine.npz               what it holds, the resolution, and the grid of an image
+  subap info mine.npz               its contents, resolution and default grid
   subap focus mine.npz --out image  that image: image.npy, image.json and image.png
   subap focus mine.h5 --channel 2 --grid x=-20:20:0.1,y=-20:20:0.1 --out image2";
 
-/// Prints what was asked for.
+/// Print the requested text.
 pub(crate) fn run(typed: &Recording) -> anyhow::Result<()> {
     if typed.keys {
         text::say(recording::reference())?;

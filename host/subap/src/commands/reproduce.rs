@@ -14,11 +14,11 @@ use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
 use crate::{messages, text};
 
-/// What an item leaves, its part of the page included, and what it holds: the most of any, rounded up.
+/// Disk space and memory of an item, including its part of the page: the maximum of all items, rounded up.
 const ITEM_BYTES: u64 = 1 << 20;
 const ITEM_HELD_BYTES: u64 = 64 << 20;
 
-/// Makes the items and the page.
+/// Reproduce the items and write the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
     let chosen = chosen(&typed.only)?;
     if typed.list && session.json() {
@@ -89,7 +89,7 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What the items will take.
+/// Predicted cost of the items.
 fn ahead(
     session: &Session,
     typed: &Reproduce,
@@ -97,21 +97,21 @@ fn ahead(
     context: &Context,
 ) -> anyhow::Result<Ahead> {
     let expected = expect(chosen, &typed.out, context)?;
-    let what = format!(
-        "{} items to make, {} there already",
+    let work = format!(
+        "{} items to compute, {} already computed",
         expected.to_make, expected.there
     );
     let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
     Ok(Ahead::new(
         session,
-        what,
+        work,
         ITEM_HELD_BYTES,
         Some(expected.time),
         vec![(typed.out.clone(), disk_bytes)],
     ))
 }
 
-/// The recordings of GOTCHA named: files, and of a folder every `.mat` in it, by their names.
+/// GOTCHA recordings: the given files, and all `.mat` files of given folders, by name.
 fn gotcha_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in named {
@@ -132,8 +132,8 @@ fn gotcha_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         }
         if within.is_empty() {
             bail!(
-                "--gotcha {}: the folder holds no .mat file; name the files of AFRL's data set, such as \
-                 data_3dsar_pass1_az001_HH.mat, or the folder in which they lie",
+                "--gotcha {}: the folder contains no .mat file; give the files of AFRL's data set, such as \
+                 data_3dsar_pass1_az001_HH.mat, or their folder",
                 path.display()
             );
         }
@@ -143,13 +143,13 @@ fn gotcha_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The items asked for, in the order of the page; all if none is named.
+/// Requested items in the order of the page; all if none is named.
 fn chosen(only: &[String]) -> anyhow::Result<Vec<Item>> {
     let all = items();
     for id in only {
         if !all.iter().any(|item| item.id == id) {
             let known: Vec<&str> = all.iter().map(|item| item.id).collect();
-            return Err(Usage(format!("--only {id}: known are {}", known.join(", "))).into());
+            return Err(Usage(format!("--only {id}: expected one of {}", known.join(", "))).into());
         }
     }
     let wanted = |item: &Item| only.is_empty() || only.iter().any(|id| id == item.id);

@@ -1,4 +1,4 @@
-//! `subap simulate`: a simulated collection as CPHD 1.1, or as raw echoes.
+//! `subap simulate`: simulate a collection as CPHD 1.1 or as raw echoes.
 
 use std::path::Path;
 use std::time::Instant;
@@ -21,7 +21,7 @@ use crate::args::{DeclaredSurface, SignalDomain, Simulate};
 use crate::config::{Session, record_of_run};
 use crate::{messages, text};
 
-/// Writes the file, complete or not at all, or prints what there is to know of scenarios.
+/// Write the files, complete or not at all, or print information about scenarios.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     let start = Instant::now();
     if typed.keys {
@@ -78,15 +78,15 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Samples from which on work may be long.
+/// Number of samples above which the time is predicted.
 const MANY_SAMPLES: u64 = 1 << 21;
 
-/// What a sample of a pulse takes on its way into a file, and in a thread that makes it: sums in float64, a transform of
+/// Memory per sample of a pulse in the file writer, and in each simulating thread, bytes: sums in float64, a transform of
 /// twice the length and its tables.
 const ROW_BYTES: u64 = 24;
 const THREAD_ROW_BYTES: u64 = 160;
 
-/// What the scenario says, with the settings laid over.
+/// Experiment of the scenario with the overriding settings.
 fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
     let mut scenario = Scenario::read_within(path, session.memory_bytes)
         .with_context(|| format!("cannot read {}", path.display()))?;
@@ -99,7 +99,7 @@ fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Resul
     Ok(scenario.experiment_within(session.memory_bytes)?)
 }
 
-/// Every pair of antennas with its channel's identifier.
+/// Record every pair of antennas, with its channel's identifier.
 fn record<'a>(
     session: &Session,
     experiment: &'a Experiment,
@@ -109,13 +109,13 @@ fn record<'a>(
     let mut recordings = Vec::new();
     for pair in &pairs {
         let id = experiment.about(*pair).name;
-        // Tables that spare work, in what the others leave.
+        // Optional tables use half of the remaining memory.
         let left = session.memory_bytes.saturating_sub(held) / 2;
         let recording = experiment.record_within(*pair, left)?;
         held = held.saturating_add(recording.held_bytes());
         if held > session.memory_bytes {
             anyhow::bail!(
-                "the pulses of {} channels take {}; --memory allows {}: simulate fewer pulses, or raise \
+                "the pulses of {} channels need {}; --memory allows {}: simulate fewer pulses, or raise \
                  --memory",
                 recordings.len() + 1,
                 text::bytes(held.into()),
@@ -129,7 +129,7 @@ fn record<'a>(
     let needed = width.saturating_mul(row_bytes).saturating_add(held);
     if needed > session.memory_bytes {
         anyhow::bail!(
-            "pulses of {width} samples take {} while they are made by {} threads; --memory leaves {}: simulate \
+            "simulating pulses of {width} samples in {} threads needs {}; --memory leaves {}: simulate \
              fewer samples, give fewer --threads, or raise --memory",
             text::bytes(needed.into()),
             session.threads,
@@ -148,7 +148,7 @@ fn variation(typed: &Simulate) -> Variation {
     }
 }
 
-/// What the files will take. Every channel takes as long as the first a pulse.
+/// Predicted cost of the files. Each channel takes as long per pulse as the first.
 fn ahead(
     session: &Session,
     typed: &Simulate,
@@ -185,7 +185,7 @@ fn ahead(
     });
     let time = measure.then(|| parts.sum());
     let held = channels.iter().map(|channel| channel.history.held_bytes());
-    let what = format!(
+    let work = format!(
         "{} pulses of {} frequencies, {} in all",
         first.pulses.len(),
         first.num_samples,
@@ -194,10 +194,10 @@ fn ahead(
             count => format!("{count} channels"),
         }
     );
-    Ok(Ahead::new(session, what, held.sum(), time, disk))
+    Ok(Ahead::new(session, work, held.sum(), time, disk))
 }
 
-/// How the file is written.
+/// Options of the CPHD writer.
 fn options(typed: &Simulate) -> WriteOptions {
     WriteOptions {
         domain: match typed.domain {
@@ -213,7 +213,7 @@ fn options(typed: &Simulate) -> WriteOptions {
     }
 }
 
-/// Files written, not yet in place, and their records and lines of text.
+/// Files that are complete but not yet renamed into place, with their records and lines of text.
 #[derive(Default)]
 struct Written {
     files: FileSet,
@@ -253,8 +253,9 @@ impl Written {
             let collection = raw.echoes.collection();
             let (pulses, samples) = (collection.pulses.len(), collection.waveform.num_samples());
             let name = named(folder, &raw.id, recordings.len());
-            self.lines
-                .push(format!("{name}: {pulses} echoes of {samples} samples"));
+            self.lines.push(format!(
+                "{name}: raw data of {pulses} pulses x {samples} samples"
+            ));
             self.records
                 .push(record_of(folder, "echoes", &raw.id, [pulses, samples]));
         }
@@ -274,8 +275,8 @@ impl Written {
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
                 messages::warning(format!(
-                    "channel {}: its antenna patterns are not in the file, because a polynomial of time of the fifth order does not follow \
-                     the antennas' attitude: give the beam to subap focus by --beam",
+                    "channel {}: antenna patterns are not in the file, because a fifth-order polynomial in time does not fit \
+                     the antennas' attitude: give the beam with subap focus --beam",
                     channel.id
                 ));
             }
@@ -293,7 +294,7 @@ impl Written {
         Ok(())
     }
 
-    /// Puts all files in place, and says so.
+    /// Rename all files into place and report them.
     fn commit(self, session: &Session, start: Instant) -> anyhow::Result<()> {
         self.files.commit()?;
         if session.json() {
@@ -309,7 +310,7 @@ impl Written {
     }
 }
 
-/// An output, with its channel where there are several.
+/// Name of an output, with its channel if there are several.
 fn named(path: &Path, id: &str, channels: usize) -> String {
     match channels {
         1 => path.display().to_string(),

@@ -1,4 +1,4 @@
-//! Images as commands open them: any format that [`subaperture::images`] recognises.
+//! Opening of images for commands, in any format that [`subaperture::images`] recognises.
 
 use std::fs::File;
 use std::io::Read;
@@ -16,15 +16,15 @@ use crate::config::Session;
 
 pub(super) use subaperture::images::product_folder;
 
-/// Weights along an aperture, by which the brightness of its parts is known.
+/// Number of samples of the weights along an aperture.
 const WEIGHTS: usize = 256;
 
-/// Opens an image; an array in a product's folder is read once for its CRC-32.
+/// Open an image; the array of a product is read once to verify its CRC-32.
 pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<OpenImage> {
     open_how(session, path, true)
 }
 
-/// Opens an image without reading its pixels.
+/// Open an image without reading its pixels.
 pub(super) fn open_unread(session: &Session, path: &Path) -> anyhow::Result<OpenImage> {
     open_how(session, path, false)
 }
@@ -37,7 +37,7 @@ fn open_how(session: &Session, path: &Path, verified: bool) -> anyhow::Result<Op
     Ok(OpenImage::open(path, &reading)?)
 }
 
-/// Frequencies that parts of the aperture have: of a product's record, or of a SICD's columns.
+/// Spatial frequencies of sub-apertures, from a product's record or a SICD's metadata.
 pub(super) fn aperture(image: &OpenImage) -> Option<Aperture> {
     if let Some(column_band) = image.column_band() {
         return Aperture::columns(column_band);
@@ -51,7 +51,7 @@ pub(super) fn aperture(image: &OpenImage) -> Option<Aperture> {
     Aperture::seen(&seen, grid).map(|aperture| aperture.weighted(weights))
 }
 
-/// Refuses two images whose pixels are not the same places.
+/// Fail if two images do not have the same pixel positions.
 pub(super) fn check_same_pixels(image: &OpenImage, other: &OpenImage) -> anyhow::Result<()> {
     if !image.has_pixels_of(other) {
         bail!(
@@ -63,7 +63,7 @@ pub(super) fn check_same_pixels(image: &OpenImage, other: &OpenImage) -> anyhow:
     let [size, others] = [image, other].map(|image| image.pixels.size());
     if size != others {
         bail!(
-            "{} has {} rows x {} columns, {} {} x {}: both need the same pixels",
+            "{} has {} rows x {} columns, {} has {} x {}: expected the same pixels in both",
             image.path.display(),
             size.0,
             size.1,
@@ -75,7 +75,7 @@ pub(super) fn check_same_pixels(image: &OpenImage, other: &OpenImage) -> anyhow:
     Ok(())
 }
 
-/// Whether a file that can be read begins with these bytes.
+/// Whether a readable file begins with these bytes.
 pub(super) fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
     let mut start = [0; N];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));

@@ -1,4 +1,4 @@
-//! The surface on which an image is focused: the grid's plane, turned or with a relief over it.
+//! Surface on which an image is focused: the grid's plane, rotated or with a relief.
 
 use anyhow::Context;
 use glam::DVec3;
@@ -13,26 +13,25 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::messages;
 
-/// Of the memory for the work, what an elevation model may take: it is gone before the image is formed.
+/// Divisor of the work memory for an elevation model, which is released before the image is formed.
 const SHARE: u64 = 2;
 
-/// Error of a surface's nodes, of a pixel, from which on it is told.
-const TOLD: f64 = 1.0;
+/// Height error of the relief, in pixels, above which a warning is given.
+const WARNED_PIXELS: f64 = 1.0;
 
-/// Refuses what cannot be, before anything is read.
+/// Check the options before any file is read.
 pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
     let own = &typed.grid;
     let is_dem = matches!(own.surface, SurfaceKind::Dem(_));
     if own.geoid.is_some() && !is_dem {
-        let what =
-            "--geoid is for --surface dem:FILE: other surfaces state heights above the ellipsoid";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--geoid applies to --surface dem:FILE only: other surfaces have heights above the ellipsoid";
+        return Err(Usage(fault.to_owned()).into());
     }
     if let (SurfaceKind::Slant, Some(grid)) = (&own.surface, &own.pixels)
         && (grid.x_axis != DVec3::X || grid.y_axis != DVec3::Y || grid.polar)
     {
-        let what = "--surface slant turns the grid itself: give --grid x and y (cross-range and range), and no yaw, pitch or roll";
-        return Err(Usage(what.to_owned()).into());
+        let fault = "--surface slant rotates the grid itself: give --grid with x (cross-range) and y (range) only, without yaw, pitch or roll";
+        return Err(Usage(fault.to_owned()).into());
     }
     let geoid = own.geoid.as_ref().and_then(|geoid| geoid.file());
     for path in own.surface.file().into_iter().chain(geoid) {
@@ -41,7 +40,7 @@ pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The grid that is given, or else the one that suits, with its pixels on the surface that is asked for.
+/// The given grid or the default one, with its pixels on the requested surface.
 pub(crate) fn grid<'s>(
     session: &Session,
     typed: &Imaging,
@@ -80,7 +79,7 @@ fn slant(typed: &Imaging, collection: &Collection, plane: ImageGrid) -> anyhow::
         return Ok(slant_grid(collection, &plane)?);
     }
     let [x_axis, y_axis] = slant_axes(collection, plane.origin_m).context(
-        "--surface slant: the antennas do not move across their line of sight, so that there is no slant plane",
+        "--surface slant: the antennas do not move across their line of sight, so that no slant plane is defined",
     )?;
     Ok(ImageGrid {
         x_axis,
@@ -89,7 +88,7 @@ fn slant(typed: &Imaging, collection: &Collection, plane: ImageGrid) -> anyhow::
     })
 }
 
-/// The plane with the relief of a surface over it.
+/// Add the relief of a surface to the plane.
 fn lay(
     session: &Session,
     collection: &Collection,
@@ -101,17 +100,17 @@ fn lay(
     progress.finish();
     let pixel_m = plane.rows.step.min(plane.columns.step);
     let [low_m, high_m] = relief.range_m();
-    let said = format!(
-        "pixels lie on {}, {low_m:.1} to {high_m:.1} m over the grid's plane, by {} x {} nodes to {:.2} m",
+    let summary = format!(
+        "relief: {}, {low_m:.1} to {high_m:.1} m above the grid's plane, {} x {} nodes, height error {:.2} m",
         relief.surface(),
         relief.columns().count,
         relief.rows().count,
         relief.error_m(),
     );
-    match plane.polar || relief.error_m() <= TOLD * pixel_m {
-        true => session.note(1, || said),
+    match plane.polar || relief.error_m() <= WARNED_PIXELS * pixel_m {
+        true => session.note(1, || summary),
         false => messages::warning(format!(
-            "{said}: more than a pixel; a smaller grid has finer nodes"
+            "{summary}: more than a pixel; use a smaller grid, which has finer nodes"
         )),
     }
     Ok(plane.on(relief))

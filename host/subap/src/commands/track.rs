@@ -29,7 +29,7 @@ const ELLIPSES: usize = 12;
 pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     let picture = match &typed.picture {
         Some(path) => path.clone(),
-        None => beside(&typed.out),
+        None => picture_path(&typed.out),
     };
     let inputs: Vec<&PathBuf> = [&typed.input]
         .into_iter()
@@ -76,11 +76,11 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     files.write_bytes(&typed.out, found_track::text(&fixes).as_bytes())?;
     files.write_bytes(&picture, &drawn)?;
     files.commit()?;
-    tell(session, typed, &picture, &found, both.as_ref())
+    report(session, typed, &picture, &found, both.as_ref())
 }
 
 /// The track's file name with the extension of a picture.
-fn beside(track: &Path) -> PathBuf {
+fn picture_path(track: &Path) -> PathBuf {
     track.with_extension("png")
 }
 
@@ -95,7 +95,7 @@ pub(super) fn find(
     progress.finish();
     found.trusted().map_err(explained)?;
     for event in &found.seen.events {
-        session.note(1, || told(event));
+        session.note(1, || describe(event));
     }
     for fault in &found.seen.faults {
         match fault.is_doubt() {
@@ -179,7 +179,7 @@ fn mover_record(mover: &Mover) -> Value {
     })
 }
 
-fn told(event: &Event) -> String {
+fn describe(event: &Event) -> String {
     match event {
         Event::Born {
             target,
@@ -263,7 +263,7 @@ fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
     ]
 }
 
-fn tell(
+fn report(
     session: &Session,
     typed: &Track,
     picture: &Path,

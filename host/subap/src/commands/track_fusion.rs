@@ -1,4 +1,4 @@
-//! One track of a recording's echoes and of navigation: logs are read, and what each brought is told.
+//! Fusion of the track from echoes with navigation: reads logs and reports each source.
 
 use anyhow::Context;
 use glam::DQuat;
@@ -7,19 +7,19 @@ use subaperture::navigation::{Log, Options};
 use subaperture::phase_history::Channels;
 use subaperture::targets::Recovered;
 use subaperture::track::Fix;
-use subaperture::track_fusion::{About, FusedTrack, Mounting, Navigation, NoNavigation};
+use subaperture::track_fusion::{About, FusedTrack, Mounting, Navigation, UnusableLog};
 
 use super::navigation;
 use crate::args::Logs;
 use crate::config::Session;
 use crate::{interrupt, messages};
 
-/// What a recording says of itself, before its echoes are looked at.
+/// Frame, start time and duration of a recording.
 pub(super) fn about(channels: &Channels) -> anyhow::Result<About> {
     About::of(channels).context("the recording holds no pulses")
 }
 
-/// The track of what the echoes told and of the logs that are given, or else of the recording's own positions.
+/// Fuse the track from the echoes with the given logs, or else with the recording's own positions.
 pub(super) fn of(
     session: &Session,
     found: &Recovered,
@@ -40,19 +40,19 @@ pub(super) fn of(
     progress.finish();
     if let Some(times) = track.widened {
         messages::warning(format!(
-            "the navigation is off the echoes by {times:.1} times what it states: it counts as that much worse, and the track's shape is that of the echoes"
+            "navigation: deviates from the echoes by {times:.1} times its stated standard deviations, which are increased by this factor; the echoes determine the shape of the track"
         ));
     }
     let [steps, ..] = track.left_out;
     if steps > 0 {
         messages::warning(format!(
-            "the echoes' motion is not believed in {steps} stretches, where navigation contradicts it"
+            "track: the echoes' motion is rejected in {steps} intervals, where it contradicts navigation"
         ));
     }
     Ok(track)
 }
 
-/// The track of the logs alone, of antennas that are turned as the recording has them at first.
+/// Track of the logs alone, with the antennas' initial attitude from the recording.
 pub(super) fn alone(
     session: &Session,
     about: &About,
@@ -76,46 +76,46 @@ fn of_logs(session: &Session, about: &About, logs: &Logs) -> anyhow::Result<Navi
         ..about.clone()
     };
     Navigation::of_logs(&read, &about).map_err(|error| match error {
-        NoNavigation::Start { .. } => {
-            anyhow::anyhow!("{error}: say when by --navigation-start")
+        UnusableLog::Start { .. } => {
+            anyhow::anyhow!("{error}: give the start time with --navigation-start")
         }
-        NoNavigation::Elsewhen { .. } => {
-            anyhow::anyhow!("{error}: it is of another time, or --navigation-start is another")
+        UnusableLog::OtherTime { .. } => {
+            anyhow::anyhow!("{error}: give a log of this time, or correct --navigation-start")
         }
         error => error.into(),
     })
 }
 
-/// What each source brought and how well they agree, in lines.
+/// Contribution of each source and their agreement, as lines.
 pub(super) fn lines(track: &FusedTrack) -> Vec<String> {
     let (poses, seconds) = track.radar;
     let mut lines = vec![format!(
-        "one track: of the echoes {poses} poses over {seconds:.3} s, x {:+.3} % too long",
+        "fused track: {poses} poses from echoes over {seconds:.3} s, scale error {:+.3} %",
         1e2 * track.fused.scale.value
     )];
     lines.extend(track.sources.iter().map(|source| {
-        let what = match source.inertial {
-            true => "inertial moments",
+        let kind = match source.inertial {
+            true => "inertial samples",
             false => "positions",
         };
         format!(
-            "of {}: {} of {} {what}",
+            "{}: {} of {} {kind} used",
             source.name, source.used, source.of
         )
     }));
-    let off = match track.positions_off_m {
-        Some(off_m) => format!("positions are off it by {off_m:.3} m RMS; "),
+    let deviation = match track.positions_off_m {
+        Some(off_m) => format!("positions deviate by {off_m:.3} m RMS; "),
         None => String::new(),
     };
     let [steps, positions, inertial] = track.left_out;
     lines.push(format!(
-        "{off}chi-square is {:.2} of what is expected; left out: {steps} stretches of motion, {positions} positions, {inertial} inertial moments",
+        "{deviation}chi-square is {:.2} of the expected value; left out: {steps} motion intervals, {positions} positions, {inertial} inertial samples",
         track.agreement()
     ));
     lines
 }
 
-/// The same for programs.
+/// Contribution of each source and their agreement, as JSON.
 pub(super) fn record(track: &FusedTrack) -> Value {
     let [steps, positions, inertial] = track.left_out;
     json!({

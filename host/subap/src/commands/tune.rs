@@ -25,10 +25,10 @@ use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
-/// Keys that are varied together, at most: each makes the neighbourhood of the best three times as large.
+/// Maximum number of keys varied together: each triples the number of neighbours of the best value.
 const MAX_KEYS: usize = 3;
 
-/// Searches, says what was found, and leaves pictures if they are wanted.
+/// Search, report the result, and write pictures if requested.
 pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     let start = Instant::now();
     let keys = &typed.vary;
@@ -46,7 +46,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     varied.check_ends()?;
     for (key, value) in varied.inferred()? {
         messages::note(&format!(
-            "{key} = \"{value}\" (inferred: of the images of the same samples with each value, its image is the sharpest)"
+            "{key} = \"{value}\" (inferred: gives the sharpest image of the possible values)"
         ));
         recording.set(key, value)?;
     }
@@ -106,7 +106,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     let file = match check_determined(typed, &found) {
         Ok(()) => written::add_to(&mut files, typed, &recording, &values)?,
         Err(error) => {
-            // The record and the pictures show why.
+            // The record and the pictures document the reason.
             files.commit()?;
             return Err(error);
         }
@@ -118,7 +118,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     text::say(match file {
         Some(file) => format!("written to {}", file.display()),
         None => format!(
-            "to use it: add --write, or {}",
+            "to apply it: add --write, or use {}",
             values
                 .iter()
                 .map(|(key, value)| format!("--set {key}=\"{value}\""))
@@ -129,7 +129,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses what can be refused before anything is read, and claims what is to be written. Held until the command's end.
+/// Check the options before any file is read, and claim the outputs. The claim lasts until the command ends.
 fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<OutputClaims> {
     let keys = &typed.vary;
     if keys.len() > MAX_KEYS {
@@ -152,7 +152,7 @@ fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<OutputClai
     Ok(claims)
 }
 
-/// Where the image is looked at.
+/// Part of the scene that is imaged.
 fn sight(typed: &Tune) -> Sight {
     match typed.grid.clone() {
         Some(grid) => Sight::Grid(grid, typed.measure),
@@ -160,7 +160,7 @@ fn sight(typed: &Tune) -> Sight {
     }
 }
 
-/// How values are searched.
+/// Search strategy for values.
 fn search(typed: &Tune) -> Search {
     Search {
         order: if typed.in_turn {
@@ -172,7 +172,7 @@ fn search(typed: &Tune) -> Search {
     }
 }
 
-/// What was found, as JSON.
+/// Result of the search as JSON.
 fn record(
     session: &Session,
     typed: &Tune,
@@ -204,8 +204,8 @@ fn record(
     }))
 }
 
-/// Fail if values are to be written that the search did not determine, or whose error is unknown: the best value of the same
-/// data that chose it is no evidence.
+/// Fail if values are to be written that the search did not determine, or whose error is unknown: the search's best value alone
+/// does not show that the data determine it.
 fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
     let open: Vec<&str> = typed
         .vary
@@ -216,7 +216,7 @@ fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
         .collect();
     if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
         anyhow::bail!(
-            "{}: expected a value that the data determine, found none; nothing was written: widen or narrow the interval (3 values at least), \
+            "{}: expected a value that the data determine; no file was written: widen or narrow the interval (3 values at least), \
              use another --grid or --measure, more pulses, or points of known position (--at); to use the value nonetheless, write the line yourself",
             open.join(", ")
         );
@@ -224,37 +224,37 @@ fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What the search will take, by one of its images.
+/// Predicted cost of the search, from one image.
 fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
     let Expected {
         images,
         each,
         held_bytes,
     } = rehearse(problem)?;
-    let (pixels, looked_at) = match problem.sight {
+    let (pixels, imaged) = match problem.sight {
         Sight::Grid(grid, _) => {
             let (columns, rows) = (grid.columns.count, grid.rows.count);
             (grid.num_pixels(), format!("{columns} x {rows} pixels"))
         }
         Sight::Points(points) => (points.len() as u64, format!("{} points", points.len())),
     };
-    // The samples, and the image with that of a part.
+    // Samples, the image, and an image of a sub-aperture.
     let held_bytes = held_bytes + 16 * pixels;
     let time = Forecast {
         seconds: images as f64 * each.as_secs_f64(),
         measured_s: each.as_secs_f64(),
     };
-    let what = format!("about {images} images of {looked_at}");
+    let work = format!("about {images} images of {imaged}");
     Ok(Ahead::new(
         session,
-        what,
+        work,
         held_bytes,
         Some(time),
         Vec::new(),
     ))
 }
 
-/// A recording whose keys take values.
+/// Recording whose keys are varied.
 struct Varied<'a> {
     recording: &'a RecordingFile,
     keys: &'a [Vary],
@@ -279,7 +279,7 @@ impl Varied<'_> {
         Ok(self.set(values)?.history(self.memory_bytes)?)
     }
 
-    /// Keys that the description leaves out and the samples decide, with the varied keys in the middle of their intervals.
+    /// Keys missing in the description that the samples decide, with the varied keys at the centres of their intervals.
     fn inferred(&self) -> anyhow::Result<Vec<(&'static str, &'static str)>> {
         let middles = self
             .keys
@@ -289,9 +289,9 @@ impl Varied<'_> {
         Ok(middle.inferred(&INFERENCE, self.memory_bytes)?)
     }
 
-    /// Checks the keys with both of their ends.
+    /// Check the keys at both ends of their intervals.
     fn check_ends(&self) -> Result<(), FormError> {
-        // What is wrong with a key is said before long work, with both of its ends.
+        // Faults of a key are reported before long work.
         for end in [0, usize::MAX] {
             let values = self
                 .keys
@@ -313,7 +313,7 @@ impl Model for Varied<'_> {
     }
 }
 
-/// The measure and its unit, as the user knows it.
+/// Name of the measure and its unit.
 fn measure_name(typed: &Tune) -> String {
     match typed.grid.clone() {
         Some(_) => typed.measure.to_string(),
@@ -321,34 +321,36 @@ fn measure_name(typed: &Tune) -> String {
     }
 }
 
-/// Whether the measure is less the sharper the image, so that its merit is its negative.
+/// Whether smaller values of the measure are sharper; the merit is then its negative.
 fn less_is_better(typed: &Tune) -> bool {
     typed.grid.is_some() && typed.measure == Measure::Entropy
 }
 
-/// The measure of which this is the merit.
+/// Measure with this merit.
 fn figure(typed: &Tune, merit: f64) -> f64 {
     if less_is_better(typed) { -merit } else { merit }
 }
 
-/// To a ten-thousandth of the step: far below what is told apart, and short to read.
+/// Round to a ten-thousandth of the step, far below the resolution of the search.
 fn rounded(vary: &Vary, value: f64) -> f64 {
     let digits = (4.0 - vary.axis.step.log10()).ceil().clamp(0.0, 15.0) as usize;
     format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
-/// What is to be thought of a finding, in words.
-fn thought(scan: &Scan, with_unit: &dyn Fn(f64) -> String) -> String {
+/// Verdict on a result in words.
+fn verdict_text(scan: &Scan, with_unit: &dyn Fn(f64) -> String) -> String {
     match scan.verdict {
         Verdict::Determined => String::new(),
-        Verdict::AtEnd => "NOT DETERMINED: at an end of its interval: widen it".to_owned(),
+        Verdict::AtEnd => {
+            "NOT DETERMINED: the best value is at an end of the interval: widen it".to_owned()
+        }
         Verdict::Open => {
-            "NOT DETERMINED: parts of the aperture say otherwise, all over the interval".to_owned()
+            "NOT DETERMINED: sub-apertures disagree over the whole interval".to_owned()
         }
         Verdict::Ambiguous => {
             let others: Vec<String> = scan.rivals.iter().take(4).map(|&v| with_unit(v)).collect();
             format!(
-                "NOT DETERMINED: as good within the noise is {}",
+                "NOT DETERMINED: within the noise, equally good: {}",
                 others.join(" or ")
             )
         }
@@ -364,7 +366,7 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
         .iter()
         .zip(found.best.iter().zip(&found.scans))
         .map(|(vary, (&best, scan))| {
-            // Digits down to a tenth of the error, else a hundredth of the width or of the step.
+            // Digits to a tenth of the error, else to a hundredth of the width or of the step.
             let fine = match scan.error {
                 Some(error) => error / 10.0,
                 None => scan.width.unwrap_or(vary.axis.step) / 100.0,
@@ -385,9 +387,9 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
                 },
                 match scan.width {
                     Some(width) => with_unit(width),
-                    None => "not within the interval".to_owned(),
+                    None => "wider than the interval".to_owned(),
                 },
-                thought(scan, &with_unit),
+                verdict_text(scan, &with_unit),
             ]
         })
         .collect();

@@ -19,7 +19,7 @@ use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
 
-/// Forms the plane and writes its folder, complete or not at all.
+/// Form the plane and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let start = Instant::now();
     let given = typed.vx.zip(typed.vy);
@@ -57,7 +57,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         monitor: &progress,
     };
     let rehearsal = &typed.rehearsal;
-    // A plane that is refused is refused for its own reason below.
+    // The default axes are not needed where the plane is refused; the reason follows below.
     if let Some(cost) = cost(&former, &task) {
         let ahead = Ahead::of_image(session, rehearsal, (&former, &cost), &task, &typed.out)?;
         if ahead.announce(session, rehearsal)? {
@@ -112,7 +112,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The velocities that are typed, and the default ones along the axes that are not.
+/// Velocities given by options, with defaults for the other axes.
 fn suited(
     session: &Session,
     typed: &Velocity,
@@ -145,7 +145,7 @@ fn brightest(image: &Image, grid: &ImageGrid) -> Option<(DVec3, f64)> {
     Some((velocity, 10.0 * power(peak.value).log10()))
 }
 
-/// A velocity plane and what it was formed of.
+/// Velocity plane with its inputs.
 struct Plane<'p> {
     typed: &'p Velocity,
     history: &'p dyn PhaseHistory,
@@ -157,7 +157,7 @@ struct Plane<'p> {
 }
 
 impl Plane<'_> {
-    /// As the JSON beside the image.
+    /// Record of the plane as JSON.
     fn record(&self, session: &Session, start: Instant) -> anyhow::Result<Value> {
         let resolution = |direction| {
             let value = velocity_resolution_m_s(

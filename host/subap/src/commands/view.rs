@@ -1,4 +1,4 @@
-//! `subap view`: images in a browser of this machine.
+//! `subap view`: show images in a browser on this computer.
 
 mod maps;
 mod sources;
@@ -18,25 +18,25 @@ use crate::args::View;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
 
-/// What a request takes at the most while it is computed.
+/// Maximum memory of a request during computation, bytes.
 const COMPUTING_BYTES: u64 = 32 << 20;
-/// The glance over each image.
+/// Memory of the coarse overview of each image, bytes.
 const GLANCE_BYTES: u64 = 2 << 20;
-/// Stacks of the server's threads, and their share of the allocator.
+/// Memory of the server's threads and their allocator arenas, bytes.
 const SERVER_BYTES: u64 = 2 << 20;
-/// Connections, with what is read ahead of each.
+/// Memory of connections with their read buffers, bytes.
 const CONNECTIONS_BYTES: u64 = 2 << 20;
-/// Most for answers on their way.
+/// Maximum memory of answers being sent, bytes.
 const MAX_ANSWERS_BYTES: u64 = 16 << 20;
 /// Memory of making a range-Doppler map for which there is always room, bytes.
 const SMALL_MAP_BYTES: u64 = 4 << 20;
 /// Minimum memory for overviews, bytes.
 const MIN_OVERVIEW_BYTES: u64 = 1 << 20;
 
-/// How often it is looked whether to end.
+/// Polling interval of the termination signal.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// Serves the page until a signal comes.
+/// Serve the page until a termination signal.
 pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     let mut products = Vec::with_capacity(typed.images.len());
     for path in &typed.images {
@@ -72,8 +72,8 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     let address = server.address();
     if !address.ip().is_loopback() {
         messages::warning(format!(
-            "--listen {address}: whoever reaches this address and knows all of it can look at the images, and nothing is encrypted, \
-             the secret in it neither; leave --listen out to show them to this machine alone"
+            "--listen {address}: everyone who can reach this address and knows the full URL can see the images, and the connection is not encrypted, \
+             so that the access key can be read; leave --listen out to show them on this machine only"
         ));
     }
     match session.json() {
@@ -81,7 +81,7 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
         false => text::say(server.url())?,
     }
     messages::note(
-        "open this address in a browser, and keep it to yourself: without its last part nobody can look; Ctrl-C ends it",
+        "open this URL in a browser and keep it private: its last part is the access key; Ctrl-C stops the server",
     );
     while !interrupt::pressed() {
         thread::sleep(EVERY);
@@ -89,7 +89,7 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Division of the memory between requests, answers and overviews, beside the `held_bytes` of range-Doppler maps' sources. Making one map
+/// Division of the memory between requests, answers and overviews, in addition to the `held_bytes` of range-Doppler maps' sources. Making one map
 /// takes `map_bytes`.
 fn bounds(
     session: &Session,
@@ -97,7 +97,7 @@ fn bounds(
     held_bytes: u64,
     map_bytes: u64,
 ) -> anyhow::Result<Bounds> {
-    // Nothing is drawn here: the pictures' share is free.
+    // No pictures are drawn by this command, so their memory is available.
     let all = session.memory_bytes + session.memory.picture_bytes;
     let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES + SERVER_BYTES;
     let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
@@ -132,7 +132,7 @@ fn bounds(
     })
 }
 
-/// A layer of a file, by its ending: a track, or GeoJSON.
+/// Read a layer by the file's extension: a track, or GeoJSON.
 fn layer(path: &std::path::Path, memory_bytes: u64) -> anyhow::Result<Layer> {
     let name = path.file_name().unwrap_or(path.as_os_str());
     let name = name.to_string_lossy().into_owned();
@@ -141,8 +141,8 @@ fn layer(path: &std::path::Path, memory_bytes: u64) -> anyhow::Result<Layer> {
         .is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
     {
         let fixes = track_csv::read(path)?;
-        let way: Vec<_> = fixes.iter().map(|fix| fix.position_m).collect();
-        return Ok(Layer::of_track(name, &way));
+        let positions_m: Vec<_> = fixes.iter().map(|fix| fix.position_m).collect();
+        return Ok(Layer::of_track(name, &positions_m));
     }
     let features = geojson::read(path, memory_bytes)?;
     Layer::of_features(name, features)

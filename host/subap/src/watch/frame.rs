@@ -5,17 +5,17 @@ use subaperture::radio::live::{Level, Row, Status};
 
 use crate::terminal::printable;
 
-/// Columns left of the curve, for levels.
+/// Width of the level labels left of the curve, columns.
 const LEFT: usize = 8;
 /// Dynamic range of the curve, dB.
 const SPAN_DB: f32 = 60.0;
-/// Decibels that a level's bar shows.
+/// Dynamic range of a level's bar, dB.
 const BAR_DB: f64 = 90.0;
-/// Lines beside the curve's.
-const OTHERS: usize = 9;
-/// Eighths of a character, from below.
+/// Number of lines in addition to the curve's.
+const OTHER_LINES: usize = 9;
+/// Block characters filled by eighths from below.
 const EIGHTHS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-/// Eighths from the left.
+/// Block characters filled by eighths from the left.
 const LEFT_EIGHTHS: [char; 8] = [' ', '▏', '▎', '▍', '▌', '▋', '▊', '▉'];
 
 const FLAGS: [&str; 5] = ["late", "lost", "unsteady", "clipped", "unlocked"];
@@ -27,7 +27,7 @@ const EVENTS: [&str; 5] = [
     "gone",
 ];
 
-/// The state in a line, for where there is no terminal.
+/// State in one line, for output that is not a terminal.
 pub(super) fn line(status: &Status, row: Option<&Row>) -> String {
     let mut words = vec![sweeps(status)];
     if let Some((range_m, level_db)) = row.and_then(|row| strongest(status, row)) {
@@ -39,16 +39,16 @@ pub(super) fn line(status: &Status, row: Option<&Row>) -> String {
     words.join(", ")
 }
 
-/// The state as a picture of characters.
+/// State as a picture of characters.
 pub(super) fn frame(
     status: &Status,
     row: Option<&Row>,
     columns: usize,
     rows: usize,
 ) -> Vec<String> {
-    // A terminal's last column makes some go to the next line.
+    // Some terminals wrap after the last column.
     let width = columns.saturating_sub(1).max(LEFT + 8);
-    let height = rows.saturating_sub(OTHERS + 1).clamp(3, 16);
+    let height = rows.saturating_sub(OTHER_LINES + 1).clamp(3, 16);
     let mut lines = vec![
         format!(
             "{}: {}",
@@ -70,7 +70,7 @@ pub(super) fn frame(
     }
     let wrong = wrong(status);
     lines.push(match wrong.is_empty() {
-        true => "nothing lost".to_owned(),
+        true => "no losses".to_owned(),
         false => wrong.join(", "),
     });
     let cut = |line: String| -> String { line.chars().take(width).collect() };
@@ -85,7 +85,7 @@ fn sweeps(status: &Status) -> String {
     };
     let rate = status
         .rate_hz
-        .map_or_else(String::new, |rate| format!(", {rate:.2} a second"));
+        .map_or_else(String::new, |rate| format!(", {rate:.2} per second"));
     format!("sweep {taken}{of}{rate}")
 }
 
@@ -105,7 +105,7 @@ fn room(status: &Status) -> String {
     format!("{queue}, disk {} free{lasts}", bytes(free.into()))
 }
 
-/// All that went wrong so far, in words.
+/// Counts of all faults so far.
 fn wrong(status: &Status) -> Vec<String> {
     let counts = &status.counts;
     let named = FLAGS
@@ -130,7 +130,7 @@ fn decibels(part: f64) -> String {
     }
 }
 
-/// Range and level of the highest place.
+/// Range and level of the strongest range cell.
 fn strongest(status: &Status, row: &Row) -> Option<(f64, f32)> {
     let places = row.levels_db.iter().copied().enumerate();
     let (place, level_db) = places.max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -142,17 +142,17 @@ fn range_m(status: &Status, place: usize, places: usize) -> f64 {
     from_m + (to_m - from_m) * place as f64 / places.saturating_sub(1).max(1) as f64
 }
 
-/// The profile in blocks over its axis; the strongest place is told.
+/// Range profile as block characters with its axis and the strongest range cell.
 fn curve(status: &Status, row: &Row, width: usize, height: usize) -> Vec<String> {
     let across = width - LEFT;
     let places = row.levels_db.len();
-    // Of each column the highest of its places.
+    // Each column shows the maximum of its range cells.
     let mut highest = vec![f32::NEG_INFINITY; across];
     for (place, level_db) in row.levels_db.iter().enumerate() {
         let column = place * across / places;
         highest[column] = highest[column].max(*level_db);
     }
-    // More columns than places: each shows the place it lies in.
+    // More columns than range cells: each shows the cell in which it lies.
     for (column, level_db) in highest.iter_mut().enumerate() {
         if *level_db == f32::NEG_INFINITY {
             *level_db = row.levels_db[(column * places / across).min(places - 1)];
@@ -203,25 +203,25 @@ fn curve(status: &Status, row: &Row, width: usize, height: usize) -> Vec<String>
     lines
 }
 
-/// A level as a bar, with its peak.
+/// Level as a bar with its peak.
 fn bar(name: &str, level: Level, width: usize) -> String {
     let clipped = match level.clipped {
         0 => String::new(),
         count => format!(", {count} clipped"),
     };
-    let told = format!(
+    let text = format!(
         " {} RMS, {} peak{clipped}",
         decibels(level.rms),
         decibels(level.peak)
     );
-    let across = width.saturating_sub(12 + told.chars().count()).clamp(4, 60);
+    let across = width.saturating_sub(12 + text.chars().count()).clamp(4, 60);
     let db = 20.0 * level.rms.max(1e-9).log10();
     let eighths = ((1.0 + db / BAR_DB).clamp(0.0, 1.0) * (8 * across) as f64).round() as usize;
     let mut blocks = "█".repeat(eighths / 8);
     if !eighths.is_multiple_of(8) {
         blocks.push(LEFT_EIGHTHS[eighths % 8]);
     }
-    format!("{name:<10}▕{blocks:<across$}▏{told}")
+    format!("{name:<10}▕{blocks:<across$}▏{text}")
 }
 
 #[cfg(test)]
@@ -254,7 +254,7 @@ mod tests {
         }
     }
 
-    /// A triangle of 1 dB a place, its top at place 102 of 256: 10.2 m.
+    /// Triangular profile with a slope of 1 dB per cell and its top at cell 102 of 256: 10.2 m.
     fn row() -> Row {
         let level = |place: i32| -12.0 - (place - 102).abs() as f32;
         Row {
@@ -263,15 +263,15 @@ mod tests {
         }
     }
 
-    /// The curve is highest in the column of its top: 102 of 256 places over 92 columns, the 36th.
+    /// The maximum is in the column of cell 102: of 256 cells in 92 columns, the 36th.
     #[test]
     fn a_frame_fits_the_terminal_and_shows_the_state() {
         let lines = frame(&status(), Some(&row()), 101, 24);
         assert!(lines.len() <= 24 && lines.iter().all(|line| line.chars().count() <= 100));
         let all = lines.join("\n");
         println!("{all}");
-        for told in [
-            "sweep 12 of 20, 3.25 a second",
+        for text in [
+            "sweep 12 of 20, 3.25 per second",
             "queue 5 of 64, disk 4.7 GiB free for 2 h",
             "49 of 50 carriers",
             "strongest at 10.20 m, -12.0 dB of the reference",
@@ -280,7 +280,7 @@ mod tests {
             "3 lost, 2 clipped, 3 overflows, 400 samples lost",
             "25.5 m",
         ] {
-            assert!(all.contains(told), "{told}");
+            assert!(all.contains(text), "{text}");
         }
         assert!(!all.contains('\u{1b}'));
         let curve: Vec<&String> = lines.iter().filter(|line| line.contains('│')).collect();
@@ -301,12 +301,12 @@ mod tests {
         assert_eq!(top, Some(102 * 92 / 256));
         // -12 dB below a top of -10 dB, of 60 dB in 14 lines of eighths.
         assert_eq!(height(36), (58.0f64 / 60.0 * 112.0).round() as usize);
-        // Nothing where it is 60 dB down.
+        // Empty where the level is 60 dB below the top.
         assert_eq!(height(91), 0);
     }
 
     #[test]
-    fn small_terminals_and_empty_states_are_drawn_too() {
+    fn frame_fits_small_terminals_and_empty_states() {
         for (columns, rows) in [(0, 0), (1, 1), (20, 5), (300, 100)] {
             for row in [
                 None,
@@ -322,10 +322,10 @@ mod tests {
                 assert!(lines.iter().all(|line| line.chars().count() <= widest));
             }
         }
-        let told = line(&status(), Some(&row()));
+        let text = line(&status(), Some(&row()));
         assert!(
-            told.starts_with("sweep 12 of 20") && told.contains("strongest 10.20 m at -12.0 dB"),
-            "{told}"
+            text.starts_with("sweep 12 of 20") && text.contains("strongest 10.20 m at -12.0 dB"),
+            "{text}"
         );
         assert!(line(&Status::default(), None).contains("reference silent, echo silent"));
     }

@@ -34,25 +34,25 @@ use crate::args::Watching;
 use crate::config::Session;
 use crate::interrupt;
 
-/// How often the image is shown.
+/// Time between two pictures of the image.
 const PICTURE: Duration = Duration::from_millis(500);
-/// Steps that wait to be put together: 3 MB.
+/// Maximum number of steps queued for assembly to sweeps: 3 MB.
 const STEPS: usize = 8192;
-/// Carriers of sweeps that wait to be imaged: 12 MB.
+/// Maximum number of carriers in sweeps queued for imaging: 12 MB.
 const CARRIERS: usize = 1 << 18;
 
-/// Makes the imaging of a capture, once the radio has been set.
+/// Constructor of the imaging of a capture, called after the radio is configured.
 pub(crate) type MakeImaging<'a> = &'a dyn Fn(&Setup, &SweepAssembler) -> anyhow::Result<Imaging>;
 
-/// What came of a capture with its image.
+/// Result of a capture with its image.
 pub(crate) struct Watched {
     pub(crate) summary: Summary,
     pub(crate) imaging: Option<Imaging>,
-    /// Sweeps that came faster than they were imaged.
+    /// Number of sweeps skipped because imaging was too slow.
     pub(crate) skipped: u64,
 }
 
-/// Captures, and shows it.
+/// Run a capture with its display.
 pub(crate) fn captured(
     session: &Session,
     radio: &mut dyn Transceiver,
@@ -65,7 +65,7 @@ pub(crate) fn captured(
     Ok(watched.summary)
 }
 
-/// [`captured`], with an image if one is to be made.
+/// Run a capture with its display, and with an image if `make` is given.
 pub(crate) fn imaged(
     session: &Session,
     radio: &mut dyn Transceiver,
@@ -91,7 +91,7 @@ pub(crate) fn imaged(
     let summary = thread::scope(|scope| {
         let (board, skipped, imaging) = (&*board, &skipped, imaging.as_mut());
         let waits = radio.waits();
-        // Whatever becomes of the capture, the terminal is let go.
+        // The terminal is restored whatever the outcome of the capture.
         let over = Over(&ended);
         let thread = || thread::Builder::new();
         thread()
@@ -139,7 +139,7 @@ pub(crate) fn imaged(
 
 const NO_THREAD: &str = "cannot start a thread to follow the capture; end other programs, or allow this one more threads";
 
-/// Says that it is over when it goes, by a panic too.
+/// Guard that sets the flag when dropped, also by a panic.
 struct Over<'a>(&'a AtomicBool);
 
 impl Drop for Over<'_> {
@@ -169,15 +169,15 @@ fn follower(
 
 fn why(plan: &Plan, summary: &Summary) -> &'static str {
     match &summary.ended {
-        EndReason::Done => "all sweeps are taken",
+        EndReason::Done => "all sweeps captured",
         EndReason::Stopped if plan.sweeps == 0 => "stopped",
-        EndReason::Stopped => "stopped before all sweeps were taken",
+        EndReason::Stopped => "stopped before the last sweep",
         EndReason::Radio(_) => "the radio failed",
         EndReason::Disk(_) => "the disk failed",
     }
 }
 
-/// Sweeps of steps. Unless the radio waits, a sweep that comes faster than sweeps are imaged is skipped and counted.
+/// Assemble steps to sweeps. If imaging is too slow, sweeps are skipped and counted unless the source can wait.
 fn follow(
     follower: &mut SweepAssembler,
     board: &LiveState,
@@ -205,7 +205,7 @@ fn follow(
     }
 }
 
-/// The image of sweeps; without one, sweeps are taken all the same.
+/// Image sweeps; without imaging, drain the queue.
 fn image(mut imaging: Option<&mut Imaging>, board: &LiveState, sweeps: Receiver<LiveSweep>) {
     let mut shown: Option<Instant> = None;
     for sweep in sweeps {
@@ -226,7 +226,7 @@ fn image(mut imaging: Option<&mut Imaging>, board: &LiveState, sweeps: Receiver<
     }
 }
 
-/// Bursts on their way to the disk take half of the memory, and no more than 512 MiB.
+/// Queue sizes of a capture: bursts waiting for the disk take half of the memory, at most 512 MiB.
 pub(crate) fn queues(session: &Session, plan: &Plan) -> Queues {
     Queues::within(plan, (session.memory_bytes / 2).min(512 << 20))
 }

@@ -10,10 +10,10 @@ use subaperture::viewer::{LiveState, Server};
 use crate::args::Watching;
 use crate::messages;
 
-/// What clients get to hear of the end: they are told ten times a second.
+/// Time to let clients receive the final state: they are updated ten times per second.
 const LAST_WORD: Duration = Duration::from_millis(250);
 
-/// A page that is told of the end before it goes.
+/// Web page that reports the end to its clients before it closes.
 pub(super) struct Page(#[expect(dead_code, reason = "it serves until it is dropped")] Server);
 
 impl Drop for Page {
@@ -22,7 +22,7 @@ impl Drop for Page {
     }
 }
 
-/// Serves the page, if it is asked for.
+/// Serve the page, if requested.
 pub(super) fn serve(watching: &Watching, board: &Arc<LiveState>) -> anyhow::Result<Option<Page>> {
     if !watching.is_asked() {
         return Ok(None);
@@ -32,8 +32,8 @@ pub(super) fn serve(watching: &Watching, board: &Arc<LiveState>) -> anyhow::Resu
     let address = server.address();
     if !address.ip().is_loopback() {
         messages::warning(format!(
-            "--listen {address}: whoever reaches this address and knows all of it can look at the capture, and nothing is encrypted, \
-             the secret in it neither; leave --listen out to show it to this machine alone"
+            "--listen {address}: everyone who can reach this address and knows the full URL can see the capture, and the connection is not encrypted, \
+             so that the access key can be read; leave --listen out to show it on this machine only"
         ));
     }
     messages::note(&format!("the page is at {}", server.url()));

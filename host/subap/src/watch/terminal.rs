@@ -13,19 +13,19 @@ use super::frame::{frame, line};
 use crate::config::Session;
 use crate::messages;
 
-/// How often it is drawn.
+/// Time between two frames.
 const FRAME: Duration = Duration::from_millis(200);
 
-/// Shows the board until the capture has ended.
+/// Show the state until the capture has ended.
 pub(super) fn show(session: &Session, board: &LiveState, in_place: bool, ended: &AtomicBool) {
     let terminal = Term::stderr();
     match in_place && session.tells() && terminal.is_term() {
         true => draw(board, &terminal, ended),
-        false => tell(session, board, ended),
+        false => show_lines(session, board, ended),
     }
 }
 
-/// Waits for a change; false once the capture has ended.
+/// Wait for a change. Returns false when the capture has ended.
 fn changed(board: &LiveState, seen: &mut u64, ended: &AtomicBool) -> bool {
     while !ended.load(Ordering::Relaxed) {
         let revision = board.revision();
@@ -38,7 +38,7 @@ fn changed(board: &LiveState, seen: &mut u64, ended: &AtomicBool) -> bool {
     false
 }
 
-/// In place, by the bar's own means: messages go above it.
+/// Redraw in place with the means of the progress bar: messages appear above.
 fn draw(board: &LiveState, terminal: &Term, ended: &AtomicBool) {
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     if let Ok(style) = ProgressStyle::with_template("{msg}") {
@@ -55,13 +55,13 @@ fn draw(board: &LiveState, terminal: &Term, ended: &AtomicBool) {
         bar.tick();
         thread::sleep(FRAME);
     }
-    // The last stays on the screen.
+    // The last frame stays on the screen.
     bar.abandon();
     messages::show_bar(None);
 }
 
-/// As other long work is told.
-fn tell(session: &Session, board: &LiveState, ended: &AtomicBool) {
+/// Show as progress lines like other long work.
+fn show_lines(session: &Session, board: &LiveState, ended: &AtomicBool) {
     let progress = session.progress("capturing");
     let mut seen = 0;
     while changed(board, &mut seen, ended) {
@@ -74,7 +74,7 @@ fn tell(session: &Session, board: &LiveState, ended: &AtomicBool) {
     }
 }
 
-/// Part of the sweeps that are taken, where their number is known.
+/// Fraction of the sweeps captured, if their number is given.
 fn done(status: &Status) -> Option<f64> {
     let taken = status.sweep? + 1;
     (status.sweeps > 0).then(|| taken as f64 / status.sweeps as f64)

@@ -10,11 +10,11 @@ use super::{OpenImage, Pair, PairError};
 pub struct Compared {
     /// Measures of similarity. Phase measures are `None` for amplitudes.
     pub comparison: Comparison,
-    /// Whether complex values were compared; otherwise amplitudes.
+    /// Whether complex values were compared; amplitudes otherwise.
     pub complex: bool,
-    /// Number of pixels that both images have.
+    /// Number of pixels that both images contain.
     pub pixels: u64,
-    /// Number of pixels of the grid of comparison.
+    /// Number of pixels of the common grid.
     pub of: u64,
     /// Processing steps and assumptions, one sentence each.
     pub notes: Vec<String>,
@@ -49,7 +49,7 @@ pub fn compare(image: &OpenImage, reference: &OpenImage) -> Result<Compared, Com
         return Err(PairError {
             image: image.path.clone(),
             reference: reference.path.clone(),
-            what: "show different places: they have no pixel in common".to_owned(),
+            reason: "show different places: they have no pixel in common".to_owned(),
             unplaced: false,
         }
         .into());

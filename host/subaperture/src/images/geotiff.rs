@@ -1,4 +1,4 @@
-//! A GeoTIFF as an image: its values and its raster.
+//! GeoTIFF files as images.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -18,29 +18,29 @@ use super::Values;
 const RASTER_TYPE: u16 = 1025;
 const GEOGRAPHIC_TYPE: u16 = 2048;
 const PROJECTED_TYPE: u16 = 3072;
-/// `GTRasterType` of pixels as points.
+/// Value of `GTRasterType` for pixels as points.
 const POINT: u16 = 2;
 const WGS_84: u16 = 4326;
-/// Most pixels: packed strips bound nothing.
+/// Maximum number of pixels. Compressed strips do not limit it.
 const MAX_PIXELS: u128 = 1 << 36;
 
-/// A GeoTIFF, opened. Pixels without data are NaN.
+/// Open GeoTIFF. Pixels without data are NaN.
 #[derive(Debug)]
 pub struct MapImage {
-    // One window is read at a time.
+    // Windows are read one at a time.
     file: Mutex<GeoTiff>,
     size: (usize, usize),
     values: Values,
-    /// Decibels for a number and for 0, of levels.
+    /// Scale and offset of quantised levels, dB.
     decibels: Option<[f64; 2]>,
     raster: Result<Raster, String>,
 }
 
 impl MapImage {
-    /// Opens a file; a strip or tile may take so many bytes.
+    /// Open a file; an unpacked strip or tile may take up to `allowed_bytes`.
     ///
     /// # Errors
-    /// [`TerrainError`], also if it has several bands that are not a real and an imaginary part.
+    /// [`TerrainError`], also if there are several bands other than a real and an imaginary part.
     pub fn open(path: &Path, allowed_bytes: u64) -> Result<Self, TerrainError> {
         let file = GeoTiff::open(path, allowed_bytes)?;
         let format = |what: String| TerrainError::Format {
@@ -67,7 +67,9 @@ impl MapImage {
         };
         let size = file.size();
         if size.0 == 0 || size.1 == 0 {
-            return Err(format("an image without pixels".to_owned()));
+            return Err(format(
+                "expected an image, found one without pixels".to_owned(),
+            ));
         }
         let pixels = size.0 as u128 * size.1 as u128;
         if pixels > MAX_PIXELS {
@@ -85,15 +87,15 @@ impl MapImage {
         })
     }
 
-    /// Meaning of its values.
+    /// Meaning of the pixel values.
     pub fn values(&self) -> Values {
         self.values
     }
 
-    /// Where its pixels are.
+    /// Position of the pixels on the map.
     ///
     /// # Errors
-    /// Why the tags do not define a raster that is read.
+    /// The reason why the tags do not define a supported raster.
     pub fn raster(&self) -> Result<Raster, String> {
         self.raster.clone()
     }
@@ -139,7 +141,7 @@ impl ImageSource for MapImage {
     }
 }
 
-/// The raster that tags define: WGS 84 by UTM or in degrees, north up.
+/// Raster defined by the tags: WGS 84 by UTM or in degrees, north up.
 fn raster(tags: &Tags, (rows, columns): (usize, usize)) -> Result<Raster, String> {
     let (&[step_x, step_y, ..], &[i, j, _, x, y, _]) = (&tags.scale[..], &tags.tie[..]) else {
         return Err(
@@ -150,10 +152,10 @@ fn raster(tags: &Tags, (rows, columns): (usize, usize)) -> Result<Raster, String
     if !(step_x > 0.0 && step_y > 0.0 && [step_x, step_y, i, j, x, y].iter().all(|n| n.is_finite()))
     {
         return Err(format!(
-            "its pixel scale {step_x} x {step_y} is not positive, or its tie point is not finite"
+            "expected a positive pixel scale and a finite tie point, found a scale of {step_x} x {step_y}"
         ));
     }
-    // A tie point of pixels as points is the middle of the pixel.
+    // For pixels as points, the tie point is the pixel centre.
     let half = match tags.key(RASTER_TYPE) {
         Some(POINT) => 0.5,
         _ => 0.0,
@@ -181,7 +183,7 @@ fn raster(tags: &Tags, (rows, columns): (usize, usize)) -> Result<Raster, String
         (None, found) => {
             return Err(match found {
                 Some(code) => format!("expected WGS 84 (EPSG 4326), found EPSG {code}"),
-                None => "it does not name its coordinate system".to_owned(),
+                None => "expected WGS 84 (EPSG 4326), found no coordinate system".to_owned(),
             });
         }
     };

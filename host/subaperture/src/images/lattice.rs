@@ -1,4 +1,4 @@
-//! Grids whose pixels are the same points but for quarter turns, mirroring and whole steps.
+//! Exact pixel correspondence of grids that differ by quarter turns, mirroring and whole-pixel shifts.
 
 use num_complex::Complex32;
 
@@ -8,17 +8,17 @@ use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, Tiling,
 };
 
-/// Points of two grids so near to one another are one point, metres: a phase of `4 pi d / lambda`, 4e-5 rad at a wavelength of 3 cm.
+/// Distance within which points of two grids are the same, metres: a phase of `4 pi d / lambda`, 4e-5 rad at a wavelength of 3 cm.
 const SAME_M: f64 = 1e-7;
 
-/// Pixels of a reference on those of an image: `row, column` of the image from `row, column` of the reference.
+/// Correspondence of pixels: row and column of the image as a function of row and column of the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Lattice {
     /// Whether the image's rows run along the reference's columns.
     pub(crate) crossed: bool,
-    /// Whether the image's rows, and its columns, run against the axis of the reference that they lie along.
+    /// Whether the image's rows, and its columns, are opposite to the reference axis parallel to them.
     pub(crate) against: [bool; 2],
-    /// The image's row and column at the reference's first pixel.
+    /// Row and column of the image at the first pixel of the reference.
     pub(crate) first: [i64; 2],
 }
 
@@ -29,7 +29,7 @@ impl Lattice {
         first: [0; 2],
     };
 
-    /// The lattice on which two grids coincide, each in its frame; `None` if they do not.
+    /// Correspondence of two grids, each in its scene frame; `None` if their pixels do not coincide.
     pub(crate) fn of(
         (image, own): (&ImageGrid, &SceneFrame),
         (reference, theirs): (&ImageGrid, &SceneFrame),
@@ -39,7 +39,7 @@ impl Lattice {
         }
         let same_frame = own.agrees_with(theirs);
         let normal = image.normal();
-        // The image's pixel at a pixel of the reference, if that is a point of the image's plane.
+        // Row and column of the image at a pixel of the reference, if the point lies in the image's plane.
         let pixel = |row: f64, column: f64| {
             let (rows, columns) = (&reference.rows, &reference.columns);
             let point = reference.point_m(
@@ -65,7 +65,7 @@ impl Lattice {
                 && whole.abs().max_element() < 1e12;
             near.then_some([whole.x as i64, whole.y as i64])
         };
-        // One step at least, so that a lone row or column has a direction.
+        // At least one step, so that a single row or column has a direction.
         let [down, across] =
             [reference.rows.count, reference.columns.count].map(|count| (count.max(2) - 1) as i64);
         let first = pixel(0.0, 0.0)?;
@@ -85,7 +85,7 @@ impl Lattice {
             .find(|lattice| at.iter().zip(&corners).all(|(&at, &c)| lattice.at(at) == c))
     }
 
-    /// The image's row and column at those of the reference.
+    /// Row and column of the image at those of the reference.
     fn at(&self, [row, column]: [i64; 2]) -> [i64; 2] {
         let along = match self.crossed {
             true => [column, row],
@@ -97,20 +97,20 @@ impl Lattice {
         })
     }
 
-    /// In words: how the image is turned to have the reference's pixels. `None` if it is not turned.
+    /// Description of the rotation or mirroring of the image; `None` for a pure shift.
     pub(crate) fn turn(&self) -> Option<&'static str> {
         Some(match (self.crossed, self.against) {
             (false, [false, false]) => return None,
-            (false, [true, true]) => "turned by half a turn",
+            (false, [true, true]) => "rotated by 180 degrees",
             (false, [true, false]) => "mirrored in its rows",
             (false, [false, true]) => "mirrored in its columns",
-            (true, [a, b]) if a != b => "turned by a quarter turn",
+            (true, [a, b]) if a != b => "rotated by 90 degrees",
             (true, _) => "transposed",
         })
     }
 }
 
-/// An image on the pixels of a reference of this size; NaN where the image has none.
+/// Image on the pixels of a reference; NaN where the image has no pixel.
 #[derive(Debug)]
 pub(crate) struct OnLattice<'a> {
     pub(crate) image: Box<dyn ImageSource + 'a>,
@@ -124,7 +124,7 @@ impl ImageSource for OnLattice<'_> {
     }
 
     fn places(&self) -> PixelBlocks {
-        // Those of the image are read at the least cost; squares serve any turn.
+        // Square blocks suit every orientation.
         const SIDE: usize = 256;
         let image = [self.size.0, self.size.1];
         PixelBlocks::of_size(Tiling { image, tile: image }, [SIDE, SIDE])
@@ -179,7 +179,7 @@ impl ImageSource for OnLattice<'_> {
 mod tests {
     use super::*;
 
-    /// An image whose values are the places of its pixels in the scene.
+    /// Image whose values encode the scene positions of its pixels.
     fn places(grid: &ImageGrid) -> Image {
         let (rows, columns) = (grid.rows.count, grid.columns.count);
         let value = |i: usize| {
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn turned_mirrored_and_shifted_grids_read_the_same_places() {
+    fn rotated_mirrored_and_shifted_grids_map_to_the_same_points() {
         let image: ImageGrid = "x=-3:5:1,y=2:7:1,z=4".parse().unwrap();
         let pixels = places(&image);
         let (x, y) = (DVec3::X, DVec3::Y);
@@ -209,7 +209,7 @@ mod tests {
             (y, -x),
             (-y, -x),
         ] {
-            // Some pixels of the reference lie on the image, and others beyond it.
+            // Part of the reference lies outside the image.
             let reference = ImageGrid {
                 origin_m: DVec3::new(1.0, 4.0, 4.0),
                 x_axis: across,
@@ -240,7 +240,7 @@ mod tests {
             }
         }
         assert_eq!(turns.len(), 6, "{turns:?}");
-        // A ten millionth of a pixel of 1 m is the same place, and more is another.
+        // A difference of 1e-7 of a 1 m pixel is within tolerance; a larger one is not.
         for (shift, same) in [(5e-8, true), (2e-7, false)] {
             let shifted = ImageGrid {
                 origin_m: image.origin_m + DVec3::new(shift, 0.0, 0.0),

@@ -1,19 +1,19 @@
 //! Opening images of any format, recognised by content, and relating pairs of images to common pixels.
 //!
-//! | a path to | is | values | pixels lie |
+//! | path | image | values | pixel positions |
 //! |---|---|---|---|
-//! | a folder with `image.json`, or that file | a product of `subap focus` | complex | on its grid |
-//! | the same, formed in tiles and not whole yet (`image.zarr`) | a product in progress | complex, NaN where no tile is formed | on its plan's grid |
-//! | a folder of `subap velocity` | a velocity plane | complex | rows and columns only |
-//! | a Zarr group or array ([`crate::io::zarr`]); `FOLDER:N` is image `N` of several | a stack | complex | on its grid, if it is recorded |
-//! | `.npy` | an array | complex | rows and columns only |
-//! | NITF: SICD ([`crate::sicd::SicdFile`]) | a complex image of any program | complex | where its metadata say |
-//! | NITF: SIDD ([`crate::sicd::SiddFile`]) | a detected image | amplitudes, or greys of unknown scale | on its plane |
-//! | TIFF with GeoTIFF keys | a map | complex, amplitudes, or numbers of unknown meaning | on its raster |
+//! | folder with `image.json`, or that file | product of `subap focus` | complex | on its grid |
+//! | the same while tiles are being formed (`image.zarr`) | product in progress | complex, NaN where no tile is formed | on its plan's grid |
+//! | folder of `subap velocity` | velocity plane | complex | rows and columns only |
+//! | Zarr group or array ([`crate::io::zarr`]); `FOLDER:N` is image `N` of several | stack | complex | on its grid, if recorded |
+//! | `.npy` | array | complex | rows and columns only |
+//! | NITF: SICD ([`crate::sicd::SicdFile`]) | complex image from any program | complex | by its metadata |
+//! | NITF: SIDD ([`crate::sicd::SiddFile`]) | detected image | amplitudes, or grey levels of unknown scale | on its plane |
+//! | TIFF with GeoTIFF keys | map | complex, amplitudes, or numbers of unknown meaning | on its raster |
 //!
-//! [`OpenImage::open`] reads headers and metadata; pixels are read part by part ([`crate::image::ImageSource`]).
+//! [`OpenImage::open`] reads headers and metadata; pixels are read in blocks ([`crate::image::ImageSource`]).
 //!
-//! [`Pair::new`] brings two images onto the same pixels by their metadata, or says why it cannot: see [`Pair`].
+//! [`Pair::new`] relates two images to the same pixels by their metadata, or states why it cannot.
 
 mod compare;
 mod geotiff;
@@ -48,10 +48,10 @@ pub use kind::ImageKind;
 pub use open::{OpenError, Reading, product_folder};
 pub use pair::{Pair, PairError};
 
-/// An open image of any format.
+/// Open image of any format.
 #[derive(Debug)]
 pub struct OpenImage {
-    /// As it was named.
+    /// Path as given by the user.
     pub path: PathBuf,
     /// Pixels in their files.
     pub pixels: Pixels,
@@ -59,7 +59,7 @@ pub struct OpenImage {
     pub values: Values,
     /// Position of the pixels.
     pub lies: PixelGeometry,
-    /// The record of a product, `image.json`, or attributes of a Zarr group.
+    /// Record of a product, `image.json`, or attributes of a Zarr group.
     pub record: Option<Value>,
 }
 
@@ -67,11 +67,11 @@ pub struct OpenImage {
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Pixels {
-    /// A product that is whole.
+    /// Product with all its pixels.
     Product(product::Pixels),
-    /// A product in progress.
+    /// Product in progress.
     Unfinished(PartialImage),
-    /// A velocity plane's array.
+    /// Array of a velocity plane.
     Velocity(ImageFile),
     /// Array without metadata.
     Array(ImageFile),
@@ -119,11 +119,11 @@ impl ImageSource for Pixels {
 pub enum Values {
     /// Complex amplitudes with phase.
     Complex,
-    /// Amplitudes: roots of power.
+    /// Amplitudes, square roots of power.
     Amplitudes,
-    /// Amplitudes read of quantised levels, which are limited to these decibels.
+    /// Amplitudes from quantised levels, limited to this range in dB.
     Levels([f64; 2]),
-    /// Numbers or greys of unknown scale.
+    /// Numbers or grey levels of unknown scale.
     Greys,
 }
 
@@ -140,19 +140,19 @@ pub enum PixelGeometry {
         /// Scene frame; `None` if not recorded.
         frame: Option<SceneFrame>,
     },
-    /// Where a SICD's metadata say.
+    /// By the metadata of a SICD.
     Sicd {
-        /// The plane of rows and columns, if the metadata contain one.
+        /// Plane of rows and columns, if the metadata contain one.
         plane: Option<Plane>,
-        /// The projection to the ground, if the metadata contain one, or the reason why not.
+        /// Projection to the ground, or the reason why the metadata define none.
         on_map: Box<Result<SicdOnMap, String>>,
     },
-    /// On a map's raster.
+    /// On the raster of a map.
     Map(Raster),
 }
 
 impl OpenImage {
-    /// The grid and frame of pixels that lie in or over a plane: a product's, and the plane of a SICD or a SIDD.
+    /// Grid and frame of pixels in or over a plane: of a product, a SICD plane or a SIDD.
     pub fn grid(&self) -> Option<(&ImageGrid, Option<SceneFrame>)> {
         match &self.lies {
             PixelGeometry::Grid { grid, frame } => Some((grid, *frame)),
@@ -194,7 +194,7 @@ impl OpenImage {
         }
     }
 
-    /// Whether both images have the same size and the same pixels: grids, frames and rasters are equal where both are known.
+    /// Whether both images have the same size and the same pixels: grids, frames and rasters must be equal where both are known.
     pub fn has_pixels_of(&self, other: &Self) -> bool {
         if let (PixelGeometry::Map(own), PixelGeometry::Map(theirs)) = (&self.lies, &other.lies) {
             return own == theirs;

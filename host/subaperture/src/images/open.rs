@@ -52,38 +52,38 @@ impl Default for Reading {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// A file was not read.
+    /// Error of reading a file.
     #[error(transparent)]
     File(#[from] ReadError),
-    /// It is not an image.
+    /// The path is not an image.
     #[error(
-        "{}: no image: give the folder of a product (with image.json and image.npy), a complex64 array (.npy), a SICD or SIDD, a GeoTIFF, or a Zarr \
+        "{}: expected an image: the folder of a product (with image.json and image.npy), a complex64 array (.npy), a SICD or SIDD, a GeoTIFF, or a Zarr \
          group{found}", path.display()
     )]
     NoImage {
         /// Path of the file.
         path: PathBuf,
-        /// Recognised kind of the file, after a semicolon; empty if unknown.
+        /// Kind of the file found, after a semicolon; empty if unknown.
         found: String,
     },
-    /// It has no pixels.
-    #[error("{}: an image without pixels", path.display())]
+    /// The image has no pixels.
+    #[error("{}: expected an image, found one without pixels", path.display())]
     Empty {
         /// Path of the image.
         path: PathBuf,
     },
-    /// A product was not read.
+    /// Error of reading a product.
     #[error(transparent)]
     Product(#[from] product::ReadError),
-    /// Tiles were not read.
+    /// Error of reading tiles.
     #[error(transparent)]
     Tiles(#[from] StoreError),
-    /// A GeoTIFF was not read.
+    /// Error of reading a GeoTIFF.
     #[error(transparent)]
     Map(#[from] TerrainError),
 }
 
-/// The folder of the product that a path names: a folder itself, or that of its `image.json`.
+/// Folder of the product at a path: the path itself, or the folder of its `image.json`.
 pub fn product_folder(path: &Path) -> Option<&Path> {
     if path.is_dir() {
         return Some(path);
@@ -114,7 +114,7 @@ impl OpenImage {
             let missing = open_file(path).err();
             return Err(match missing {
                 Some(source) => ReadError::io(path)(source).into(),
-                None => no_image(path, "; it is neither a file nor a folder"),
+                None => no_image(path, "; found neither a file nor a folder"),
             });
         }
         let read = open_file(path).and_then(|file| file.take(4).read(&mut start));
@@ -128,7 +128,7 @@ impl OpenImage {
         }
     }
 
-    /// Whether the first bytes at a path are those of an image. Pixels and metadata may still be damaged.
+    /// Whether the first bytes of a file identify an image. Pixels and metadata may still be damaged.
     pub fn is_image(path: &Path) -> bool {
         if path.is_dir() {
             return [RECORD, tiles::NAME]
@@ -182,7 +182,7 @@ fn of_folder(
         };
     }
     if zarr::is_zarr(folder) {
-        // The path names the tile store of a product.
+        // The path is the tile store of a product.
         let product_of = folder
             .parent()
             .filter(|_| folder.join("plan.json").exists());
@@ -197,17 +197,17 @@ fn of_folder(
         Some(store) => Ok(unfinished(path, store)),
         None => Err(no_image(
             path,
-            "; a product is a folder with image.json and image.npy, and this one holds no image.json, no image.zarr and no zarr.json",
+            "; a product is a folder with image.json and image.npy, found a folder without image.json, image.zarr and zarr.json",
         )),
     }
 }
 
-/// A record's text, parsed.
+/// Parsed text of a record.
 fn record_of(path: &Path) -> Option<Value> {
     json::value(open_file(path).ok()?, RECORD_LIMITS).ok()
 }
 
-/// The schema of a record, whatever its size.
+/// Schema of a record of any size.
 fn schema(path: &Path) -> Option<String> {
     #[derive(Deserialize)]
     struct Keys {
@@ -291,7 +291,7 @@ fn zarr_image(path: &Path, folder: &Path, layer: Option<usize>) -> Result<OpenIm
     })
 }
 
-/// Meaning of a group's values. Default: complex.
+/// Meaning of the values of a group. Default: complex.
 fn values_of(attributes: &Value) -> Values {
     let about = &attributes["values"];
     let level = |i: usize| about["levels_db"][i].as_f64();
@@ -368,7 +368,7 @@ fn map(path: &Path, reading: &Reading) -> Result<OpenImage, OpenError> {
 }
 
 impl OpenImage {
-    /// A grid of rows and columns, for an image whose pixels have no other place.
+    /// Grid of rows and columns, for an image without pixel positions.
     pub fn pixel_grid(&self) -> ImageGrid {
         let (rows, columns) = self.pixels.size();
         let axis = |count| Axis {
@@ -379,7 +379,7 @@ impl OpenImage {
         ImageGrid::horizontal(axis(columns), axis(rows), 0.0)
     }
 
-    /// Whether rows count downwards as the image is shown: those of files of other programs, and of maps.
+    /// Whether rows are numbered downwards in display: in SICD, SIDD and maps.
     pub fn rows_down(&self) -> bool {
         matches!(
             self.pixels,
@@ -387,7 +387,7 @@ impl OpenImage {
         )
     }
 
-    /// The folder of a product, or of one in progress.
+    /// Folder of a product, complete or in progress.
     pub fn folder(&self) -> Option<&Path> {
         match self.pixels {
             Pixels::Product(_) | Pixels::Velocity(_) | Pixels::Unfinished(_) => {

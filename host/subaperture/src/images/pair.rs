@@ -1,4 +1,4 @@
-//! Two images brought onto the same pixels by their metadata.
+//! Pairs of images on common pixels.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,38 +12,38 @@ use super::views::Amplitudes;
 ///
 /// | images | pixels | values |
 /// |---|---|---|
-/// | grids of the same points, perhaps turned by quarters, mirrored, or one a part of the other | the reference's, exactly | complex |
-/// | products whose grids lie on one surface | the reference's; the image is resampled, with an error below -60 dB as a rule ([`Resampled`](subaperture_maps::Resampled)) | complex |
+/// | grids of the same points, perhaps rotated by 90 degrees, mirrored, or one a part of the other | the reference's, exactly | complex |
+/// | products on grids of the same surface | the reference's; the image is resampled, with an error below -60 dB as a rule ([`Resampled`](subaperture_maps::Resampled)) | complex |
 /// | a complex image and a map | the map's; the complex image is projected ([`Ortho`](subaperture_maps::Ortho)) | as the map's |
 /// | a SICD and an image on other pixels | the reference's; the image is resampled | amplitudes, because phases refer to different pixels |
-/// | a detected image and a complex one | the detected image's | amplitudes, within the levels of the detected image |
-/// | an image without metadata, and any other | by rows and columns, if sizes are equal: this is stated | complex |
+/// | a detected and a complex image | the detected image's | amplitudes, limited to the levels of the detected image |
+/// | an image without metadata, and any other | by rows and columns, if sizes are equal; a note says so | complex |
 ///
-/// Everything else is refused ([`PairError`]). A pixel that one of the images does not have is NaN.
+/// All other pairs are refused ([`PairError`]). Pixels missing in one of the images are NaN.
 #[derive(Debug)]
 pub struct Pair<'a> {
     /// Image, on the common pixels.
     pub image: Box<dyn ImageSource + 'a>,
-    /// Reference image, of the same size.
+    /// Reference, of the same size.
     pub reference: Box<dyn ImageSource + 'a>,
-    /// Whether values are complex; they are amplitudes otherwise.
+    /// Whether values are complex; amplitudes otherwise.
     pub complex: bool,
-    /// Whether both images have every pixel.
+    /// Whether both images contain every pixel.
     pub whole: bool,
     /// Processing steps and assumptions, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Why two images have no pixels in common that can be compared.
+/// Error of relating two images to common pixels.
 #[derive(Debug, thiserror::Error)]
-#[error("{} and {} {what}", image.display(), reference.display())]
+#[error("{} and {} {reason}", image.display(), reference.display())]
 pub struct PairError {
     /// Path of the image.
     pub image: PathBuf,
     /// Path of the reference.
     pub reference: PathBuf,
     /// Reason, with a remedy.
-    pub what: String,
+    pub reason: String,
     /// Whether georeferencing a scene's origin ([`super::OpenImage::placed`]) would help.
     pub unplaced: bool,
 }
@@ -70,7 +70,7 @@ impl<'a> Pair<'a> {
         self
     }
 
-    /// Takes amplitudes where one of both is detected.
+    /// Use amplitudes if either image is detected.
     pub(super) fn detect(&mut self, image: Values, reference: Values) -> Result<(), String> {
         let mut levels_db = None;
         for values in [image, reference] {
@@ -84,7 +84,7 @@ impl<'a> Pair<'a> {
                 }
                 Values::Greys => {
                     return Err(
-                        "cannot be compared: the greys of one of them have no stated scale, so that they are no amplitudes"
+                        "cannot be compared: the grey levels of one have no stated scale, so that amplitudes are unknown"
                             .to_owned(),
                     );
                 }

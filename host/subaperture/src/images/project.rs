@@ -1,4 +1,4 @@
-//! A complex image on the raster of a map.
+//! Projection of a complex image onto the raster of a map.
 
 use subaperture_maps::{MapError, Ortho, Raster, Source};
 use subaperture_model::resolution::support::Looks;
@@ -6,7 +6,7 @@ use subaperture_model::resolution::support::Looks;
 use super::views::OnRaster;
 use super::{OpenImage, PixelGeometry, Pixels, Values};
 
-/// A complex image on a map's raster, and notes of it. Values are complex where the map's are and the image is a product; else amplitudes.
+/// Project a complex image onto a map's raster, with notes. Values are complex if the map's are and the image is a product; else amplitudes.
 pub(super) fn project<'a>(
     image: &'a OpenImage,
     looks: Option<&'a Looks>,
@@ -15,12 +15,12 @@ pub(super) fn project<'a>(
 ) -> Result<(OnRaster<'a>, Vec<String>), String> {
     refuse_partial(image)?;
     if is_detected(image) {
-        return Err("are detected images on different pixels: compare with the complex images that they are of".to_owned());
+        return Err("are detected images on different pixels: compare the complex images from which they were made".to_owned());
     }
     let mut notes = Vec::new();
     let mut raster = *raster;
     if values == Values::Complex {
-        // Complex values of a map are those at the middles of its pixels, and not means.
+        // Complex map values are samples at the pixel centres, not means.
         raster.pixel_m = 0.0;
     }
     let (ortho, complex) = match &image.lies {
@@ -65,7 +65,7 @@ pub(super) fn project<'a>(
     );
     if ortho.averaged() > 1 {
         notes.push(format!(
-            "a map's pixel is the root of the mean of {} powers of {}",
+            "a map pixel is the root mean square of {} values of {}",
             ortho.averaged(),
             image.path.display()
         ));
@@ -73,10 +73,10 @@ pub(super) fn project<'a>(
     Ok((OnRaster { ortho, complex }, notes))
 }
 
-/// That an image is tied to no place on the Earth.
+/// Reason why an image without georeference cannot be related.
 pub(super) fn unplaced(image: &OpenImage) -> String {
     format!(
-        "cannot be related: {} is tied to no place on the Earth; state where its scene's origin is",
+        "cannot be related: {} has no position on the Earth; give the position of its scene's origin",
         image.path.display()
     )
 }
@@ -88,7 +88,7 @@ pub(super) fn is_detected(image: &OpenImage) -> bool {
 pub(super) fn refuse_partial(image: &OpenImage) -> Result<(), String> {
     match &image.pixels {
         Pixels::Unfinished(_) => Err(format!(
-            "are on different grids, and {} is not whole: form it to its end first",
+            "are on different grids, and {} is incomplete: finish it first",
             image.path.display()
         )),
         _ => Ok(()),

@@ -1,4 +1,4 @@
-//! How the pixels of two images are related: the strategies of [`super::Pair`], the exact ones first.
+//! Strategies that relate the pixels of two images for [`super::Pair`], exact ones first.
 
 use subaperture_maps::{MapError, PixelPositions, ProjectionModel, Raster, Resampled, Source};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
@@ -13,17 +13,17 @@ use super::views::Finite;
 use super::{OpenImage, PixelGeometry, Pixels};
 use crate::on_map::SicdOnMap;
 
-/// Pixels may lie so far off the other image's surface, in wavelengths, while complex values are compared: a phase of `4 pi` times it, 1e-3 rad.
+/// Maximum distance of pixels from the other image's surface for complex comparison, wavelengths: a phase of `4 pi` times it, 1e-3 rad.
 const OFF_WAVELENGTHS: f64 = 8e-5;
-/// The same in pixels while amplitudes are compared.
+/// Maximum distance for the comparison of amplitudes, pixels.
 const OFF_PIXELS: f64 = 0.5;
-/// Shares of a pixel within which pixels of two rasters, or of two SICDs, are the same.
+/// Tolerance within which pixels of two rasters, or of two SICDs, are the same, pixels.
 const SAME_PIXELS: f64 = 1e-3;
 
 type Found<'a> = Result<Pair<'a>, String>;
 
 impl<'a> Pair<'a> {
-    /// Brings an image onto the pixels of a reference; `looks` are those of both ([`OpenImage::looks`]), which resampling needs.
+    /// Relate an image to the pixels of a reference; `looks` are those of both ([`OpenImage::looks`]), needed for resampling.
     ///
     /// # Errors
     /// [`PairError`].
@@ -32,10 +32,10 @@ impl<'a> Pair<'a> {
         reference: &'a OpenImage,
         looks: [Option<&'a Looks>; 2],
     ) -> Result<Self, PairError> {
-        let wrong = |what: String| PairError {
+        let wrong = |reason: String| PairError {
             image: image.path.clone(),
             reference: reference.path.clone(),
-            what,
+            reason,
             unplaced: image.is_unplaced() != reference.is_unplaced(),
         };
         let of = Both {
@@ -49,7 +49,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// Both images, while they are brought together.
+/// Pair of images to be related.
 #[derive(Clone, Copy)]
 struct Both<'a> {
     image: &'a OpenImage,
@@ -93,14 +93,14 @@ impl<'a> Both<'a> {
         self.image.pixels.size() == self.reference.pixels.size()
     }
 
-    /// Pixel by pixel, as both are.
-    fn as_they_are(self) -> Pair<'a> {
+    /// Pixel by pixel, both images unchanged.
+    fn unchanged(self) -> Pair<'a> {
         let partial = [self.image, self.reference]
             .iter()
             .any(|image| is_partial(image));
         let pair = match partial {
             true => Pair::of(checked(self.image), checked(self.reference)),
-            // The comparison reports a value that is not finite.
+            // Non-finite values are reported by the comparison.
             false => Pair::of(&self.image.pixels, &self.reference.pixels),
         };
         Pair {
@@ -114,7 +114,7 @@ impl<'a> Both<'a> {
         let without = |image: &OpenImage| matches!(image.lies, PixelGeometry::Pixels);
         let is_velocity = |image: &OpenImage| matches!(image.pixels, Pixels::Velocity(_));
         if is_velocity(self.image) && is_velocity(self.reference) {
-            return Ok(self.as_they_are());
+            return Ok(self.unchanged());
         }
         let names: Vec<String> = [self.image, self.reference]
             .into_iter()
@@ -125,11 +125,11 @@ impl<'a> Both<'a> {
         if !self.same_size() {
             let (a, b) = (self.image.pixels.size(), self.reference.pixels.size());
             return Err(format!(
-                "have different size: {} rows x {} columns and {} x {}; {names} has no metadata to relate its pixels to the other's; form both on one grid",
+                "differ in size: {} rows x {} columns and {} x {}; {names} has no metadata to relate its pixels to the other's; form both on one grid",
                 a.0, a.1, b.0, b.1
             ));
         }
-        Ok(self.as_they_are().noting(format!(
+        Ok(self.unchanged().noting(format!(
             "{names} has no metadata: pixels are compared by row and column alone"
         )))
     }
@@ -166,13 +166,13 @@ impl<'a> Both<'a> {
                 match same {
                     true => Ok(()),
                     false => Err(
-                        "are planes of other velocities, or of another place: form both with the same"
+                        "are velocity planes of different velocities or positions: form both with the same"
                             .to_owned(),
                     ),
                 }
             }
             [Some(_), None] | [None, Some(_)] if any_placed => Err(
-                "cannot be compared: one has velocities along its axes, and the other places"
+                "cannot be compared: the axes of one are velocities, those of the other positions"
                     .to_owned(),
             ),
             _ => Ok(()),
@@ -189,15 +189,15 @@ impl<'a> Both<'a> {
                 near(own.step[i] * count, theirs.step[i] * count, own.step[i])
             });
         match same && self.same_size() {
-            true => Ok(self.as_they_are()),
+            true => Ok(self.unchanged()),
             false => Err(
-                "are maps on different rasters: export both with one pixel size and projection, or compare with the complex images that they are of"
+                "are maps on different rasters: export both with the same pixel size and projection, or compare the complex images from which they were made"
                     .to_owned(),
             ),
         }
     }
 
-    /// Pixels in planes, on surfaces, or where a SICD's metadata say.
+    /// Relate pixels in planes, on surfaces, or by a SICD's metadata.
     fn in_space(self) -> Found<'a> {
         let (Some((own, own_frame)), Some((theirs, their_frame))) =
             (self.image.grid(), self.reference.grid())
@@ -216,7 +216,7 @@ impl<'a> Both<'a> {
                     self.reference
                 };
                 assumed = Some(format!(
-                    "the scene frame of {} is not recorded yet: it is taken to be that of the other image",
+                    "the scene frame of {} is not recorded yet: that of the other image is assumed",
                     unknown.path.display()
                 ));
                 (known, known)
@@ -234,26 +234,26 @@ impl<'a> Both<'a> {
                 self.reference
             };
             return match own == theirs {
-                true => Ok(self.as_they_are().noting(format!(
-                    "{} is tied to no place on the Earth: its scene frame is taken to be the other's, because grids are equal",
+                true => Ok(self.unchanged().noting(format!(
+                    "{} has no position on the Earth: the scene frame of the other image is assumed, because the grids are equal",
                     local.path.display()
                 ))),
                 false => Err(unplaced(local)),
             };
         }
         if own == theirs && own_frame.agrees_with(&their_frame) {
-            return Ok(noted(self.as_they_are()));
+            return Ok(noted(self.unchanged()));
         }
         let lattice = Lattice::of((own, &own_frame), (theirs, &their_frame));
         if let Some(lattice) = lattice.filter(|_| self.is_plane()) {
             return Ok(noted(self.on_lattice(lattice)));
         }
-        // A detected image is not resampled: the other one is.
+        // The complex image is resampled, never the detected one.
         let own_side = !is_detected(self.image);
         let points = match own_side {
             true => self.on_points((own, own_frame), (theirs, their_frame)),
             false if is_detected(self.reference) => {
-                return Err("are detected images on different pixels: compare with the complex images that they are of".to_owned());
+                return Err("are detected images on different pixels: compare the complex images from which they were made".to_owned());
             }
             false => self
                 .swapped()
@@ -275,7 +275,7 @@ impl<'a> Both<'a> {
         }
     }
 
-    /// Whether pixels of both are the points of their planes, or both are projected alike.
+    /// Whether pixels of both are points of their planes, or both use the same projection.
     fn is_plane(self) -> bool {
         match (sicd(self.image), sicd(self.reference)) {
             (None, None) => true,
@@ -305,7 +305,7 @@ impl<'a> Both<'a> {
 
     fn on_lattice(self, lattice: Lattice) -> Pair<'a> {
         if lattice == Lattice::SAME && self.same_size() {
-            return self.as_they_are();
+            return self.unchanged();
         }
         let size = self.reference.pixels.size();
         let image = OnLattice {
@@ -324,7 +324,7 @@ impl<'a> Both<'a> {
         }
     }
 
-    /// The image read at the points of the reference's grid, which has to lie on the image's surface.
+    /// Resample the image at the points of the reference's grid, which must lie on the image's surface.
     fn on_points(
         self,
         (own, own_frame): (&'a ImageGrid, SceneFrame),
@@ -390,7 +390,7 @@ impl<'a> Both<'a> {
             None => Err("show different places: no pixel of one lies on the other".to_owned()),
             Some(off_m) if off_m <= most_m => Ok(()),
             Some(off_m) => Err(format!(
-                "lie on different surfaces, up to {} apart, and {} is allowed: form both on one surface",
+                "lie on different surfaces, up to {} apart; at most {} is allowed: form both on one surface",
                 quantity::metres(off_m),
                 quantity::metres(most_m)
             )),
@@ -400,7 +400,7 @@ impl<'a> Both<'a> {
     /// Relate by ground position, where one image is a SICD. `why` is the reason why no more exact strategy applied.
     fn on_ground(self, why: Option<String>) -> Found<'a> {
         let why = why.unwrap_or_else(|| {
-            "cannot be related: their metadata do not place pixels of one on the other".to_owned()
+            "cannot be related: their metadata do not locate pixels of one on the other".to_owned()
         });
         let reason = |image: &OpenImage| match &image.lies {
             PixelGeometry::Sicd { on_map, .. } => match &**on_map {
@@ -462,7 +462,7 @@ impl<'a> Both<'a> {
             .amplitudes("amplitudes are compared: phases refer to different pixels"))
     }
 
-    /// Whether a grid lies at the height at which a SICD's pixels are taken to stand.
+    /// Check that a grid lies at the height assumed for a SICD's pixels.
     fn check_heights(
         self,
         on_map: &SicdOnMap,
@@ -487,7 +487,7 @@ impl<'a> Both<'a> {
         match off_m <= most_m {
             true => Ok(()),
             false => Err(format!(
-                "lie on different surfaces: pixels are up to {} above or below those of the SICD, and {} is allowed: form the image on the SICD's plane or at its height",
+                "lie on different surfaces: pixels are up to {} above or below those of the SICD; at most {} is allowed: form the image on the SICD's plane or at its height",
                 quantity::metres(off_m),
                 quantity::metres(most_m)
             )),
@@ -510,7 +510,7 @@ fn sicd(image: &OpenImage) -> Option<&SicdOnMap> {
     }
 }
 
-/// Whether pixels without a value are no fault of the image.
+/// Whether pixels may legitimately have no value.
 fn is_partial(image: &OpenImage) -> bool {
     match &image.pixels {
         Pixels::Unfinished(_) | Pixels::Map(_) => true,
@@ -519,7 +519,7 @@ fn is_partial(image: &OpenImage) -> bool {
     }
 }
 
-/// Pixels that have to be finite, but where an image is partial.
+/// Pixels that must be finite, except in a partial image.
 fn checked(image: &OpenImage) -> Box<dyn ImageSource + '_> {
     match is_partial(image) {
         true => Box::new(&image.pixels),

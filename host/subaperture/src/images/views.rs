@@ -1,4 +1,4 @@
-//! Views of pixels that pairs of images need: finite values only, amplitudes, a map's raster.
+//! Views of pixels for pairs of images: finite values, amplitudes, the raster of a map.
 
 use num_complex::Complex32;
 
@@ -7,7 +7,7 @@ use subaperture_model::image::{
     Image, ImageSource, ImageSourceError, PixelBlock, PixelBlocks, blocks, power,
 };
 
-/// Pixels that have to be finite: a value that is not is an error, and not a place without a value.
+/// Pixels that must be finite: other values are errors, not missing pixels.
 #[derive(Debug)]
 pub(crate) struct Finite<'a> {
     pub(crate) pixels: &'a dyn ImageSource,
@@ -28,7 +28,7 @@ impl ImageSource for Finite<'_> {
         match window.pixels.iter().position(|z| !z.is_finite()) {
             None => Ok(window),
             Some(i) => Err(format!(
-                "{}: the value at row {}, column {} is not finite",
+                "{}: expected finite values, found another at row {}, column {}",
                 self.name,
                 place[0].start + i / window.columns,
                 place[1].start + i % window.columns
@@ -38,7 +38,7 @@ impl ImageSource for Finite<'_> {
     }
 }
 
-/// Amplitudes of pixels, limited to levels in decibels if any are given.
+/// Amplitudes of pixels, optionally limited to a range of levels in dB.
 #[derive(Debug)]
 pub(crate) struct Amplitudes<'a> {
     pub(crate) pixels: Box<dyn ImageSource + 'a>,
@@ -62,7 +62,7 @@ impl ImageSource for Amplitudes<'_> {
         for z in &mut window.pixels {
             let amplitude = power(*z).sqrt();
             let amplitude = match limits {
-                // Not a number stays so.
+                // NaN remains NaN.
                 Some([low, high]) if amplitude.is_finite() => amplitude.clamp(low, high),
                 _ => amplitude,
             };
@@ -72,7 +72,7 @@ impl ImageSource for Amplitudes<'_> {
     }
 }
 
-/// An image on a map's raster: complex values, or roots of mean power.
+/// Image on the raster of a map: complex values, or roots of mean power.
 #[derive(Debug)]
 pub(crate) struct OnRaster<'a> {
     pub(crate) ortho: Ortho<'a>,

@@ -9,11 +9,13 @@
 //! own antenna position. A sweep is omitted and counted if it is incomplete, outside the track's time, or would exceed the error bound:
 //! long sweeps of a fast radar exceed float32 precision.
 //!
-//! Without a given track, the track is estimated from the echoes ([`BodyMotion::Echoes`], [`targets::live`](crate::targets::live)). A sweep is then imaged once its position is estimated,
+//! Without a given track, the track is estimated from the echoes ([`BodyMotion::Echoes`], [`targets::live`](crate::targets::live)). A sweep is then
+//! imaged once its position is estimated,
 //! about twenty sweeps later, in the initial axes of the body. Imaged sweeps are not revised, so the image is slightly less sharp than that of
 //! [`recover`](crate::targets::recover()) on the complete recording.
 //!
-//! Cost: one push per sweep and receiver. Memory: [`Live::held_bytes`], one pulse, and the waiting sweeps. `tests/cli/live.rs` compares the image with that of the recording.
+//! Cost: one push per sweep and receiver. Memory: [`Live::held_bytes`], one pulse, and the waiting sweeps. `tests/cli/live.rs` compares the image
+//! with that of the recording.
 
 mod walk;
 
@@ -53,7 +55,7 @@ pub enum BodyMotion {
     Echoes(Echoes),
 }
 
-/// A way, with the antennas on the body that it is of.
+/// Track with the antennas on the body it describes.
 enum Places {
     Known(Track, Antennas),
     Found(Box<Walk>),
@@ -63,7 +65,7 @@ enum Places {
 #[derive(Debug)]
 pub struct CaptureGeometry {
     /// Motion of the body that carries the antennas.
-    pub way: BodyMotion,
+    pub motion: BodyMotion,
     /// Positions of the antennas on the body.
     pub antennas: Antennas,
     /// Position to which phases are referred, metres; `None` for the grid's centre.
@@ -75,17 +77,17 @@ pub struct CaptureGeometry {
 }
 
 impl Imaging {
-    /// An image of no sweeps yet, of sweeps of some carriers.
+    /// Start an image without sweeps, for sweeps of `carriers` frequencies.
     ///
     /// # Errors
-    /// No pixels or carriers; more memory than the settings allow; places that are no numbers.
+    /// No pixels or carriers; more memory than the settings allow; positions that are not finite.
     pub fn new(
         grid: &ImageGrid,
         num_carriers: usize,
         place: CaptureGeometry,
         settings: &Settings,
     ) -> Result<Self, ImagingError> {
-        // Pulses of as many receivers as there are.
+        // One pulse per receiver.
         let mut settings = *settings;
         settings.last_pulses = settings
             .last_pulses
@@ -96,10 +98,10 @@ impl Imaging {
             .reference_m
             .unwrap_or_else(|| grid.position_m(rows / 2, columns / 2));
         if !(place.antennas.is_finite() && reference_m.is_finite()) {
-            let what = "places of antennas and the reference point are finite numbers";
-            return Err(HistoryError::Track(what.to_owned()).into());
+            let fault = "expected finite positions of antennas and reference point";
+            return Err(HistoryError::Track(fault.to_owned()).into());
         }
-        let places = match place.way {
+        let places = match place.motion {
             BodyMotion::Track(track) => Places::Known(track, place.antennas),
             BodyMotion::Echoes(echoes) => {
                 let (receivers, reach_m) = (place.receivers, place.reach_m);
@@ -120,11 +122,15 @@ impl Imaging {
         })
     }
 
-    /// Add a sweep, or queue it until its position is known. An unusable sweep, or one that would exceed the error bound, is counted as omitted and leaves the image unchanged.
+    /// Add a sweep, or queue it until its position is known. An unusable sweep, or one that would exceed the error bound, is counted as omitted and
+    /// leaves the image unchanged.
     pub fn take(&mut self, sweep: &LiveSweep) {
         if sweep.receivers.is_empty() {
             let why = sweep.why.clone();
-            self.leave_out(1, why.unwrap_or_else(|| "too little of it came".to_owned()));
+            self.leave_out(
+                1,
+                why.unwrap_or_else(|| "the sweep is incomplete".to_owned()),
+            );
             return;
         }
         match &mut self.places {
@@ -172,7 +178,7 @@ impl Imaging {
         }
     }
 
-    /// Images the sweeps whose place is known by now.
+    /// Image the sweeps whose positions are known.
     fn image_known(&mut self, no_more_come: bool) {
         let Places::Found(walk) = &mut self.places else {
             return;
@@ -265,10 +271,10 @@ impl Imaging {
     }
 }
 
-/// Why a sweep has no place.
-const NO_PLACE: &str = "its echoes do not tell where it was taken: two targets at the least have to be seen, in different directions";
+/// Reason for leaving out a sweep without a position.
+const NO_PLACE: &str = "its position cannot be estimated: expected at least two detected targets in different directions";
 
-/// Adds a sweep of some receivers.
+/// Add a sweep of all receivers.
 fn push(
     live: &mut Live,
     placement: &Placement,
@@ -281,14 +287,14 @@ fn push(
         .map(|(&receiver, sweep)| placement.pulse(sweep, receiver, reach_m))
         .collect();
     let pulses = pulses.map_err(|error| error.to_string())?;
-    // Receivers are alike: what refuses one refuses the first.
+    // A sweep refused for one receiver is refused for the first, because all have the same geometry.
     pulses
         .iter()
         .try_for_each(|(pulse, samples)| live.push(pulse, samples))
         .map_err(|error| error.to_string())
 }
 
-/// The part of the scene that a grid's corners enclose; none of a polar one, whose edges are no straight lines.
+/// Extent enclosed by the corners of a grid; `None` for a polar grid, whose edges are curved.
 fn extent(grid: &ImageGrid) -> Option<Extent> {
     if grid.polar {
         return None;
@@ -316,13 +322,13 @@ fn extent(grid: &ImageGrid) -> Option<Extent> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImagingError {
-    /// The image.
+    /// Error of the image.
     #[error(transparent)]
     Live(#[from] LiveError),
-    /// Where the antennas are.
+    /// Error of the antenna positions.
     #[error(transparent)]
     Place(#[from] HistoryError),
-    /// Their way is not to be found of what they hear.
+    /// Error of the track estimation from echoes.
     #[error(transparent)]
     BodyMotion(#[from] TargetsError),
 }

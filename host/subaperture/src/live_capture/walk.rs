@@ -1,4 +1,4 @@
-//! Sweeps whose place is told by their echoes, a while after they came.
+//! Queue of sweeps whose positions are estimated from their echoes with a delay.
 
 use std::collections::VecDeque;
 
@@ -14,20 +14,20 @@ use subaperture_radio::Antennas;
 use subaperture_radio::history::{HistoryError, Placement, Track};
 use subaperture_radio::profile::Sweep;
 
-/// How a body's way is found of what its antennas hear.
+/// Settings of track estimation from the echoes.
 #[derive(Clone, Debug)]
 pub struct Echoes {
-    /// Frequencies of a sweep, the tone's part included.
+    /// Frequencies of a sweep, including the offset of the tone.
     pub band: Band,
-    /// How targets are found.
+    /// Settings of target detection.
     pub settings: Settings,
-    /// Where the body is at first, metres; its axes are the scene's then.
+    /// Initial position of the body, metres; its initial axes are the scene's.
     pub start_m: DVec3,
 }
 
 impl Echoes {
-    /// As it suits a stepped-carrier radar that hears no farther than `reach_m`: such a profile has some tens of cells, in which training cells are few and up to half of them
-    /// may be other targets; what is nearer than three cells is the leakage's.
+    /// Settings for a stepped-frequency radar with a maximum range of `reach_m`. Its range profiles have tens of cells: training cells are few and up to half of them
+    /// may contain other targets; the first three cells contain leakage.
     pub fn new(band: Band, reach_m: f64, start_m: DVec3) -> Self {
         let cell_m = 0.5 * SPEED_OF_LIGHT_M_S / band.bandwidth_hz();
         let settings = Settings {
@@ -48,30 +48,30 @@ impl Echoes {
     }
 }
 
-/// A way that is found of echoes, as far as it is known.
+/// Track estimated from the echoes so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoTrack {
-    /// From place to place, metres.
+    /// Length of the estimated track, metres.
     pub length_m: f64,
-    /// Sweeps that wait for their place.
+    /// Number of sweeps queued without a position.
     pub waiting: u64,
-    /// How well it goes.
+    /// Quality of the estimate.
     pub going: Going,
 }
 
-/// Sweeps that may wait for a place beside those that are within the lag: what nothing is seen in has none until something is.
+/// Maximum number of sweeps queued beyond the estimation lag. Sweeps without detected targets have no position until targets are detected.
 const MAX_BLIND: usize = 64;
-/// Fixes that a track is laid through: what is farther off moves a spline by less than a part in a thousand of its knot for every five.
+/// Number of fixes interpolated: a spline's dependence on a knot falls by a factor of a thousand for every five knots.
 const FIXES: usize = 48;
 
-/// A way that is found of echoes, and sweeps that wait for it.
+/// Track estimation with the queue of sweeps.
 pub(super) struct Walk {
     live: Live,
-    /// As the plan has them, and as they are on the body that is located.
+    /// Antennas of the plan, and on the located body.
     antennas: [Antennas; 2],
     receivers: &'static [usize],
     start_m: DVec3,
-    /// Metres in the body's axes at first.
+    /// Reference point in the initial axes of the body, metres.
     reference_m: DVec3,
     reach_m: f64,
     waiting: VecDeque<Waiting>,
@@ -80,7 +80,6 @@ pub(super) struct Walk {
     length_m: f64,
 }
 
-/// A sweep that waits.
 struct Waiting {
     pulse: usize,
     time_s: f64,
@@ -88,7 +87,7 @@ struct Waiting {
     of_receivers: Vec<Sweep>,
 }
 
-/// Sweeps whose place is known by now.
+/// Sweeps whose positions are known.
 pub(super) struct Known {
     pub(super) track: Track,
     pub(super) sweeps: Vec<Vec<Sweep>>,
@@ -121,7 +120,7 @@ impl Walk {
         let first: Vec<Pulse> = receivers.iter().map(first).collect();
         let live = Live::new(&first, echoes.band.count, &echoes.settings)?;
         let own = live.arrangement();
-        // An array has two receivers at the least, so these are both of the radio's, in their order.
+        // An array needs at least two receivers, so these are both receivers of the radio in order.
         let located = Antennas {
             transmitter_m: own.transmitters_m[0],
             receivers_m: [0, 1].map(|i| own.receivers_m[own.of_channels[i][1]]),
@@ -140,12 +139,12 @@ impl Walk {
         })
     }
 
-    /// Where the antennas are on the body that the tracks of [`Known`] are of.
+    /// Antennas on the body that the tracks of [`Known`] describe.
     pub(super) fn antennas(&self) -> Antennas {
         self.antennas[1]
     }
 
-    /// The way as far as it is known.
+    /// Track estimated so far.
     pub(super) fn found(&self) -> EchoTrack {
         EchoTrack {
             length_m: self.length_m,
@@ -154,7 +153,7 @@ impl Walk {
         }
     }
 
-    /// Takes a sweep; how many are given up, for nothing has told their place for too long.
+    /// Queue a sweep. Returns the number of sweeps given up because they had no position for too long.
     pub(super) fn take(&mut self, of_receivers: &[Sweep]) -> Result<u64, HistoryError> {
         let standing = Placement {
             track: None,
@@ -185,7 +184,7 @@ impl Walk {
         Ok(given_up as u64)
     }
 
-    /// What waits still, when no more come.
+    /// Finish the estimation at the end of the capture.
     pub(super) fn finish(&mut self) {
         for located in self.live.finish() {
             self.learn(located.pulse, located.position_m, located.attitude);
@@ -212,7 +211,7 @@ impl Walk {
         }
     }
 
-    /// Sweeps that end before the last fix but one, before the last if no more come: beyond it a spline still moves.
+    /// Sweeps that end before the last fix but one (at the end of the capture, the last): later parts of a spline may still change.
     pub(super) fn known(&mut self, no_more_come: bool) -> Result<Option<Known>, HistoryError> {
         let beyond = if no_more_come { 1 } else { 2 };
         let until = self.fixes.len().checked_sub(beyond);
@@ -237,7 +236,7 @@ impl Walk {
         Ok(Some(Known { track, sweeps }))
     }
 
-    /// Lets go of all that waits: how many sweeps that is.
+    /// Discard the queue. Returns the number of sweeps discarded.
     pub(super) fn give_up(&mut self) -> u64 {
         self.waiting.drain(..).count() as u64
     }

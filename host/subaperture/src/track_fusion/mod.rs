@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! Recovered::steps ── increments, as independent ──┐
-//! Navigation::of_recording, of_logs ── positions,  ├─> navigation::fusion ──> OneTrack: fixes, and how well the two agree
-//!                       inertial moments ──────────┘
+//! Navigation::of_recording, of_logs ── positions,  ├─> navigation::fusion ──> FusedTrack: fixes, and the agreement of the two
+//!                       inertial samples ──────────┘
 //! ```
 //!
 //! **Frame**: the recording's scene, z up; the radar must move in a horizontal plane. **Times**: the recording's.
@@ -17,7 +17,7 @@
 
 mod navigation;
 
-pub use navigation::{About, Navigation, NoNavigation, Source};
+pub use navigation::{About, Navigation, Source, UnusableLog};
 
 use glam::{DMat3, DVec3};
 use subaperture_model::monitor::Monitor;
@@ -27,10 +27,10 @@ use subaperture_navigation::fusion::{
     Assumed, Fused, FusionError, Increment, Inputs, Measured, Model, Sample, fuse,
 };
 
-/// Squares of errors over what is stated of them from which on two sources disagree.
-const DISAGREE: f64 = 2.0;
-/// Of a wavelength: navigation that is off the echoes by more would not focus an image by itself.
-const FOCUSED: f64 = 0.125;
+/// Ratio of squared residuals to stated variances above which two sources disagree.
+const MAX_AGREEING_RATIO: f64 = 2.0;
+/// Maximum navigation error for a focused image, wavelengths.
+const MAX_FOCUSED_WAVELENGTHS: f64 = 0.125;
 
 /// Fused track, with the contribution of each source.
 pub struct FusedTrack {
@@ -54,7 +54,7 @@ pub struct FusedTrack {
 pub enum TrackFusionError {
     /// Echoes and navigation disagree, and neither is consistent by itself.
     #[error(
-        "neither can be trusted: echoes are off their own track by {echoes:.1} times their noise, and navigation is off the echoes by {navigation}"
+        "echoes and navigation are both inconsistent: residuals of the echo track are {echoes:.1} times their noise, and navigation deviates from the echoes by {navigation}"
     )]
     Neither {
         /// Square root of chi-square divided by its expectation.
@@ -64,21 +64,23 @@ pub enum TrackFusionError {
     },
     /// The echoes are consistent, but no track fits them and the navigation.
     #[error(
-        "echoes and navigation contradict each other ({0}): times, lever arm or axes of the navigation may not be the recording's"
+        "echoes and navigation contradict each other ({0}): check the start time, lever arm and axes of the navigation"
     )]
     Contradict(FusionError),
     /// Invalid values in a log or the echoes, or no absolute position.
     #[error("no track can be computed: {0}")]
     Unfit(FusionError),
     /// The radar does not move in a horizontal plane.
-    #[error("the array is not level: a track of both is found where the radar moves level")]
+    #[error(
+        "expected an array that moves in a horizontal plane, found a tilted one: echoes and navigation cannot be fused"
+    )]
     Tilted,
     /// The computation was cancelled.
     #[error("cancelled")]
     Cancelled,
 }
 
-/// Known mounting of the sensors.
+/// Mounting of the navigation sensors on the radar.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mounting {
     /// Lever arm from the centre of the radar's antennas to the navigation antenna, in the radar's axes, metres.
@@ -127,34 +129,34 @@ impl FusedTrack {
                 navigation: format!("more than any track explains: {error}"),
             },
         };
-        let mut found_of_both = fused(navigation).map_err(contradicted)?;
+        let mut fused_track = fused(navigation).map_err(contradicted)?;
         let mut widened = None;
-        let [sum, expected] = found_of_both.chi_square;
-        let mut off = navigation.off(&found_of_both, mounting.arm_m);
+        let [sum, expected] = fused_track.chi_square;
+        let mut off = navigation.off(&fused_track, mounting.arm_m);
         let ratio = (sum / expected.max(1.0)).max(off.map_or(0.0, |off| off.square));
-        let most_m = FOCUSED * found.seen.array.wavelength_m;
+        let most_m = MAX_FOCUSED_WAVELENGTHS * found.seen.array.wavelength_m;
         match (fits, navigation.stated_m) {
-            (false, None) if ratio > DISAGREE => {
+            (false, None) if ratio > MAX_AGREEING_RATIO => {
                 return Err(TrackFusionError::Neither {
                     echoes,
-                    navigation: format!("{:.1} times what it states", ratio.sqrt()),
+                    navigation: format!("{:.1} times its stated standard deviations", ratio.sqrt()),
                 });
             }
             (false, Some(shown_m)) if shown_m > most_m => {
                 return Err(TrackFusionError::Neither {
                     echoes,
-                    navigation: format!("{shown_m:.3} m, too much to focus an image"),
+                    navigation: format!("{shown_m:.3} m, too much for a focused image"),
                 });
             }
-            (true, None) if ratio > DISAGREE => {
+            (true, None) if ratio > MAX_AGREEING_RATIO => {
                 widened = Some(ratio.sqrt());
-                found_of_both = fused(&navigation.widened(ratio.sqrt())).map_err(contradicted)?;
-                off = navigation.off(&found_of_both, mounting.arm_m);
+                fused_track = fused(&navigation.widened(ratio.sqrt())).map_err(contradicted)?;
+                off = navigation.off(&fused_track, mounting.arm_m);
             }
             _ => {}
         }
         let of = |kinds: &[Measured]| {
-            let outliers = found_of_both.outliers.iter();
+            let outliers = fused_track.outliers.iter();
             outliers.filter(|one| kinds.contains(&one.of)).count()
         };
         Ok(Self {
@@ -171,7 +173,7 @@ impl FusedTrack {
                 ]),
             ],
             widened,
-            fused: found_of_both,
+            fused: fused_track,
         })
     }
 
@@ -189,7 +191,7 @@ impl FusedTrack {
         all[first.saturating_sub(1)..(end + 1).min(all.len())].to_vec()
     }
 
-    /// Move poses and targets of the echoes onto this track, with its covariances.
+    /// Move poses and targets of the echo track onto this track, with its covariances.
     pub fn lay(&self, found: &mut Recovered) {
         let Some(before) = found.moments.get(found.moments.len() / 2).cloned() else {
             return;
@@ -199,12 +201,12 @@ impl FusedTrack {
                 let c = &sample.covariance;
                 moment.position_m = sample.position_m;
                 moment.attitude = sample.attitude;
-                // Of x, y and heading.
+                // Components x, y and heading.
                 let column = |k: usize| [c[k][0], c[k][1], c[k][3]];
                 moment.covariance = DMat3::from_cols_array_2d(&[column(0), column(1), column(3)]);
             }
         }
-        // As they were seen from the middle of the track.
+        // Relative to the middle of the track.
         let after = &found.moments[found.moments.len() / 2];
         let turn = after.attitude * before.attitude.inverse();
         for place in &mut found.places {
@@ -251,7 +253,7 @@ fn increments(found: &Recovered) -> Vec<Increment> {
         .collect()
 }
 
-/// What is assumed: sensors on one body and one clock, and increments that were looked at as a whole before.
+/// Assumptions of the fusion: all sensors on one rigid body and one clock, and increments that were estimated jointly.
 fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Model {
     let arm_m = Assumed {
         value: mounting.arm_m,
@@ -259,7 +261,7 @@ fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Mod
     };
     let model = Model::default();
     Model {
-        // Those of a joint estimate are noisy one by one, and right as a whole.
+        // Jointly estimated increments are noisy individually but accurate in sum.
         doubted: None,
         receiver_arm_m: arm_m,
         inertial_arm_m: arm_m,

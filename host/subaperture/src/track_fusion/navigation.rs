@@ -1,4 +1,4 @@
-//! What navigation says, on a recording's clock and in its frame.
+//! Navigation data in a recording's time and frame.
 
 use glam::{DQuat, DVec2, DVec3};
 use subaperture_model::geometry::SceneFrame;
@@ -10,111 +10,112 @@ use subaperture_navigation::{Clock, GpsTime, Kind, Log, Place, Record};
 
 use super::Mounting;
 
-/// Before and after the recording navigation is taken from so long, seconds.
-const BESIDE_S: f64 = 2.0;
-/// Measurements of a kind at the most: each is a moment of which the fusion keeps some 15 kB.
-const MOST: usize = 2000;
-/// What is off by less is not told from the echoes' own noise, metres.
+/// Time before and after the recording from which navigation is used, seconds.
+const MARGIN_S: f64 = 2.0;
+/// Maximum number of measurements of a type: each adds an epoch of about 15 kB to the fusion.
+const MAX_MEASUREMENTS: usize = 2000;
+/// Minimum standard deviation, metres; smaller errors cannot be distinguished from the echoes' noise.
 const MIN_SIGMA_M: f64 = 1e-4;
 
-/// The recording that logs are brought to.
+/// Frame and time of the recording to which logs are converted.
 #[derive(Clone, Debug)]
 pub struct About {
-    /// Its frame.
+    /// Scene frame of the recording.
     pub frame: SceneFrame,
-    /// When its time 0 was, of a log's clock.
+    /// Time 0 of the recording on the clock of the logs.
     pub start: Option<GpsTime>,
-    /// Its first and its last pulse, seconds.
+    /// Times of the first and last pulse, seconds.
     pub span_s: [f64; 2],
 }
 
-/// What a log or the recording brought.
+/// Contribution of a log or of the recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
-    /// Of which file and kind.
+    /// File and type of the records.
     pub name: String,
-    /// Positions of a receiver, or moments of an inertial solution.
+    /// Whether it is an inertial solution; positions of a receiver otherwise.
     pub inertial: bool,
-    /// How many are used.
+    /// Number of measurements used.
     pub used: usize,
-    /// Of how many within the recording's time.
+    /// Number of measurements within the recording's time.
     pub of: usize,
 }
 
-/// Why logs are of no use for a recording.
+/// Reason why a log cannot be used for a recording.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum NoNavigation {
-    /// Its times are not those of the recording.
-    #[error("{name}: the recording does not say when it began by the log's clock ({clock})")]
+pub enum UnusableLog {
+    /// The relation of its clock to the recording's is unknown.
+    #[error("{name}: the recording does not state its start time on the log's clock ({clock})")]
     Start {
-        /// The log.
+        /// Name of the log.
         name: String,
-        /// Its clock.
+        /// Clock of the log.
         clock: &'static str,
     },
-    /// Nothing of it is of the recording's time.
+    /// It contains no record within the recording's time.
     #[error(
-        "{name}: it goes from {from} s to {to} s of the recording's clock, which goes from {first} s to {last} s"
+        "{name}: expected records between {first} s and {last} s of the recording's clock, found {from} s to {to} s"
     )]
-    Elsewhen {
-        /// The log.
+    OtherTime {
+        /// Name of the log.
         name: String,
-        /// Its first record, rounded.
+        /// Time of its first record, rounded, seconds.
         from: i64,
-        /// Its last.
+        /// Time of its last record, seconds.
         to: i64,
-        /// The recording's first pulse.
+        /// Time of the recording's first pulse, seconds.
         first: i64,
-        /// Its last.
+        /// Time of the recording's last pulse, seconds.
         last: i64,
     },
-    /// It has no place in the frame.
+    /// Its positions cannot be converted to the scene frame.
     #[error(
-        "{name}: its places are on the Earth, and the recording does not say where its scene is"
+        "{name}: contains geographic positions, but the recording does not state the position of its scene on the Earth"
     )]
     Frame {
-        /// The log.
+        /// Name of the log.
         name: String,
     },
-    /// It tells no places.
-    #[error("{name}: no place is in it")]
-    Nowhere {
-        /// The log.
+    /// It contains no positions.
+    #[error("{name}: expected positions, found none")]
+    NoPositions {
+        /// Name of the log.
         name: String,
     },
-    /// Others before it say the same.
+    /// An earlier log already contains the same type of records.
     #[error(
-        "{name}: positions and inertial moments are taken from one log each, and those before have them"
+        "{name}: expected one log with positions and one with inertial samples; an earlier log contains them already"
     )]
-    Twice {
-        /// The log.
+    Duplicate {
+        /// Name of the log.
         name: String,
     },
 }
 
-/// What navigation says.
+/// Navigation data of a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Navigation {
     pub(super) positions: Vec<Position>,
     pub(super) inertial: Vec<Inertial>,
     pub(super) sources: Vec<Source>,
-    /// Standard deviation of what states none, from how far it is off the echoes, metres.
+    /// Standard deviation of sources without stated errors, estimated from their deviation from the echoes, metres.
     pub(super) stated_m: Option<f64>,
 }
 
-/// How far positions are off a track, as the median has it: of Gaussian errors alike along both axes of the plane, the square of the distance is distributed exponentially,
-/// whose median is `ln 2` of its mean. Some places that are far off change nothing; a mean of all would be theirs.
+/// Deviation of positions from a track, estimated from the median: for Gaussian errors of equal variance along both axes of the plane, squared
+/// distances are exponentially distributed,
+/// and their median is `ln 2` times the mean. Unlike the mean, the median is insensitive to outliers.
 #[derive(Clone, Copy)]
 pub(super) struct Off {
     /// RMS distance in the plane, metres.
     pub(super) rms_m: f64,
-    /// Mean square over what is stated, of an axis in the plane.
+    /// Mean square relative to the stated variance, per axis of the plane.
     pub(super) square: f64,
 }
 
 impl About {
-    /// What a recording says of itself: by GPS when its time 0 was, unless that was before GPS. None of one without pulses.
+    /// Description of a recording; its time 0 is GPS time unless that is before GPS began. `None` without pulses.
     pub fn of(channels: &Channels) -> Option<Self> {
         let first = channels.channel(0);
         let pulses = &first.collection().pulses;
@@ -127,11 +128,11 @@ impl About {
 }
 
 impl Navigation {
-    /// Of logs, each with its name: positions of the first that has such, inertial moments of the first that has attitudes.
+    /// Data of named logs: positions from the first log that contains positions, inertial samples from the first that contains attitudes.
     ///
     /// # Errors
-    /// [`NoNavigation`].
-    pub fn of_logs(logs: &[(String, Log)], about: &About) -> Result<Self, NoNavigation> {
+    /// [`UnusableLog`].
+    pub fn of_logs(logs: &[(String, Log)], about: &About) -> Result<Self, UnusableLog> {
         let mut all = Self::default();
         for (name, log) in logs {
             all.add(name, log, about)?;
@@ -139,29 +140,29 @@ impl Navigation {
         Ok(all)
     }
 
-    fn add(&mut self, name: &str, log: &Log, about: &About) -> Result<(), NoNavigation> {
+    fn add(&mut self, name: &str, log: &Log, about: &About) -> Result<(), UnusableLog> {
         let start = start(name, log, about)?;
         let before = self.sources.len();
-        // Axes of a log's own are taken for the scene's, as those of tracks are.
+        // Local axes of a log are assumed to be the scene's, as for tracks.
         let local = |record: &Record| matches!(record.place, Some(Place::Local(_)));
         let frame = match log.records.iter().any(local) {
             true => SceneFrame::Local,
             false => about.frame,
         };
-        let (mut placed, mut twice, mut elsewhen) = (false, false, None);
+        let (mut placed, mut duplicate, mut other_time) = (false, false, None);
         for one in log.coverage() {
             let [places, _, attitudes] = one.with;
             if places == 0 || matches!(one.kind, Kind::Markpos | Kind::Marktime) {
                 continue;
             }
-            // NMEA's headings come without what makes a solution of them.
+            // NMEA headings are not part of an inertial solution.
             let is_inertial = attitudes > 0 && one.kind != Kind::Nmea;
             let taken = match is_inertial {
                 true => !self.inertial.is_empty(),
                 false => !self.positions.is_empty(),
             };
             if taken {
-                twice = true;
+                duplicate = true;
                 continue;
             }
             let named = format!("{name}, {}", one.kind.name());
@@ -170,18 +171,18 @@ impl Navigation {
             let (of, used) = if is_inertial {
                 let all = inertial(log, one.kind, &frame, start, &unstated);
                 placed |= !all.is_empty();
-                let (of, some) = thinned(all, about, |one| one.time_s);
+                let (of, some) = decimated(all, about, |one| one.time_s);
                 self.inertial = some;
                 (of, self.inertial.len())
             } else {
                 let all = positions(log, one.kind, &frame, start, &unstated);
                 placed |= !all.is_empty();
-                let (of, some) = thinned(all, about, |one| one.time_s);
+                let (of, some) = decimated(all, about, |one| one.time_s);
                 self.positions = some;
                 (of, self.positions.len())
             };
             match used {
-                0 => elsewhen = Some([first_s, last_s]),
+                0 => other_time = Some([first_s, last_s]),
                 _ => self.sources.push(Source {
                     name: named,
                     inertial: is_inertial,
@@ -194,12 +195,12 @@ impl Navigation {
             return Ok(());
         }
         let name = name.to_owned();
-        Err(match elsewhen {
-            Some(_) if !placed => NoNavigation::Frame { name },
+        Err(match other_time {
+            Some(_) if !placed => UnusableLog::Frame { name },
             Some([from_s, to_s]) => {
                 let [first, last] = about.span_s.map(|s| s.round() as i64);
                 let [from, to] = [from_s, to_s].map(|s| s.round() as i64);
-                NoNavigation::Elsewhen {
+                UnusableLog::OtherTime {
                     name,
                     from,
                     to,
@@ -207,27 +208,28 @@ impl Navigation {
                     last,
                 }
             }
-            None if twice => NoNavigation::Twice { name },
-            None => NoNavigation::Nowhere { name },
+            None if duplicate => UnusableLog::Duplicate { name },
+            None => UnusableLog::NoPositions { name },
         })
     }
 
-    /// The track that the recording carries, as far as its shape is off that of the echoes: as positions with independent errors of that size, as far apart as errors last.
+    /// Track carried by the recording, as positions. Its shape deviates from the echo track: the deviation gives the standard deviation, and its
+    /// correlation time the spacing of independent positions.
     pub fn of_recording(found: &Recovered) -> Self {
         let moments = &found.moments;
         let off = |moment: &Moment| (moment.recorded_m - moment.position_m).truncate();
         let errors: Vec<DVec2> = moments.iter().map(off).collect();
         let count = errors.len().max(1) as f64;
         let mean_square = errors.iter().map(|e| e.length_squared()).sum::<f64>() / (2.0 * count);
-        let lasting = lasting(&errors, mean_square);
+        let correlation_length = correlation_length(&errors, mean_square);
         let mut own: Vec<f64> = moments.iter().map(Moment::spread_m).collect();
         own.sort_by(f64::total_cmp);
         let own_m = own.get(own.len() / 2).copied().unwrap_or(0.0);
-        // Turn and shift, by which the echoes were laid upon these, took three numbers of them.
-        let independent = 2.0 * count / lasting as f64;
+        // Aligning the echo track to these positions estimated three parameters, rotation and shift.
+        let independent = 2.0 * count / correlation_length as f64;
         let lost = (independent / (independent - 3.0).max(1.0)).sqrt();
         let sigma_m = (mean_square.sqrt() * lost).max(own_m).max(MIN_SIGMA_M);
-        let every = lasting.max(moments.len().div_ceil(MOST));
+        let every = correlation_length.max(moments.len().div_ceil(MAX_MEASUREMENTS));
         let positions: Vec<Position> = moments
             .iter()
             .step_by(every)
@@ -252,9 +254,10 @@ impl Navigation {
         }
     }
 
-    /// The track that it tells by itself: of positions, or else of the inertial solution.
+    /// Track from navigation alone: from positions, or else from the inertial solution.
     ///
-    /// `attitude` is the body's in the recording's first pulse. From there it turns as inertial moments with headings do, however their sensor is turned on it; without such it does not.
+    /// `attitude` is that of the body at the recording's first pulse. It is propagated by the inertial headings, for any mounting of the sensor;
+    /// without them it stays constant.
     pub fn alone(&self, about: &About, attitude: DQuat, mounting: &Mounting) -> Vec<Fix> {
         let sensor = |one: &Inertial| {
             let [yaw, _] = one.heading_rad?;
@@ -283,7 +286,7 @@ impl Navigation {
         self.inertial.iter().filter_map(inertial).map(fix).collect()
     }
 
-    /// With standard deviations so many times as large.
+    /// Copy with standard deviations multiplied by a factor.
     pub(super) fn widened(&self, times: f64) -> Self {
         let mut wide = self.clone();
         for one in &mut wide.positions {
@@ -298,12 +301,12 @@ impl Navigation {
         wide
     }
 
-    /// How far positions are off a track; none without positions.
+    /// Deviation of the positions from a track; `None` without positions.
     pub(super) fn off(&self, track: &Fused, arm_m: DVec3) -> Option<Off> {
         let (mut squares_m2, mut squares) = (Vec::new(), Vec::new());
         let mut samples = track.samples.iter().peekable();
         for one in &self.positions {
-            // The last at or before it: the next is a pulse or a measurement away.
+            // Find the first sample at or after the measurement; samples are a pulse or a measurement apart.
             while samples
                 .next_if(|next| next.time_s < one.time_s - 1e-9)
                 .is_some()
@@ -321,7 +324,7 @@ impl Navigation {
         })
     }
 
-    /// From the inertial x axis to the radar's, as the two headings have it on average.
+    /// Mean angle from the inertial x axis to the radar's x axis.
     pub(super) fn squint_rad(&self, found: &Recovered) -> Option<f64> {
         let moments = &found.moments;
         let mut mean = DVec2::ZERO;
@@ -339,7 +342,7 @@ impl Navigation {
     }
 }
 
-/// The attitude nearest to a time, of some in the order of time.
+/// Attitude nearest to a time; `all` ascends in time.
 fn nearest(all: &[(f64, DQuat)], time_s: f64) -> Option<DQuat> {
     let after = all.partition_point(|one| one.0 < time_s);
     let around = [after.checked_sub(1), Some(after)].into_iter().flatten();
@@ -349,10 +352,10 @@ fn nearest(all: &[(f64, DQuat)], time_s: f64) -> Option<DQuat> {
     nearest.map(|&(_, attitude)| attitude)
 }
 
-/// When the recording's time 0 was, by a log's clock.
-fn start(name: &str, log: &Log, about: &About) -> Result<GpsTime, NoNavigation> {
+/// Time 0 of the recording on the clock of a log.
+fn start(name: &str, log: &Log, about: &About) -> Result<GpsTime, UnusableLog> {
     let clock = match log.account.clock {
-        // Its own is taken for the recording's.
+        // The log's own clock is assumed to be the recording's.
         Clock::Own => {
             return Ok(about
                 .start
@@ -372,27 +375,30 @@ fn start(name: &str, log: &Log, about: &About) -> Result<GpsTime, NoNavigation> 
         (Clock::SecondsOfDay, Some(start)) if start.week == 0 => Some(start),
         _ => None,
     };
-    start.ok_or_else(|| NoNavigation::Start {
+    start.ok_or_else(|| UnusableLog::Start {
         name: name.to_owned(),
         clock,
     })
 }
 
-/// Those within the recording's time, and how many they were: of too many every so many.
-fn thinned<T>(all: Vec<T>, about: &About, time_s: impl Fn(&T) -> f64) -> (usize, Vec<T>) {
-    let [from_s, to_s] = [about.span_s[0] - BESIDE_S, about.span_s[1] + BESIDE_S];
+/// Measurements within the recording's time, decimated if they are too many, and their number before decimation.
+fn decimated<T>(all: Vec<T>, about: &About, time_s: impl Fn(&T) -> f64) -> (usize, Vec<T>) {
+    let [from_s, to_s] = [about.span_s[0] - MARGIN_S, about.span_s[1] + MARGIN_S];
     let mut some: Vec<T> = all
         .into_iter()
         .filter(|one| (from_s..=to_s).contains(&time_s(one)))
         .collect();
     let of = some.len();
-    if of > MOST {
-        some = some.into_iter().step_by(of.div_ceil(MOST)).collect();
+    if of > MAX_MEASUREMENTS {
+        some = some
+            .into_iter()
+            .step_by(of.div_ceil(MAX_MEASUREMENTS))
+            .collect();
     }
     (of, some)
 }
 
-/// The mean of what is distributed exponentially, by its median; none of none.
+/// Mean of exponentially distributed values, estimated from the median; `None` without values.
 fn mean_by_median(mut squares: Vec<f64>) -> Option<f64> {
     squares.sort_by(f64::total_cmp);
     let upper = squares.len() / 2;
@@ -400,8 +406,8 @@ fn mean_by_median(mut squares: Vec<f64>) -> Option<f64> {
     Some(0.5 * (squares[lower] + squares[upper]) / std::f64::consts::LN_2)
 }
 
-/// Over how many of them errors stay alike: 1 and twice the sum of their correlations, up to the first that is none.
-fn lasting(errors: &[DVec2], mean_square: f64) -> usize {
+/// Correlation length in samples: 1 plus duplicate the sum of correlations up to the first one that is not positive.
+fn correlation_length(errors: &[DVec2], mean_square: f64) -> usize {
     let mut sum = 1.0;
     for lag in 1..errors.len() / 2 {
         let pairs = errors.iter().zip(&errors[lag..]);
@@ -421,7 +427,7 @@ mod tests {
     use subaperture_navigation::ReadReport;
 
     #[test]
-    fn a_log_without_places_says_so() {
+    fn log_without_positions_is_refused() {
         let time = GpsTime {
             week: 2209,
             seconds: 1.0,
@@ -447,12 +453,12 @@ mod tests {
         };
         let name = "velocities".to_owned();
         let error = Navigation::of_logs(&[(name.clone(), log)], &about).unwrap_err();
-        assert_eq!(error, NoNavigation::Nowhere { name });
+        assert_eq!(error, UnusableLog::NoPositions { name });
     }
 
-    /// A car that drives along y and turns left by 30 degrees, with an array across it that looks back: by hand.
+    /// Vehicle that drives along y and turns left by 30 degrees, with a rear-facing array; expected values by hand.
     #[test]
-    fn a_body_turns_as_the_inertial_sensor_that_is_fixed_on_it() {
+    fn body_attitude_follows_the_inertial_sensor() {
         let about = About {
             frame: SceneFrame::Local,
             start: None,
@@ -489,7 +495,7 @@ mod tests {
             }
         };
         check(&navigation.alone(&about, first, &mounting));
-        // A receiver's positions beside it are of the same body.
+        // Positions of a receiver on the same body.
         navigation.positions = [0.9, 1.9]
             .map(|time_s| Position {
                 time_s,
@@ -505,13 +511,13 @@ mod tests {
     }
 
     #[test]
-    fn some_that_are_far_off_do_not_move_the_mean() {
+    fn outliers_do_not_change_the_mean() {
         // Quantiles of the exponential distribution whose mean is 2.
         let mut squares: Vec<f64> = (0..101)
             .map(|n| -2.0 * libm::log1p(-(f64::from(n) + 0.5) / 101.0))
             .collect();
         assert!((mean_by_median(squares.clone()).unwrap() - 2.0).abs() < 1e-12);
-        // Five in a hundred far off: the median is that of the 53rd of 101, -2 ln(1 - 52.5 / 101) / ln 2.
+        // With five outliers in 101 values the median is that of the 53rd, -2 ln(1 - 52.5 / 101) / ln 2.
         squares[..5].fill(1e9);
         let moved = -2.0 * libm::log1p(-55.5 / 101.0) / std::f64::consts::LN_2;
         let found = mean_by_median(squares).unwrap();

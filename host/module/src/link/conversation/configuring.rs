@@ -30,7 +30,7 @@ pub(in crate::link) struct JobSettings<'j> {
 
 impl JobSettings<'_> {
     /// Configuration of an empty job.
-    pub(in crate::link) fn nothing() -> Self {
+    pub(in crate::link) fn empty() -> Self {
         let setup = Setup {
             num_pulses: 1,
             num_frequencies: 1,
@@ -166,7 +166,7 @@ mod tests {
         let job_settings = JobSettings {
             fast_weights: &weights,
             patches: &patches,
-            ..JobSettings::nothing()
+            ..JobSettings::empty()
         };
         let steps: Vec<Setting> =
             std::iter::successors(Some(Setting::Abort), |step| step.next(&job_settings)).collect();

@@ -388,7 +388,6 @@ impl<'c> Conversation<'c> {
     }
 }
 
-/// Elapsed time.
 fn since(then: Instant, now: Instant) -> Duration {
     now.saturating_duration_since(then)
 }

@@ -142,7 +142,7 @@ impl Conversation<'_> {
     pub(super) fn run_interrupted(&mut self, last_status: Option<&Status>) {
         let counts = &mut self.ledger.counts;
         if let Some(last_status) = last_status {
-            // It still counts as active, so that the module is told to end it.
+            // It still counts as active, so that the module is made to end it.
             counts.module_pulses.add(&last_status.pulses);
             self.intake.end(counts);
         }

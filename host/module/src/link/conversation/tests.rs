@@ -31,7 +31,7 @@ struct Scene<'c> {
 
 impl Scene<'_> {
     /// Pass an event, with everything sent.
-    fn tell(&mut self, event: Event) -> Step {
+    fn send(&mut self, event: Event) -> Step {
         let step = self.conversation.step(event, self.now, &mut self.outbox);
         let bytes = self.outbox.backlog();
         self.outbox.written(bytes, Some(1_000_000));
@@ -51,7 +51,7 @@ impl Scene<'_> {
             pulses: PulseCounters::default(),
         };
         self.conversation.hear(&Report::Status(status)).unwrap();
-        self.tell(Event::Exchanged)
+        self.send(Event::Exchanged)
     }
 }
 
@@ -59,9 +59,9 @@ impl Scene<'_> {
 fn play(identity: Option<Identity>, act: impl FnOnce(&mut Scene<'_>)) -> Counts {
     let mut ledger = Ledger::new(Settings::default());
     let mut nowhere = DiscardMaps;
-    let intake = Intake::new(Wanted::nothing(), &mut [], &mut nowhere);
+    let intake = Intake::new(Wanted::empty(), &mut [], &mut nowhere);
     act(&mut Scene {
-        conversation: Conversation::new(&mut ledger, JobSettings::nothing(), intake, identity),
+        conversation: Conversation::new(&mut ledger, JobSettings::empty(), intake, identity),
         outbox: Outbox::new(),
         now: Instant::now(),
     });
@@ -72,12 +72,12 @@ fn play(identity: Option<Identity>, act: impl FnOnce(&mut Scene<'_>)) -> Counts 
 fn greeting_repeats_until_module_counts_as_silent() {
     play(None, |scene| {
         let start = scene.now;
-        let mut step = scene.tell(Event::Begun);
+        let mut step = scene.send(Event::Begun);
         let mut greetings = 1;
         let mut greeted = scene.conversation.times.greeted;
         while let Step::Exchange(wait) = step {
             scene.now += wait;
-            step = scene.tell(Event::Exchanged);
+            step = scene.send(Event::Exchanged);
             greetings += u32::from(scene.conversation.times.greeted > greeted);
             greeted = scene.conversation.times.greeted;
         }
@@ -92,7 +92,7 @@ fn greeting_repeats_until_module_counts_as_silent() {
 #[test]
 fn answering_module_is_configured_step_by_step() {
     play(Some(somebody()), |scene| {
-        assert!(matches!(scene.tell(Event::Begun), Step::Exchange(_)));
+        assert!(matches!(scene.send(Event::Begun), Step::Exchange(_)));
         let id = scene.conversation.ledger.configuration;
         assert!(matches!(
             scene.hear(ModuleState::Idle, 0),
@@ -121,12 +121,12 @@ fn answering_module_is_configured_step_by_step() {
 fn failing_line_is_reconnected_a_limited_number_of_times() {
     let broken = || Event::Failed(LinkError::Line(std::io::ErrorKind::BrokenPipe.into()));
     let counts = play(Some(somebody()), |scene| {
-        scene.tell(Event::Begun);
+        scene.send(Event::Begun);
         for _ in 0..FRUITLESS {
-            assert!(matches!(scene.tell(broken()), Step::Restart(_)));
-            assert!(matches!(scene.tell(Event::Connected), Step::Exchange(_)));
+            assert!(matches!(scene.send(broken()), Step::Restart(_)));
+            assert!(matches!(scene.send(Event::Connected), Step::Exchange(_)));
         }
-        let step = scene.tell(broken());
+        let step = scene.send(broken());
         assert!(matches!(step, Step::Over(Err(LinkError::Line(_)))));
     });
     assert_eq!((counts.reconnects, counts.restarts), (8, 0));

@@ -18,11 +18,11 @@ const HEADER: [&str; 7] = [
     "seconds",
 ];
 
-/// Everything in the table.
+/// Contents of the table.
 pub(super) struct Report<'a> {
     pub(super) outcomes: &'a [Outcome],
     pub(super) exact_taken: Duration,
-    /// Where the thesis's mode has its first grating lobe at 130 pulses, metres in cross-range.
+    /// Cross-range distance of the first grating lobe in thesis mode at 130 pulses, metres.
     pub(super) grating_lobe_m: Option<f64>,
 }
 
@@ -49,9 +49,9 @@ impl Report<'_> {
                 ""
             };
             vec![
-                outcome.method.title.to_owned(),
+                outcome.trial.title.to_owned(),
                 number(comparison.error_db, 1),
-                number(outcome.method.bound_db, 0) + miss,
+                number(outcome.trial.bound_db, 0) + miss,
                 number(comparison.scaled_error_db, 1),
                 number(comparison.peak_phase_error_deg, 3),
                 number(comparison.correlation, 7),
@@ -61,16 +61,16 @@ impl Report<'_> {
         rows
     }
 
-    /// What the columns mean, and where to look.
+    /// Notes below the table: meaning of the columns, and references.
     fn notes(&self) -> String {
         let lobes = match self.grating_lobe_m {
             Some(metres) => format!(
-                "\nGrating lobes of the thesis's mode at 130 pulses lie at multiples of \
+                "\nGrating lobes of thesis mode at 130 pulses lie at multiples of \
                  {metres:.2} m in x from each scatterer."
             ),
             None => String::new(),
         };
-        let unjudged = if self.outcomes.iter().all(|o| o.method.bound_db.is_none()) {
+        let unjudged = if self.outcomes.iter().all(|o| o.trial.bound_db.is_none()) {
             "\nBounds are for the default grid, which covers all scatterers, and are not judged on \
              another."
         } else {
@@ -108,11 +108,11 @@ impl Report<'_> {
             .iter()
             .map(|outcome| {
                 json!({
-                    "former": outcome.method.former.name(),
-                    "title": outcome.method.title,
-                    "folder": outcome.method.folder,
-                    "bound_db": outcome.method.bound_db,
-                    "within_bound": outcome.method.bound_db.map(|_| !outcome.misses_bound()),
+                    "former": outcome.trial.former.name(),
+                    "title": outcome.trial.title,
+                    "folder": outcome.trial.folder,
+                    "bound_db": outcome.trial.bound_db,
+                    "within_bound": outcome.trial.bound_db.map(|_| !outcome.misses_bound()),
                     "comparison": outcome.comparison,
                     "settings": outcome.settings,
                     "run_time_s": outcome.taken.as_secs_f64(),

@@ -1,4 +1,4 @@
-//! The demonstration's files: every image's folder, the differences, the overview and the table.
+//! Output files of the demonstration: a folder for each image, the differences, the overview and the table.
 
 use std::time::{Duration, Instant};
 
@@ -16,22 +16,22 @@ use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::interrupt;
 
-/// Images side by side in the overview: half of them all.
+/// Columns of images in the overview: half of all images.
 const COLUMNS: usize = 5;
 
-/// Levels of all images alike, dB: unit scatterers, and what a neighbour's side lobes add to them.
+/// Common scale of all images, dB: unit scatterers and the side lobes of neighbours added to them.
 const IMAGE_SCALE: Scale = Scale::Fixed {
     top_db: 3.0,
     span_db: 60.0,
 };
 
-/// Levels of all differences alike, dB.
+/// Common scale of all differences, dB.
 const DIFFERENCE_SCALE: Scale = Scale::Fixed {
     top_db: -20.0,
     span_db: 80.0,
 };
 
-/// Writes all products, differences and tables, or no file.
+/// Write all products, differences and tables, or none.
 pub(super) fn write(
     session: &Session,
     typed: &Demo,
@@ -55,7 +55,7 @@ pub(super) fn write(
         &panel,
     )?;
     let mut panels = vec![panel];
-    // Below every image its difference; below the reference itself, for the scale.
+    // Below each image its difference; below the reference, the reference on the scale of differences.
     let mut differences = vec![Panel {
         scale: DIFFERENCE_SCALE,
         colours: Colours::Viridis,
@@ -63,17 +63,17 @@ pub(super) fn write(
     }];
     for outcome in report.outcomes {
         let Outcome {
-            method,
+            trial,
             image,
             difference,
             comparison,
             settings,
             taken,
         } = outcome;
-        let panel = image_panel(image, method.title);
-        let mut metadata = record(session, typed, method.title, json!(settings), *taken);
+        let panel = image_panel(image, trial.title);
+        let mut metadata = record(session, typed, trial.title, json!(settings), *taken);
         metadata["comparison"] = json!(comparison);
-        save(&mut files, typed, method.folder, metadata, image, &panel)?;
+        save(&mut files, typed, trial.folder, metadata, image, &panel)?;
         panels.push(panel);
         let error = comparison.error_db.unwrap_or(f64::NAN);
         differences.push(Panel {
@@ -84,7 +84,7 @@ pub(super) fn write(
     }
     for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
         let picture = plot::quicklook(panel)?;
-        let name = format!("difference-{}.png", outcome.method.folder);
+        let name = format!("difference-{}.png", outcome.trial.folder);
         files.write_bytes(&typed.out.join(name), &picture)?;
     }
     interrupt::check()?;
@@ -103,7 +103,7 @@ pub(super) fn write(
     Ok(files.commit()?)
 }
 
-/// All images on one page: rows of images, each above the row of their differences.
+/// Overview page: rows of images, each above the row of their differences.
 fn overview(panels: &[Panel], differences: &[Panel]) -> Result<Vec<u8>, PlotError> {
     let mut page = Vec::new();
     for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
@@ -113,7 +113,7 @@ fn overview(panels: &[Panel], differences: &[Panel]) -> Result<Vec<u8>, PlotErro
     plot::panels(&page, COLUMNS)
 }
 
-/// What stands beside an image.
+/// JSON record of an image.
 fn record(
     session: &Session,
     typed: &Demo,
@@ -134,7 +134,7 @@ fn record(
     })
 }
 
-/// Adds an image's folder.
+/// Add the folder of an image.
 fn save(
     files: &mut FileSet,
     typed: &Demo,

@@ -1,4 +1,4 @@
-//! An image on the map: GeoTIFF, KMZ, a picture with a world file.
+//! Export of an orthorectified image as GeoTIFF, KMZ, or PNG with a world file.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -21,19 +21,19 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{log, messages};
 
-/// Formats of maps.
+/// Map formats of `subap export`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MapFormat {
     /// Cloud-optimised GeoTIFF.
     Cog,
-    /// Google Earth's.
+    /// KMZ ground overlay for Google Earth.
     Kmz,
-    /// A picture with a world file.
+    /// PNG picture with a world file.
     Png,
 }
 
 impl MapFormat {
-    /// That of a format of images.
+    /// Map format of an image format.
     pub(super) fn of(format: ImageFormat) -> Self {
         match format {
             ImageFormat::Cog => Self::Cog,
@@ -42,17 +42,17 @@ impl MapFormat {
         }
     }
 
-    /// The files beside a map.
-    fn beside(self, out: &Path) -> Vec<PathBuf> {
+    /// Sidecar files of a map.
+    fn sidecars(self, out: &Path) -> Vec<PathBuf> {
         match self {
             Self::Cog => vec![out.with_extension("json")],
-            Self::Png => maps::picture::beside(out).into(),
+            Self::Png => maps::picture::sidecars(out).into(),
             Self::Kmz => Vec::new(),
         }
     }
 }
 
-/// What was asked for, once it makes sense together.
+/// Checked options of a map.
 struct Wanted<'a> {
     one: &'a One<'a>,
     format: MapFormat,
@@ -61,28 +61,28 @@ struct Wanted<'a> {
     remap: RemapName,
 }
 
-/// Refuses options that make no sense together.
+/// Check that the options are consistent.
 pub(super) fn check(one: &One, format: MapFormat) -> Result<(), Usage> {
     Wanted::of(one, format).map(|_| ())
 }
 
-/// Claims the map and the files beside it.
+/// Claim the map and its sidecar files.
 pub(super) fn claim(one: &One, format: MapFormat, claims: &mut OutputClaims) -> anyhow::Result<()> {
     let kind = match format {
         MapFormat::Png => Kind::Picture,
         _ => Kind::Map,
     };
-    // Files beside a picture of ours are its own, though they have no room for a mark.
+    // Sidecar files of a picture written by subap belong to it, although they have no room for a mark.
     let replaced = one.out.exists();
     claims.file(one.out, kind)?;
-    for path in &format.beside(one.out) {
+    for path in &format.sidecars(one.out) {
         if format == MapFormat::Cog {
             claims.file(path, Kind::Item)?;
             continue;
         }
         if path.exists() && !replaced && !one.writing.force {
             bail!(
-                "{}: it lies where a file beside {} is to be: move it, or give --force",
+                "{}: a file of this name exists where a sidecar of {} is written: move it, or give --force",
                 path.display(),
                 one.out.display()
             );
@@ -92,7 +92,7 @@ pub(super) fn claim(one: &One, format: MapFormat, claims: &mut OutputClaims) -> 
     Ok(())
 }
 
-/// Reads a product or a SICD and writes its map.
+/// Read a product or SICD and write its map.
 pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
     let wanted = Wanted::of(one, format)?;
     let image = super::whole(session, one.folder)?;
@@ -114,7 +114,7 @@ pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::
     wanted.write(session, &About::of_record(one, &record), &ortho)
 }
 
-/// Reads anyone's SICD and writes its map.
+/// Read a SICD of any origin and write its map.
 fn write_sicd(
     session: &Session,
     wanted: &Wanted,
@@ -124,10 +124,10 @@ fn write_sicd(
     let Pixels::Sicd(file) = &image.pixels else {
         bail!("{}: expected a SICD", image.path.display());
     };
-    let model = on_map.map_err(|what| anyhow::anyhow!("{what}"))?;
+    let model = on_map.map_err(|error| anyhow::anyhow!("{error}"))?;
     session.note(1, || {
         format!(
-            "what the image shows is taken to stand {:.1} m above the ellipsoid, as its scene centre point does",
+            "heights are taken as {:.1} m above the ellipsoid, that of the scene centre point",
             model.height_m()
         )
     });
@@ -145,12 +145,12 @@ fn write_sicd(
     wanted.write(session, &about, &ortho)
 }
 
-/// What is said of an image beside its pixels.
+/// Metadata of a map.
 struct About {
     title: String,
-    /// When its recording began, RFC 3339.
+    /// Start of the recording, RFC 3339.
     recorded: Option<String>,
-    /// Whose time is when it was formed.
+    /// File whose modification time is the time of image formation.
     file: PathBuf,
 }
 
@@ -167,7 +167,7 @@ impl About {
         Self {
             title: title.map_or_else(|| one.image.display().to_string(), str::to_owned),
             recorded: start,
-            // The record is written last.
+            // The record is the last file written.
             file: match one.folder.join("image.json") {
                 record if record.exists() => record,
                 _ => one.folder.to_owned(),
@@ -175,47 +175,48 @@ impl About {
         }
     }
 
-    /// When the recording began, or when the image was formed; and which of them.
+    /// Start of the recording, or the time of image formation; and which of the two.
     fn datetime(&self) -> anyhow::Result<(String, &'static str)> {
         if let Some(start) = &self.recorded {
-            return Ok((start.clone(), "when the recording began"));
+            return Ok((start.clone(), "start of the recording"));
         }
         let formed = std::fs::metadata(&self.file).and_then(|about| about.modified());
-        let formed = formed.context("cannot tell when the image was formed")?;
-        let meaning = "when the image was formed: its record does not say when it was recorded";
+        let formed = formed.context("the time of image formation is unknown")?;
+        let meaning =
+            "time of image formation: the record does not state when the recording started";
         Ok((log::utc(formed), meaning))
     }
 }
 
-/// Errors above this are worth a warning.
-const WORTH_SAYING_DB: f64 = -40.0;
+/// Resampling error above which a warning is given, dB.
+const WARNED_ERROR_DB: f64 = -40.0;
 
 impl<'a> Wanted<'a> {
     fn of(one: &'a One<'a>, format: MapFormat) -> Result<Self, Usage> {
         let maps = &one.maps;
         let is_map = format == MapFormat::Cog;
-        let wrong = |what: &str| Err(Usage(what.to_owned()));
+        let wrong = |fault: &str| Err(Usage(fault.to_owned()));
         if one.speed_m_s.is_some() {
-            return wrong("--speed is of --format sicd: leave it out");
+            return wrong("--speed applies to --format sicd only: leave it out");
         }
         if maps.layout.is_some() && !is_map {
-            return wrong("--layout is of --format cog: leave it out");
+            return wrong("--layout applies to --format cog only: leave it out");
         }
         let layout = maps.layout.unwrap_or_default();
         let greys = maps.remap.is_some() || maps.top.is_some() || maps.span.is_some();
         if greys && layout != MapLayout::Db {
             return wrong(
-                "--remap, --top and --span are of greys, and --layout amplitude and complex have none: leave them out",
+                "--remap, --top and --span apply to grey levels; --layout amplitude and complex have none: leave them out",
             );
         }
         if layout == MapLayout::Complex && maps.looks.is_some_and(|looks| looks > 1) {
             return wrong(
-                "--looks averages power, of which --layout complex has none: leave it out",
+                "--looks averages power, which --layout complex does not contain: leave it out",
             );
         }
         let projection = match (format, maps.projection) {
             (MapFormat::Kmz, Some(MapProjection::Utm)) => {
-                return wrong("--format kmz is in longitude and latitude: leave --projection out");
+                return wrong("--format kmz uses longitude and latitude: leave --projection out");
             }
             (MapFormat::Kmz, None) => MapProjection::Geographic,
             (_, given) => given.unwrap_or(MapProjection::Utm),
@@ -232,7 +233,7 @@ impl<'a> Wanted<'a> {
         })
     }
 
-    /// The map's pixels, as `covering` lays them over the image.
+    /// Raster of the map, as `covering` fits it over the image.
     fn raster(
         &self,
         covering: impl Fn(Projecting, Option<f64>) -> Result<Raster, MapError>,
@@ -252,10 +253,10 @@ impl<'a> Wanted<'a> {
     }
 
     fn write(&self, session: &Session, about: &About, ortho: &Ortho) -> anyhow::Result<Written> {
-        if ortho.error_db() > WORTH_SAYING_DB {
+        if ortho.error_db() > WARNED_ERROR_DB {
             messages::warning(format!(
-                "reading the image between its pixels leaves an error of {:.0} dB, for they are only {:.2} and {:.2} times as fine as its \
-                 band needs: form it on a finer grid for less",
+                "interpolation of the image leaves an error of {:.0} dB, because its pixels are only {:.2} and {:.2} times as fine as its \
+                 band needs: form it on a finer grid for a smaller error",
                 ortho.error_db(),
                 ortho.oversampling()[0],
                 ortho.oversampling()[1]
@@ -263,7 +264,7 @@ impl<'a> Wanted<'a> {
         }
         let out = self.one.out;
         let levels = || {
-            let reading = session.progress("reading levels");
+            let reading = session.progress("finding levels");
             let levels = Levels::of(
                 ortho.pixels(),
                 self.remap.into(),
@@ -304,8 +305,8 @@ impl<'a> Wanted<'a> {
                     datetime: &datetime,
                     properties: json!({ "title": title, "subaperture:datetime": meaning }),
                 };
-                let beside = out.with_extension("json");
-                maps::stac::add_to(&mut files, &beside, out, ortho, layout, &item)?;
+                let sidecars = out.with_extension("json");
+                maps::stac::add_to(&mut files, &sidecars, out, ortho, layout, &item)?;
                 files.commit()?;
             }
         }
@@ -315,13 +316,13 @@ impl<'a> Wanted<'a> {
     fn written(&self, ortho: &Ortho) -> Written {
         let path = |path: &Path| path.display().to_string();
         let out = self.one.out;
-        let beside = self.format.beside(out);
+        let sidecars = self.format.sidecars(out);
         let raster = ortho.raster();
         Written {
             name: "map",
             about: json!({
                 "path": path(out),
-                "beside": beside.iter().map(|p| path(p)).collect::<Vec<_>>(),
+                "sidecars": sidecars.iter().map(|p| path(p)).collect::<Vec<_>>(),
                 "epsg": raster.projection.epsg(),
                 "rows": raster.rows,
                 "columns": raster.columns,
@@ -342,10 +343,10 @@ impl<'a> Wanted<'a> {
     }
 }
 
-/// The projection of a map by the middle of its image.
+/// Choice of a map's projection by the position of the image centre.
 type Projecting = fn(&Geodetic) -> Result<Projection, MapError>;
 
-/// Where the scene is.
+/// Scene frame of the image.
 fn frame(one: &One, record: &Value) -> anyhow::Result<SceneFrame> {
     if let Some(origin) = &one.place {
         return Ok(SceneFrame::east_north_up(origin));
@@ -353,9 +354,11 @@ fn frame(one: &One, record: &Value) -> anyhow::Result<SceneFrame> {
     let image = one.image.display();
     match product::frame_of(record) {
         Ok(SceneFrame::Local) => bail!(
-            "{image}: its recording ties it to no place on the Earth: give --place LAT,LON[,HEIGHT] of the scene's origin"
+            "{image}: its recording does not state its position on the Earth: give the scene's origin with --place LAT,LON[,HEIGHT]"
         ),
         Ok(frame) => Ok(frame),
-        Err(what) => bail!("{image}: {what}: give --place LAT,LON[,HEIGHT], or form it again"),
+        Err(error) => {
+            bail!("{image}: {error}: give --place LAT,LON[,HEIGHT], or form the image again")
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! An image as SICD.
+//! Export of an image as SICD.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -11,11 +11,11 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages};
 
-/// Refuses options of maps.
+/// Refuse options that apply to maps.
 pub(super) fn check(one: &One) -> Result<(), Usage> {
     match one.maps.is_given() {
         true => Err(Usage(
-            "--projection, --pixel, --looks, --layout, --remap, --top and --span are of maps, and --format sicd has the image's own pixels: leave them out".to_owned(),
+            "--projection, --pixel, --looks, --layout, --remap, --top and --span apply to maps; --format sicd keeps the image's own pixels: leave them out".to_owned(),
         )),
         false => Ok(()),
     }
@@ -26,7 +26,7 @@ pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> 
     Ok(claims.file(one.out, Kind::Sicd)?)
 }
 
-/// Reads a product and writes it.
+/// Read a product and write it as SICD.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let image = super::whole(session, one.folder)?;
     let (grid, record) = super::recorded(one, &image)?;
@@ -44,7 +44,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     Ok(Written::file(one.out, sicd.bytes()))
 }
 
-/// Where and when what the recording does not say is taken to be.
+/// Position and time to assume where the recording does not state them.
 pub(super) fn placing(one: &One) -> Georeference {
     Georeference {
         origin: one.place,
@@ -53,14 +53,14 @@ pub(super) fn placing(one: &One) -> Georeference {
     }
 }
 
-/// Now, nanoseconds since the beginning of 1970: they last until 2262; an impossible clock is 1970.
+/// Current time, nanoseconds since 1970; 0 if the clock is out of range.
 pub(super) fn now_ns() -> i64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
     now.map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(0))
 }
 
-/// `error`, with what the command line can do about it.
-pub(super) fn explained(error: SicdError) -> anyhow::Error {
+/// Add advice on options to an error.
+pub(super) fn with_advice(error: SicdError) -> anyhow::Error {
     match error {
         SicdError::Nowhere => anyhow::anyhow!("{error} with --place LAT,LON[,HEIGHT]"),
         error => error.into(),

@@ -1,4 +1,4 @@
-//! An image as SIDD.
+//! Export of an image as SIDD.
 
 use subaperture::maps::Levels;
 use subaperture::sicd::{Formed, Greys, Sidd};
@@ -10,7 +10,7 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages};
 
-/// Refuses options of maps but for those of greys.
+/// Refuse options that apply to maps, except those of grey levels.
 pub(super) fn check(one: &One) -> Result<(), Usage> {
     let maps = &one.maps;
     if maps.projection.is_some()
@@ -18,18 +18,18 @@ pub(super) fn check(one: &One) -> Result<(), Usage> {
         || maps.looks.is_some()
         || maps.layout.is_some()
     {
-        let what = "--projection, --pixel, --looks and --layout are of maps, and --format sidd has the image's own pixels: leave them out";
-        return Err(Usage(what.to_owned()));
+        let fault = "--projection, --pixel, --looks and --layout apply to maps; --format sidd keeps the image's own pixels: leave them out";
+        return Err(Usage(fault.to_owned()));
     }
     Ok(())
 }
 
-/// Reads a product and writes it.
+/// Read a product and write it as SIDD.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let maps = &one.maps;
     let image = super::whole(session, one.folder)?;
     let (grid, record) = super::recorded(one, &image)?;
-    // What exploitation tools make of a complex image.
+    // Default remap of exploitation tools for a complex image.
     let remap = maps.remap.unwrap_or(RemapName::Density);
     let levels = Levels::of(&image.pixels, remap.into(), maps.top, maps.span)?;
     let greys = Greys {

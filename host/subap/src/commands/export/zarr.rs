@@ -1,4 +1,4 @@
-//! Images of one grid as a Zarr group.
+//! Export of images on a common grid as a Zarr group.
 
 use anyhow::bail;
 use serde_json::{Value, json};
@@ -15,11 +15,11 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::interrupt;
 
-/// Refuses options of maps and of SICD.
+/// Refuse options that apply to maps and SICD.
 pub(super) fn check(one: &One) -> Result<(), Usage> {
     if one.maps.is_given() || one.speed_m_s.is_some() {
         return Err(Usage(
-            "--projection, --pixel, --looks, --layout, --remap, --top, --span and --speed say nothing to --format zarr, which has the images' own \
+            "--projection, --pixel, --looks, --layout, --remap, --top, --span and --speed do not apply to --format zarr, which keeps the images' own \
              pixels: leave them out"
                 .to_owned(),
         ));
@@ -32,7 +32,7 @@ pub(super) fn claim(one: &One, claims: &mut OutputClaims) -> anyhow::Result<()> 
     Ok(claims.store(one.out)?)
 }
 
-/// Reads all images and writes them.
+/// Read all images and write them.
 pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let mut opened: Vec<OpenImage> = Vec::new();
     for path in [one.image]
@@ -44,7 +44,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
             stored::check_same_pixels(first, &next)?;
             if first.values != next.values {
                 bail!(
-                    "{} and {} hold different values ({} and {}): a stack holds one kind",
+                    "{} and {} hold different values ({} and {}): a stack needs images of one kind",
                     first.path.display(),
                     next.path.display(),
                     first.values,
@@ -64,7 +64,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
         .collect();
     let (grid, frame) = match first.grid() {
         Some((grid, frame)) => (grid.clone(), frame.unwrap_or(SceneFrame::Local)),
-        // Rows and columns.
+        // Row and column indices.
         None => (first.pixel_grid(), SceneFrame::Local),
     };
     let starts = opened
@@ -98,7 +98,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     })
 }
 
-/// What is known of the images. Of images without a place, coordinates are rows and columns.
+/// Metadata of the images. For images without a position, coordinates are rows and columns.
 fn attributes(opened: &[OpenImage], grid: &ImageGrid, frame: &SceneFrame) -> Value {
     let source = |image: &OpenImage| {
         let record = image.record.clone().unwrap_or_default();
@@ -121,7 +121,7 @@ fn attributes(opened: &[OpenImage], grid: &ImageGrid, frame: &SceneFrame) -> Val
         "source": "synthetic aperture radar",
         "sources": sources,
     });
-    // A detected image is not a complex one because it is stored as such.
+    // A detected image stays detected although it is stored as complex.
     about["values"] = match opened[0].values {
         Values::Complex => json!("complex"),
         Values::Levels(levels_db) => json!({ "levels_db": levels_db }),
@@ -171,7 +171,7 @@ fn attributes(opened: &[OpenImage], grid: &ImageGrid, frame: &SceneFrame) -> Val
     about
 }
 
-/// The places of the first and last pixels: of first row and column, first row and last column, last and last, last and first.
+/// Positions of the corner pixels: first row and column; first row, last column; last row and column; last row, first column.
 fn corners(grid: &ImageGrid, frame: &SceneFrame) -> [Geodetic; 4] {
     let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
     [[0, 0], [0, columns], [rows, columns], [rows, 0]]

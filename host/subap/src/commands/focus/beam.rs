@@ -1,4 +1,4 @@
-//! The former of an image, in the beam that is typed, that the recording states, or that its Doppler spectrum shows.
+//! Antenna beam of an image: given by options, stated by the recording, or estimated from the Doppler spectrum.
 
 use glam::DVec3;
 use subaperture::focus::ImageFormer;
@@ -14,8 +14,8 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::messages;
 
-/// The former that is typed for an image of `history` on `grid`, in its beam; `velocity` is that of the target in whose frame the history is given. Says
-/// which beam that is.
+/// The requested former with the antenna beam for an image of `history` on `grid`; `velocity` is that of the target in whose frame the history is given.
+/// The beam is reported.
 pub(crate) fn former(
     session: &Session,
     typed: &Imaging,
@@ -31,7 +31,7 @@ pub(crate) fn former(
         && let beam = Beam::new(width_rad, squint_rad, BeamSource::Given)
         && let Err(error) = InBeam::new(typed.forming.former.former()?, beam)
     {
-        let fault = format!("--beam and --squint reach along the track: {error}");
+        let fault = format!("--beam and --squint need antennas that move along the track: {error}");
         return Err(Usage(fault).into());
     }
     let target_m_s = velocity.map(|velocity| velocity.to_array());
@@ -41,14 +41,14 @@ pub(crate) fn former(
     covered(history, grid)?;
     match &chosen.rejected {
         Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
-            "{rejected}. Say about where by --beam auto --squint DEG, or take all pulses by --beam none"
+            "{rejected}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
         )),
         Some(rejected) => messages::warning(rejected.to_string()),
         None => {}
     }
     if let (Some(ghosts), true) = (&chosen.ghosts, chosen.rejected.is_none()) {
         messages::warning(format!(
-            "{ghosts}: choose a narrower grid, or fewer angles by --beam DEG"
+            "{ghosts}: choose a narrower grid, or a narrower beam with --beam DEG"
         ));
     }
     let Some(beam) = chosen.beam.clone() else {
@@ -57,7 +57,7 @@ pub(crate) fn former(
     messages::note(&describe(&chosen, &beam, choice != BeamChoice::Stated));
     if let unseen @ 1.. = chosen.num_unseen {
         messages::warning(format!(
-            "{unseen} of {} pixels are seen by no pulse: they are zero",
+            "{unseen} of {} pixels are illuminated by no pulse: they are zero",
             grid.num_pixels()
         ));
     }
@@ -105,13 +105,13 @@ fn choice(typed: &Imaging) -> BeamChoice {
 fn describe(chosen: &ChosenBeam, beam: &Beam, asked: bool) -> String {
     let modulo = chosen.ambiguity_rad.map_or(String::new(), |modulo| {
         format!(
-            ", modulo {:.3} deg (--squint says about which)",
+            ", modulo {:.3} deg (--squint selects the ambiguity)",
             modulo.to_degrees()
         )
     });
     let none = match asked {
         true => "",
-        false => "; --beam none takes all pulses for all pixels",
+        false => "; --beam none uses all pulses for all pixels",
     };
     let turns = match beam.aims.is_empty() {
         true => "",

@@ -1,8 +1,8 @@
-//! An image's error, measured on some of its pixels against the exact sum.
+//! Measured error of an image on a sample of its pixels, against the exact sum.
 //!
-//! Two measures: relative to the power of those same pixels, and relative to the power of as many
-//! average pixels of the image. A sparse scene keeps its power in few pixels; a sample that misses
-//! them makes the first large for no fault of the image, and the second the fairer one.
+//! Two measures: relative to the power of the sampled pixels, and relative to the mean power of all
+//! pixels. In a sparse scene a few pixels carry most of the power. A sample without them makes the first measure
+//! large although the image is accurate; the second is then the meaningful one.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -18,17 +18,17 @@ use subaperture::image::{ImageSource, power};
 
 use crate::{advice, messages};
 
-/// Seed of the pixels' choice: the same pixels every time.
+/// Seed of the sample of pixels; fixed, so that checks are reproducible.
 const SEED: u64 = 1;
 
-/// Bytes a checked pixel: point, sum, index, and its place in the set from which it was drawn.
+/// Memory per checked pixel, bytes: point, sum, index, and its entry in the sampling set.
 const PIXEL_BYTES: u64 = 100;
 
-/// A check that fits the budget.
+/// Check that fits the memory budget.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plan {
     num_pixels: usize,
-    /// What is left of the budget for pulses.
+    /// Memory left for pulses, bytes.
     left_bytes: u64,
 }
 
@@ -42,13 +42,13 @@ pub(super) struct Check {
     pub(super) relative_rms_db: Option<f64>,
     /// Root of the mean squared error over the image's mean square, dB; `None` where that is zero.
     pub(super) relative_to_image_db: Option<f64>,
-    /// Seed of the pixels' choice.
+    /// Seed of the sample of pixels.
     pub(super) seed: u64,
 }
 
 impl Plan {
-    /// Plans to form `count` pixels of the task's grid (all, if it has no more) by the exact sum,
-    /// beside the recording and what of the image is in memory.
+    /// Plan to form `count` pixels of the task's grid (at most all) by the exact sum, in memory shared with the recording and the
+    /// `image_bytes` of the image.
     ///
     /// # Errors
     /// [`FormError::Memory`].
@@ -71,7 +71,7 @@ impl Plan {
         }
     }
 
-    /// The same beside the largest part of an image that is read part by part.
+    /// Plan a check of an image that is read in parts; the largest part counts as memory of the image.
     pub(super) fn of_parts(
         task: &Task,
         image: &dyn ImageSource,
@@ -84,7 +84,7 @@ impl Plan {
         Self::new(task, part_bytes, count)
     }
 
-    /// Forms the pixels by the exact sum, compares the task's `image` with them, and warns if the error is above `bound_db`.
+    /// Form the sample by the exact sum, compare the `image` with it, and warn if the error is above `bound_db`.
     pub(super) fn against_exact(
         &self,
         task: &Task,
@@ -135,13 +135,13 @@ impl Plan {
 }
 
 impl Check {
-    /// Warns if the error is above `bound_db`, by the fairer measure.
+    /// Warn if the error relative to the image's mean power is above `bound_db`.
     fn judge(&self, bound_db: f64) {
         if let Some(error_db) = self.relative_to_image_db
             && error_db > bound_db
         {
             messages::bound_missed(format!(
-                "the error measured on {} pixels is {error_db:.1} dB, above the --error-db {bound_db} asked",
+                "error measured on {} pixels is {error_db:.1} dB, above the bound --error-db {bound_db}",
                 self.num_pixels
             ));
         }
@@ -164,7 +164,7 @@ impl fmt::Display for Check {
     }
 }
 
-/// `count` different numbers below `total`, ascending.
+/// `count` distinct numbers below `total`, ascending.
 fn choose(total: usize, count: usize) -> Vec<usize> {
     if count >= total {
         return (0..total).collect();

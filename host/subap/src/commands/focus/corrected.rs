@@ -7,7 +7,7 @@ use subaperture::phase_history::PhaseHistory;
 
 use crate::args::Focus;
 
-/// The recording less the phases in the file, if one is given.
+/// The recording, corrected by the phases in the file of `--phase`, if given.
 pub(super) fn corrected<'a>(
     typed: &Focus,
     recorded: &'a dyn PhaseHistory,

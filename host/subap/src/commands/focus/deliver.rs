@@ -13,7 +13,7 @@ use crate::args::Focus;
 use crate::config::Session;
 use crate::{interrupt, text};
 
-/// A whole image, where its pixels are.
+/// Pixels of a complete image.
 pub(super) enum Whole<'a> {
     Memory(&'a Image),
     Array(Box<CompleteProduct>),
@@ -38,8 +38,8 @@ impl Whole<'_> {
 }
 
 impl Whole<'_> {
-    /// Writes what lies beside the pixels; gives the record back.
-    fn write_beside(
+    /// Write the record and picture of the image. Returns the record.
+    fn write_metadata(
         self,
         out: &Path,
         mut metadata: Value,
@@ -67,7 +67,7 @@ impl Whole<'_> {
     }
 }
 
-/// Writes the folder and says so.
+/// Write the output folder and report it.
 pub(super) fn deliver(
     session: &Session,
     typed: &Focus,
@@ -94,15 +94,15 @@ pub(super) fn deliver(
         product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
     } else {
         let quicklook = &draw()?;
-        image.write_beside(out, record.to_json(title), quicklook)?
+        image.write_metadata(out, record.to_json(title), quicklook)?
     };
     writing.finish();
     let products = super::products(typed).write(session)?;
-    tell(session, typed, record, metadata, &products)
+    report(session, typed, record, metadata, &products)
 }
 
-/// Says what was written.
-fn tell(
+/// Report the output in a few lines.
+fn report(
     session: &Session,
     typed: &Focus,
     record: &Record,

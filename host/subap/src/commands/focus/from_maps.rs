@@ -23,7 +23,7 @@ use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::messages;
 
-/// Forms the image and writes its folder, complete or not at all.
+/// Form the image and write its folder, complete or not at all.
 pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
     let start = Instant::now();
     if let Some(grid) = &typed.image.grid.pixels {
@@ -40,7 +40,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     let maps = MapFile::open_within(path, session.memory_bytes)?;
     if !maps.is_complete() {
         messages::warning(format!(
-            "{} breaks off: the image is of its {} whole maps",
+            "{} is truncated: the image uses its {} complete maps",
             path.display(),
             maps.headers().len()
         ));
@@ -109,7 +109,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     )
 }
 
-/// What is known of the maps.
+/// Collection entry of the record, from the metadata of the maps.
 fn about(maps: &MapFile) -> Value {
     let (run, closing) = (maps.run(), maps.closing());
     json!({
@@ -123,7 +123,7 @@ fn about(maps: &MapFile) -> Value {
     })
 }
 
-/// What the image will take.
+/// Predicted cost of the image.
 fn ahead(
     session: &Session,
     typed: &Focus,
@@ -133,19 +133,19 @@ fn ahead(
     let grid = task.grid;
     let (columns, rows) = (grid.columns.count, grid.rows.count);
     let num_maps = maps.headers().len();
-    let what = format!("{num_maps} maps onto {columns} x {rows} pixels");
+    let work = format!("{num_maps} maps onto {columns} x {rows} pixels");
     let held_bytes = memory_bytes(task) as u64;
     let disk = vec![(typed.out.clone(), npy::file_bytes(grid.num_pixels()))];
     let time = forecast_of_maps(task)?;
-    Ok(Ahead::new(session, what, held_bytes, time, disk))
+    Ok(Ahead::new(session, work, held_bytes, time, disk))
 }
 
-/// What the user should know of an image that is not all it could be.
+/// Warn of missing maps, uncovered pixels and a missed error bound.
 fn warn(report: &Report, error_db: f64, num_pixels: u64) {
     if report.maps_missing > 0 {
         let expected = report.sub_cpis.saturating_mul(report.patches as u64);
         messages::warning(format!(
-            "{} of {expected} maps are missing: their patches are of a shorter aperture",
+            "{} of {expected} maps are missing: the aperture of their patches is shorter",
             report.maps_missing
         ));
     }
@@ -157,8 +157,8 @@ fn warn(report: &Report, error_db: f64, num_pixels: u64) {
     }
     if report.predicted_db > error_db {
         messages::bound_missed(format!(
-            "the predicted error is {:.1} dB, above the --error-db {error_db} asked; reading the maps between \
-             their bins makes {:.1} dB of it",
+            "the predicted error is {:.1} dB, above the bound --error-db {error_db}; interpolation between \
+             map bins contributes {:.1} dB",
             report.predicted_db, report.kernel_db
         ));
     }

@@ -6,9 +6,9 @@ use subaperture::monitor::Monitor;
 
 use crate::{advice, messages};
 
-/// Warns of an image of `former` that is worse than asked, says what limits it, and the bound that it would keep. The exit status
-/// says so too.
-pub(super) fn tell(
+/// Warn that an image by `former` exceeds the error bound, and name the limiting approximation and a bound that would be kept.
+/// The exit status reports it as well.
+pub(super) fn warn(
     former: &dyn ImageFormer,
     spec: &ImageSpec,
     predicted_db: f64,
@@ -16,8 +16,8 @@ pub(super) fn tell(
 ) {
     let bound_db = former.bound_db().unwrap_or_default();
     let mut text =
-        format!("the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked");
-    // The plan contains the limit, unless it keeps the bound and the scene enlarges the errors.
+        format!("the predicted error is {predicted_db:.1} dB, above the bound of {bound_db} dB");
+    // The plan names the limit, unless the plan keeps the bound and the scene amplifies the errors.
     let planned = former.decide(spec, &former.goal(BoundPolicy::Refused), monitor);
     let error = match planned {
         Err(error @ FormError::BoundMissed { .. }) => error,
@@ -34,7 +34,7 @@ pub(super) fn tell(
     messages::bound_missed(text);
 }
 
-/// A refusal of `former`, with the bound that it would keep where it misses one.
+/// Error for a refused image, with a bound that `former` would keep where it missed one.
 pub(super) fn refusal(
     error: FormError,
     former: &dyn ImageFormer,
@@ -46,12 +46,12 @@ pub(super) fn refusal(
     };
     let bound = with_bound(former, spec, predicted_db, monitor);
     anyhow::anyhow!(
-        "{}{bound}, or take the best there is with --allow-error",
-        advice::explained(&error)
+        "{}{bound}, or use --allow-error to accept the smallest error possible",
+        advice::with_advice(&error)
     )
 }
 
-/// The bound to ask for, as it goes on after "allow a larger error".
+/// Bound to suggest, as a continuation of "allow a larger error".
 fn with_bound(
     former: &dyn ImageFormer,
     spec: &ImageSpec,
@@ -60,6 +60,6 @@ fn with_bound(
 ) -> String {
     match passing_bound_db(former, spec, predicted_db, monitor) {
         Ok(Some(bound_db)) => format!(" with --error-db {bound_db:.1}"),
-        _ => "; no --error-db below 0 would pass, so that the image is worth nothing".to_owned(),
+        _ => "; no --error-db below 0 can be kept, so that no useful image is possible".to_owned(),
     }
 }

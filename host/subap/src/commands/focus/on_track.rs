@@ -46,7 +46,7 @@ pub(super) fn open(
     note_inferred(channels.channel(0));
     let arrangement = Arrangement::of(&channels)?;
     for fix in &mut fixes {
-        // Without attitudes the antennas stay as the first pulse has them.
+        // Without attitudes in the track, the antennas keep the attitude of the first pulse.
         fix.attitude.get_or_insert(arrangement.attitude);
     }
     let body = SampledTrack::new(&fixes).with_context(named)?;
@@ -84,7 +84,7 @@ pub(super) fn open(
     Ok((joined, movers))
 }
 
-/// The track of a recording's echoes, or of echoes and navigation, and the movers.
+/// Track estimated from the recording's echoes, optionally with navigation, and the movers.
 fn found(
     session: &Session,
     input: &Input,
@@ -105,7 +105,7 @@ fn found(
     let attitude = Arrangement::of(&channels)?.attitude;
     let found = match track::find(session, channels, &Settings::default()) {
         Ok(found) => found,
-        // A read error would occur again.
+        // Any read error would occur again, so it is not a reason to continue.
         Err(error)
             if *source == TrackSource::Fused
                 && !logs.navigation.is_empty()
@@ -113,7 +113,7 @@ fn found(
         {
             interrupt::check()?;
             messages::warning(format!(
-                "no track from the echoes ({error:#}): the image is formed on the navigation track alone"
+                "track: estimation from the echoes failed ({error:#}): the image is formed on the navigation track alone"
             ));
             let alone = track_fusion::alone(session, &about, logs, attitude)?;
             return Ok((alone, Value::Null));
@@ -132,13 +132,13 @@ fn found(
     }
     let both = match track_fusion::of(session, &found, &about, logs) {
         Ok(both) => both,
-        // Navigation remains where echoes fail.
+        // Navigation is used where the echoes give no track.
         Err(error)
             if !logs.navigation.is_empty()
                 && matches!(error.downcast_ref(), Some(TrackFusionError::Neither { .. })) =>
         {
             messages::bound_missed(format!(
-                "{error:#}: the image is formed on the navigation track alone, which nothing confirms"
+                "track: {error:#}: the image is formed on the navigation track alone, without verification by the echoes"
             ));
             let alone = track_fusion::alone(session, &about, logs, attitude)?;
             return Ok((alone, Value::Null));
@@ -154,7 +154,7 @@ fn found(
     Ok((both.fixes(about.span_s), movers))
 }
 
-/// The channels of the image: those named, else the reference channel of a CPHD, or all channels of a description.
+/// Channels to image: those named, else the reference channel of a CPHD, or all channels of a description.
 fn wanted(input: &Input, channels: &Channels, memory_bytes: u64) -> anyhow::Result<Vec<usize>> {
     let named: Vec<String> = match (&input.channel, &input.channels) {
         (Some(name), _) => vec![name.clone()],

@@ -17,14 +17,14 @@ use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
 
-/// What goes into the record.
+/// Contents of the record.
 pub(super) struct Record<'a> {
     pub(super) session: &'a Session,
-    /// What was given and what it came to.
+    /// Given options and resolved settings.
     pub(super) settings: Value,
     pub(super) grid: &'a ImageGrid,
     pub(super) frame: &'a SceneFrame,
-    /// What is known of the recording or the maps.
+    /// Metadata of the recording or the maps.
     pub(super) collection: Value,
     /// Recording, represented by a few pulses, and the centre of the grid; `None` for maps.
     pub(super) seen: Option<(&'a Collection, DVec3)>,
@@ -34,12 +34,12 @@ pub(super) struct Record<'a> {
     pub(super) check: Option<Check>,
     /// Brightest pixel; `None` if all pixels are zero.
     pub(super) peak: Option<Brightest>,
-    /// What the picture shows beside it.
+    /// North arrow and look direction drawn in the picture.
     pub(super) orientation: Orientation,
     pub(super) taken: Duration,
 }
 
-/// What is known of an image once it is formed.
+/// Results of image formation that go into the record.
 pub(super) struct About {
     pub(super) settings: Value,
     pub(super) check: Option<Check>,
@@ -47,7 +47,7 @@ pub(super) struct About {
 }
 
 impl<'a> Record<'a> {
-    /// That of an image of a recording.
+    /// Record of an image formed from a recording.
     pub(super) fn of(
         job: &Job<'a>,
         grid: &'a ImageGrid,
@@ -72,7 +72,7 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// The record as JSON; `title` is the picture's. Which pulses stand for all is found here, where the picture is drawn meanwhile.
+    /// Format as JSON; `title` is the picture's. Representative pulses are chosen here, in parallel with drawing the picture.
     pub(super) fn to_json(&self, title: &str) -> Value {
         let axes = [self.grid.x_axis, self.grid.y_axis];
         let seen = self.seen;
@@ -100,7 +100,7 @@ impl<'a> Record<'a> {
     }
 }
 
-/// What was given (`null` where it was left to the program) and what it came to.
+/// Given options (`null` where left to the program) and resolved settings.
 pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -> Value {
     let typed = job.typed;
     let image = &typed.image;
@@ -133,7 +133,7 @@ pub(super) fn settings(job: &Job, former: &str, resolved: &Map<String, Value>) -
         }),
         ("navigation_start", {
             let start = typed.logs.navigation_start;
-            // As it can be typed again, to the last digit.
+            // In the syntax of the option, without loss of digits.
             json!(start.map(|start| match start.week {
                 0 => start.seconds.to_string(),
                 week => format!("{week}:{}", start.seconds),

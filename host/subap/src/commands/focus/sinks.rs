@@ -192,14 +192,17 @@ impl ImageSink for StoreSink<'_> {
         let part = self.part;
         self.num_tiles = plan.num_tiles();
         self.session.note(1, || describe(plan, part));
-        stages::foretell(self.session, &plan.cost, &self.comparison);
+        stages::show_predicted(self.session, &plan.cost, &self.comparison);
         self.filling = Some(self.store.claim(&part.to_string().replace('/', " of "))?);
         let done = self.store.done()?;
         let of_part = part.of(self.num_tiles);
         let missing: Vec<usize> = of_part.clone().filter(|i| !done.contains_key(i)).collect();
         if missing.len() < of_part.len() {
             let there = of_part.len() - missing.len();
-            messages::note(&format!("{there} of {} tiles are there", of_part.len()));
+            messages::note(&format!(
+                "{there} of {} tiles are already formed",
+                of_part.len()
+            ));
         }
         Ok(missing)
     }
@@ -215,7 +218,7 @@ impl ImageSink for StoreSink<'_> {
             if self.session.tells() {
                 let (there, all, part) = (marks.len(), self.num_tiles, self.part);
                 text::say(format!(
-                    "{}: part {part} is there; {there} of {all} tiles are, and the rest is others' work",
+                    "{}: part {part} is complete; {there} of {all} tiles are formed, other processes form the rest",
                     self.store.folder().display()
                 ))?;
             }
@@ -225,7 +228,7 @@ impl ImageSink for StoreSink<'_> {
             self.claims = claim(self.session, self.typed)?;
         }
         if self.claims.is_none() {
-            // Another process makes the record.
+            // Another process writes the record.
             return Ok(None);
         }
         let notes: Result<_, _> = marks.into_values().map(Note::from_mark).collect();

@@ -6,7 +6,7 @@ use subaperture::focus::Plan;
 use crate::args::Part;
 use crate::text;
 
-/// Work, choices, planned error and tiles of a plan, or of a part of it.
+/// Format the work, choices, planned error and tiles of a plan, or of a part of it.
 pub(crate) fn describe(plan: &Plan, part: Part) -> String {
     let [down, across] = plan.tiling().tiles();
     let grid = &plan.grid;
@@ -23,7 +23,7 @@ pub(crate) fn describe(plan: &Plan, part: Part) -> String {
         .collect();
     format!(
         "{:<16} {} pulses of {} samples onto {} x {} pixels by {}\n{:<16} {}\n{:<16} {:.1} dB{}\n{:<16} {across} x {down} of {} x \
-         {} pixels{tiles}\n{:<16} {} a thread at the most",
+         {} pixels{tiles}\n{:<16} at most {} per thread",
         "work",
         plan.recording.pulses,
         plan.recording.samples,
@@ -35,7 +35,7 @@ pub(crate) fn describe(plan: &Plan, part: Part) -> String {
         "planned error",
         plan.planned_db,
         plan.bound_db
-            .map_or(String::new(), |bound| format!(", {bound} dB asked")),
+            .map_or(String::new(), |bound| format!(", bound {bound} dB")),
         "tiles",
         plan.tile.columns,
         plan.tile.rows,

@@ -1,14 +1,14 @@
-//! An image formed tile by tile: with `--tiled` or `--plan` into a store that several processes may fill, and without them into
-//! one array where it is larger than memory.
+//! Image formation tile by tile: with `--tiled` or `--plan` into a store that several processes may fill, otherwise into
+//! one array if the image is larger than memory.
 //!
 //! ```text
 //! options ─> Plan (or --plan FILE) ─> image.zarr: plan, tiles, marks ─┬─> once all tiles are there: image.json, image.png
 //!                                 └─> image.npy in a temporary file ──┘
 //! ```
 //!
-//! Tiles that a store holds by the same plan are not formed again: a killed run goes on (`--resume`), and processes with a
-//! part each (`--tiles I/N`) need not know of one another. A tile's mark keeps its record; the process that finds all marks
-//! measures the image's error. [`Execution`] forms, measures and plans again; `sinks.rs` keeps the tiles.
+//! Tiles that a store already contains for the same plan are not formed again: a killed run can be continued (`--resume`), and processes
+//! with a part each (`--tiles I/N`) run independently. The mark of a tile contains its record; the process that finds all marks
+//! measures the error of the image. [`Execution`] forms tiles, measures errors and replans; `sinks.rs` stores the tiles.
 
 use std::path::Path;
 use std::time::Instant;
@@ -42,10 +42,10 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::{stages, text};
 
-/// Forms the tiles that are missing of the part asked for, in a store.
+/// Form the missing tiles of the requested part in a store.
 pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let start = Instant::now();
-    // Processes that carry out a plan side by side share the folder; only who makes the record has to have it alone.
+    // Processes that execute a plan in parallel share the folder; only the one that writes the record needs an exclusive claim.
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let products = super::products(typed);
@@ -56,7 +56,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     })
 }
 
-/// Forms what is missing of a recording's image.
+/// Form the missing tiles of an image of a recording.
 fn formed(
     session: &Session,
     typed: &Focus,
@@ -79,7 +79,7 @@ fn formed(
     let (plan, former) = match &typed.tiled.plan {
         Some(path) => {
             let plan = read_plan(path)?;
-            // A plan that cannot be carried out is refused before anything is written.
+            // A plan that cannot be executed is refused before any output is written.
             plan.open(collection, &plan.weights(collection)?)?;
             let former = formers::former(&plan.former, &plan.settings)?;
             (plan, former)
@@ -109,7 +109,7 @@ fn formed(
     work.fill_store(&plan, sink)
 }
 
-/// Weights of the windows that are typed, in the beam of `former`.
+/// Weights by the requested windows, within the beam of `former`.
 pub(super) fn weights(
     typed: &Imaging,
     former: &dyn ImageFormer,
@@ -124,7 +124,7 @@ pub(super) fn weights(
     )
 }
 
-/// Specification of the image that is typed.
+/// Specification of the requested image.
 pub(super) fn spec<'a>(
     typed: &Imaging,
     collection: &'a Collection,
@@ -141,7 +141,7 @@ pub(super) fn spec<'a>(
     }
 }
 
-/// Plan of `former` for the image that is typed.
+/// Plan of `former` for the requested image.
 pub(super) fn plan(
     session: &Session,
     typed: &Imaging,
@@ -155,7 +155,7 @@ pub(super) fn plan(
     Ok(plan)
 }
 
-/// Plan of the options for a recording, to be carried out by others: it leaves room for scatterers outside the grid.
+/// Plan for a recording, to be executed later. It allows for scatterers outside the grid.
 pub(crate) fn plan_recording(
     session: &Session,
     typed: &Imaging,
@@ -175,7 +175,7 @@ pub(crate) fn plan_recording(
     Ok((plan, comparison_cost(&spec)))
 }
 
-/// Plan in a file.
+/// Read a plan from a file.
 fn read_plan(path: &Path) -> anyhow::Result<Plan> {
     let value = open_file(path)
         .map_err(JsonError::Io)
@@ -184,7 +184,7 @@ fn read_plan(path: &Path) -> anyhow::Result<Plan> {
     Plan::from_value(value).with_context(|| path.display().to_string())
 }
 
-/// Image that is formed tile by tile.
+/// Image formed tile by tile.
 pub(super) struct InParts<'a> {
     pub(super) job: &'a Job<'a>,
     pub(super) former: &'a dyn ImageFormer,
@@ -202,7 +202,7 @@ impl InParts<'_> {
         self.deliver(&executed, peak, Whole::Array(Box::new(array)))
     }
 
-    /// Form the missing tiles of a part of a store. The process that forms the last tile makes the record and the picture.
+    /// Form the missing tiles of a part of a store. The process that forms the last tile writes the record and the picture.
     fn fill_store(&self, plan: &Plan, mut sink: StoreSink) -> anyhow::Result<()> {
         let kept = format!("{} keeps the tiles", sink.store().folder().display());
         let Some(executed) = self.execute(plan, &mut sink, Some(kept))? else {
@@ -212,7 +212,7 @@ impl InParts<'_> {
         self.deliver(&executed, peak, Whole::Tiles(sink.store()))
     }
 
-    /// Run the plan. `kept` names what a refused image leaves behind.
+    /// Execute the plan. `kept` describes the partial output that remains if the image is refused.
     fn execute<'p>(
         &self,
         plan: &'p Plan,
@@ -248,8 +248,8 @@ impl InParts<'_> {
         Ok(executed)
     }
 
-    /// Store of `plan`: an existing one of the same plan that may be continued, or a new one. An existing store may have the stricter plan of the
-    /// same options; that is then carried out.
+    /// Tile store of `plan`: an existing one to continue, or a new one. An existing store may contain the stricter plan of the same options,
+    /// made after a measurement; that plan is then executed.
     fn store(&self, plan: &Plan) -> anyhow::Result<(TileStore, Plan)> {
         let typed = self.job.typed;
         let goes_on = typed.tiled.resume || typed.tiled.plan.is_some();
@@ -262,14 +262,14 @@ impl InParts<'_> {
             Some(store) if goes_on => match self.plan_of(&store, plan)? {
                 Some(plan) => return Ok((store, plan)),
                 None => bail!(
-                    "{}: what is there is of another plan: give the same recording and options as then, or begin anew with \
+                    "{}: expected tiles of the same plan, found another: repeat the recording and options of the first run, or start over with \
                      --force and without --resume",
                     name.display()
                 ),
             },
             Some(_) if !typed.writing.force => {
                 return Err(Usage(format!(
-                    "{}: there is one already: go on with it by --resume, or begin anew by --force",
+                    "{}: the folder already contains tiles: continue with --resume, or start over with --force",
                     name.display()
                 ))
                 .into());
@@ -280,7 +280,7 @@ impl InParts<'_> {
         let text = plan.to_text();
         match TileStore::create(&typed.out, plan.tiling(), &text) {
             Ok(store) => Ok((store, plan.clone())),
-            // Another process was quicker.
+            // Another process has created the store in the meantime.
             Err(error) => match TileStore::open(&typed.out) {
                 Ok(Some(store)) if goes_on && store.plan() == text => Ok((store, plan.clone())),
                 _ => Err(error.into()),
@@ -288,7 +288,7 @@ impl InParts<'_> {
         }
     }
 
-    /// Plan of a store, if it is `plan` or the stricter plan of the same options.
+    /// Plan of a store if it is `plan` or the stricter plan of the same options; else `None`.
     fn plan_of(&self, store: &TileStore, plan: &Plan) -> anyhow::Result<Option<Plan>> {
         let is_of = |plan: &Plan| store.plan() == plan.to_text() && store.tiling() == plan.tiling();
         if is_of(plan) {
@@ -307,7 +307,7 @@ impl InParts<'_> {
         Ok(stricter.filter(is_of))
     }
 
-    /// Compare the image with the exact sum, if that is typed, and write it.
+    /// Compare the image with the exact sum if requested, and write it.
     fn deliver(
         &self,
         executed: &Executed,
@@ -321,12 +321,12 @@ impl InParts<'_> {
         let mut resolved = plan.summary.as_object().cloned().unwrap_or_default();
         if judgement.note(plan.bound_db, &mut resolved) {
             let predicted_db = judgement.predicted_db();
-            missed::tell(self.former, &self.spec, predicted_db, &Silent);
+            missed::warn(self.former, &self.spec, predicted_db, &Silent);
         }
         if let Some(error_db) = plan.planned_for_db {
             resolved.insert("planned_for_db".to_owned(), error_db.into());
         }
-        super::tell_settings(&resolved);
+        super::report_settings(&resolved);
         let mut settings = record::settings(job, &plan.former, &resolved);
         settings["window"] = plan.window.clone().into();
         settings["slow_window"] = plan.slow_window.clone().into();

@@ -11,7 +11,7 @@ use super::description::{Description, line};
 use crate::config::Session;
 use crate::text::{bytes, hertz, seconds};
 
-/// A recording as SigMF: carriers, sweeps and what is wrong with steps.
+/// Describe a SigMF recording: carriers, sweeps and flagged steps.
 pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
     let meta = subaperture::capture_of(path).unwrap_or_else(|| path.to_owned());
     let recording = Recording::open(&meta)?;
@@ -36,11 +36,7 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
     text += &line("hardware", &setup.hardware);
     text += &line(
         "data",
-        &format!(
-            "{}, {} samples a second",
-            bytes(size.into()),
-            setup.sample_rate_hz
-        ),
+        &format!("{}, {} samples/s", bytes(size.into()), setup.sample_rate_hz),
     );
     text += &line(
         "carriers",
@@ -77,19 +73,19 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
     text += &line(
         "antennas",
         match setup.antennas {
-            Some(_) => "their places are recorded",
-            None => "no places are recorded",
+            Some(_) => "positions recorded",
+            None => "no positions recorded",
         },
     );
     if flagged > 0 {
-        text += &line("flagged", &format!("{flagged} steps are not whole"));
+        text += &line("flagged", &format!("{flagged} incomplete steps"));
     }
     if recording.interrupted() {
-        text += &line("interrupted", "steps were taken of its journal");
+        text += &line("interrupted", "steps were recovered from the journal");
     }
     text += &line(
         "next",
-        "subap profile makes range profiles, subap radio convert phase history",
+        "compute range profiles with subap profile, convert to phase history with subap radio convert",
     );
     Ok(Description {
         text,
@@ -110,19 +106,19 @@ pub(super) fn capture(path: &Path) -> anyhow::Result<Description> {
     })
 }
 
-/// An experiment's plan and radio.
+/// Describe the plan and radio of an experiment.
 pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let experiment = Experiment::read_within(path, &[], session.memory_bytes)?;
     let plan = &experiment.plan;
     let radio = match &experiment.device {
         Device::Simulated(simulated) => {
-            format!("simulated, of the scene {}", simulated.scenario.display())
+            format!("simulated, scene {}", simulated.scenario.display())
         }
-        Device::Uhd(_) => "a USRP by UHD".to_owned(),
-        Device::Replay(path) => format!("a replay of {}", path.display()),
+        Device::Uhd(_) => "USRP (UHD)".to_owned(),
+        Device::Replay(path) => format!("replay of {}", path.display()),
     };
     let sweeps = match plan.sweeps {
-        0 => "as many as there is time for".to_owned(),
+        0 => "unlimited".to_owned(),
         sweeps => sweeps.to_string(),
     };
     let mut text = line("experiment", &path.display().to_string());
@@ -141,12 +137,12 @@ pub(super) fn experiment(session: &Session, path: &Path) -> anyhow::Result<Descr
     text += &line("sweeps", &sweeps);
     if let Some(live) = &experiment.live {
         let size = format!(
-            "{} x {} pixels meanwhile, by subap live",
+            "live image of {} x {} pixels, by subap live",
             live.grid.rows.count, live.grid.columns.count
         );
         text += &line("image", &size);
     }
-    text += &line("next", "subap capture carries it out");
+    text += &line("next", "run it with subap capture");
     Ok(Description {
         text,
         json: json!({

@@ -1,4 +1,4 @@
-//! How a file is described, and how texts are read that are parsed in memory.
+//! Description of a file, and memory-limited reading of texts.
 
 use std::io::Read;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::config::Session;
 /// Most bytes of memory per byte of parsed JSON text.
 const PARSED_BYTES: u64 = 32;
 
-/// What is known of it, for people and for programs.
+/// Description of a file as text and JSON.
 pub(super) struct Description {
     pub(super) text: String,
     pub(super) json: Value,
@@ -23,7 +23,7 @@ pub(super) fn line(label: &str, value: &str) -> String {
     format!("{label:<16} {value}\n")
 }
 
-/// A text that is parsed in memory, as long as the budget allows.
+/// Read a text to be parsed in memory, if the budget allows.
 pub(super) fn read_text(session: &Session, path: &Path) -> anyhow::Result<Vec<u8>> {
     let most_bytes = session.memory_bytes / PARSED_BYTES;
     let mut text = Vec::new();
@@ -31,14 +31,14 @@ pub(super) fn read_text(session: &Session, path: &Path) -> anyhow::Result<Vec<u8
     read.with_context(|| format!("cannot read {}", path.display()))?;
     if text.len() as u64 > most_bytes {
         bail!(
-            "{}: more than {most_bytes} bytes, which --memory allows of a text that is parsed: raise --memory",
+            "{}: expected at most {most_bytes} bytes of text (limited by --memory), found more: raise --memory",
             path.display()
         );
     }
     Ok(text)
 }
 
-/// A record of this program.
+/// Read a JSON record of this program.
 pub(super) fn read_record(session: &Session, path: &Path) -> anyhow::Result<Value> {
     let limits = Limits {
         bytes: session.memory_bytes,

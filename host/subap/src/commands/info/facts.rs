@@ -36,7 +36,7 @@ fn band_facts(survey: &Survey) -> Vec<Fact> {
     facts
 }
 
-/// What can be told apart, and how large a scene is unambiguous.
+/// Resolution, and unambiguous extent.
 fn resolution_facts(survey: &Survey) -> Vec<Fact> {
     let mut facts = Vec::new();
     facts.push((
@@ -87,7 +87,7 @@ fn resolution_facts(survey: &Survey) -> Vec<Fact> {
     facts
 }
 
-/// Aperture, times and where the antenna is.
+/// Aperture, timing and position of the antenna.
 fn geometry_facts(survey: &Survey) -> Vec<Fact> {
     let mut facts = Vec::new();
     facts.push((
@@ -132,7 +132,7 @@ fn geometry_facts(survey: &Survey) -> Vec<Fact> {
     facts
 }
 
-/// The grid that an image is formed on unless another is given.
+/// Default grid of an image.
 fn default_grid(session: &Session, survey: &Survey) -> String {
     match survey.default_grid() {
         Ok(DefaultGrid { grid, cropped, .. }) => {
@@ -162,11 +162,11 @@ fn default_grid(session: &Session, survey: &Survey) -> String {
     }
 }
 
-/// The sub-CPIs of the precise mode.
+/// Sub-CPI of precise mode.
 fn precise(advice: &Advice) -> String {
     match &advice.precise {
         Some(plan) => format!(
-            "{} pulses on patches of {} by {}: {:.1} dB predicted, {BOUND_DB} dB asked",
+            "{} pulses on patches of {} by {}: {:.1} dB predicted, bound {BOUND_DB} dB",
             plan.pulses,
             metres(Some(plan.patch_m[0])),
             metres(Some(plan.patch_m[1])),
@@ -180,7 +180,7 @@ fn band(survey: &Survey) -> String {
     let shared = if survey.band_is_shared {
         ""
     } else {
-        "; it differs from pulse to pulse"
+        "; varies between pulses"
     };
     format!(
         "{} to {}, {} in steps of {}{shared}",
@@ -195,11 +195,11 @@ fn looking(survey: &Survey) -> String {
     let side = match survey.side {
         Some(Side::Left) => "left of the track",
         Some(Side::Right) => "right of the track",
-        None => "no side of a track",
+        None => "no side (no straight track)",
     };
     let squint = match survey.squint_deg {
         Some(squint_deg) => format!("squint {}", degrees(squint_deg)),
-        None => "squint none".to_owned(),
+        None => "no squint".to_owned(),
     };
     let bistatic = if survey.bistatic_angle_deg > 1e-6 {
         format!(", bistatic angle {:.3} deg", survey.bistatic_angle_deg)
@@ -211,10 +211,10 @@ fn looking(survey: &Survey) -> String {
 
 fn thesis(survey: &Survey, advice: &Advice) -> String {
     let (Some(one_m), Some(forty_m)) = (survey.grating_lobe_m(1), survey.grating_lobe_m(40)) else {
-        return "none: there is no cross-range to have grating lobes in".to_owned();
+        return "none: the recording has no cross-range resolution".to_owned();
     };
     let longest = match advice.thesis_pulses {
-        Some(pulses) => format!("; outside the declared extent up to {pulses} pulses"),
+        Some(pulses) => format!("; outside the declared extent for up to {pulses} pulses"),
         None => String::new(),
     };
     format!(

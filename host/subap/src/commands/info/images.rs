@@ -1,4 +1,4 @@
-//! Descriptions of images of other programs, from their metadata.
+//! Descriptions of images in other formats, from their metadata.
 
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
@@ -9,7 +9,7 @@ use subaperture::maps::ProjectionModel as _;
 use super::description::{Description, line};
 use crate::text;
 
-/// Format, size, place, values and the brightest pixel.
+/// Describe format, size, position, values and brightest pixel.
 pub(super) fn describe(image: &OpenImage) -> anyhow::Result<Description> {
     let (rows, columns) = image.pixels.size();
     let path = image.path.display().to_string();
@@ -91,7 +91,7 @@ fn place(image: &OpenImage, text: &mut String, json: &mut Value) {
         json["grid"] = json!(grid);
         let middle = [grid.rows.count / 2, grid.columns.count / 2];
         let place = match &image.lies {
-            // A SICD's plane is the ground in few of its grids: what its pixel shows is.
+            // Few SICD grids lie in the ground plane, so the ground position of the centre pixel is projected.
             PixelGeometry::Sicd { on_map, .. } => match &**on_map {
                 Ok(on_map) => on_map.place(middle.map(|n| n as f64)),
                 Err(_) => None,
@@ -143,7 +143,7 @@ fn place(image: &OpenImage, text: &mut String, json: &mut Value) {
     }
 }
 
-/// One pass over the image.
+/// Find the brightest pixel in one pass over the image.
 fn brightest(image: &OpenImage, text: &mut String, json: &mut Value) -> anyhow::Result<()> {
     let peak = peak_of(&image.pixels).map_err(|error| anyhow::anyhow!(error))?;
     let level_db = peak.map(|peak| 10.0 * subaperture::image::power(peak.value).log10());

@@ -16,7 +16,7 @@ use crate::commands::stored::product_folder;
 use crate::config::Session;
 use crate::text::{self, bytes};
 
-/// What a path names; what nobody recognises is left to the reader of recordings, which says what it wants.
+/// Kind of the file at a path. Unrecognised files count as recordings, whose reader reports the expected formats.
 pub(super) fn kind_of(path: &Path) -> FileKind {
     match recognise(path) {
         FileKind::Unknown => FileKind::Recording,
@@ -24,7 +24,7 @@ pub(super) fn kind_of(path: &Path) -> FileKind {
     }
 }
 
-/// Looks into anything that is no recording.
+/// Describe a file that is not a recording.
 pub(super) fn describe(
     session: &Session,
     path: &Path,
@@ -50,14 +50,14 @@ pub(super) fn describe(
         FileKind::Kmz => texts::file(path, "map", "KMZ, ground overlays for Google Earth"),
         FileKind::Report => texts::file(path, "report", "written by subap, for a browser"),
         _ => bail!(
-            "{}: the folder holds no image.json, so it is no image of subap focus; name a recording, an image's \
-             folder or a file of maps",
+            "{}: expected a recording, an image folder (image.json) or a file of maps; found a folder without image.json: check the \
+             path",
             path.display()
         ),
     }
 }
 
-/// A product by its record, and any other image by its own metadata.
+/// Describe a product by its record, and any other image by its own metadata.
 fn image(session: &Session, path: &Path) -> anyhow::Result<Description> {
     if let Some(folder) = product_folder(path) {
         let file = folder.join("image.json");
@@ -120,7 +120,7 @@ fn product(path: &Path, folder: &Path, record: &Value) -> anyhow::Result<Descrip
     })
 }
 
-/// The grid, in words or axis by axis.
+/// Format the grid, by words or axis by axis.
 fn axes_lines(record: &Value) -> String {
     let mut text = String::new();
     let axes = match record["grid"].is_object() {
@@ -156,21 +156,21 @@ fn axes_lines(record: &Value) -> String {
     text
 }
 
-/// What was asked, predicted and measured.
+/// Error bound, predicted error and measured error.
 fn error(record: &Value) -> String {
     let resolved = &record["settings"]["resolved"];
     let mut parts = Vec::new();
-    for (value, what) in [
+    for (value, kind) in [
         (&resolved["error_db"], "asked"),
         (&resolved["predicted_error_db"], "predicted"),
         (&record["check"]["relative_to_image_db"], "measured"),
     ] {
         if let Some(error_db) = value.as_f64() {
-            parts.push(format!("{error_db:.1} dB {what}"));
+            parts.push(format!("{error_db:.1} dB {kind}"));
         }
     }
     match parts.is_empty() {
-        true => "not known: none was predicted, and none measured".to_owned(),
+        true => "unknown: neither predicted nor measured".to_owned(),
         false => parts.join(", "),
     }
 }
@@ -186,7 +186,7 @@ fn maps(path: &Path, memory_bytes: u64) -> anyhow::Result<Description> {
     let run = file.run();
     let complete = match file.is_complete() {
         true => "whole",
-        false => "it breaks off",
+        false => "truncated",
     };
     let bound = run.provenance.get("error_db").and_then(Value::as_f64);
     let mut text = line("maps", &path.display().to_string());
@@ -203,7 +203,7 @@ fn maps(path: &Path, memory_bytes: u64) -> anyhow::Result<Description> {
     text += &line("arithmetic", arithmetic.as_str().unwrap_or("unknown"));
     text += &line("window", &run.fast_window);
     if let Some(error_db) = bound {
-        text += &line("error", &format!("{error_db} dB asked of the image"));
+        text += &line("error", &format!("bound of the image {error_db} dB"));
     }
     let closing = file.closing();
     if let Some(missing) = closing.and_then(|closing| closing.counters.get("maps_missing")) {

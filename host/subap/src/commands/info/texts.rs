@@ -15,12 +15,12 @@ use crate::commands::run::keys;
 use crate::config::Session;
 use crate::text::{bytes, significant};
 
-/// Most values of a record that are printed.
+/// Maximum number of values of a record to print.
 const MAX_VALUES: usize = 24;
-/// Longest value of a record that is printed, letters.
+/// Maximum length of a value of a record to print, characters.
 const LONGEST_VALUE: usize = 100;
 
-/// A plan of an image.
+/// Describe a plan of an image.
 pub(super) fn plan(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let text = String::from_utf8(read_text(session, path)?)
         .with_context(|| format!("{}: not UTF-8", path.display()))?;
@@ -41,10 +41,10 @@ pub(super) fn plan(session: &Session, path: &Path) -> anyhow::Result<Description
     );
     let bound = plan
         .bound_db
-        .map_or_else(|| "no bound".to_owned(), |db| format!("{db:.1} dB asked"));
+        .map_or_else(|| "no bound".to_owned(), |db| format!("bound {db:.1} dB"));
     text += &line(
         "error",
-        &format!("{bound}, {:.1} dB planned", plan.planned_db),
+        &format!("{bound}, planned {:.1} dB", plan.planned_db),
     );
     text += &line(
         "recording",
@@ -53,7 +53,7 @@ pub(super) fn plan(session: &Session, path: &Path) -> anyhow::Result<Description
             plan.recording.pulses, plan.recording.samples, plan.recording.geometry
         ),
     );
-    text += &line("next", "subap focus INPUT --plan PLAN carries it out");
+    text += &line("next", "execute it with subap focus INPUT --plan PLAN");
     Ok(Description {
         text,
         json: json!({
@@ -68,7 +68,7 @@ pub(super) fn plan(session: &Session, path: &Path) -> anyhow::Result<Description
     })
 }
 
-/// Any record of this program: its schema and the values that it states.
+/// Describe a record of this program: its schema and values.
 pub(super) fn record(session: &Session, path: &Path, schema: &str) -> anyhow::Result<Description> {
     let record = read_record(session, path)?;
     let mut text = line("record", &path.display().to_string());
@@ -93,7 +93,7 @@ pub(super) fn record(session: &Session, path: &Path, schema: &str) -> anyhow::Re
     })
 }
 
-/// Single values by their dotted keys, lists by their lengths.
+/// Flatten to scalar values by dotted keys, and lists to their lengths.
 fn flat(prefix: &str, value: &Value, into: &mut Vec<(String, String)>) {
     let Some(object) = value.as_object() else {
         return;
@@ -120,7 +120,7 @@ fn flat(prefix: &str, value: &Value, into: &mut Vec<(String, String)>) {
     }
 }
 
-/// GeoJSON, such as a STAC item.
+/// Describe a GeoJSON file, such as a STAC item.
 pub(super) fn features(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let features = geojson::read(path, session.memory_bytes)?;
     let shapes: usize = features.iter().map(|feature| feature.shapes.len()).sum();
@@ -129,7 +129,7 @@ pub(super) fn features(session: &Session, path: &Path) -> anyhow::Result<Descrip
         "holds",
         &format!("{} features of {shapes} shapes", features.len()),
     );
-    text += &line("next", "subap view --layer shows it over an image");
+    text += &line("next", "show it over an image with subap view --layer");
     Ok(Description {
         text,
         json: json!({
@@ -141,7 +141,7 @@ pub(super) fn features(session: &Session, path: &Path) -> anyhow::Result<Descrip
     })
 }
 
-/// A scenario of the simulator.
+/// Describe a scenario of the simulator.
 pub(super) fn scenario(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let scenario = Scenario::read_within(path, session.memory_bytes)
         .with_context(|| format!("cannot read {}", path.display()))?;
@@ -151,7 +151,7 @@ pub(super) fn scenario(session: &Session, path: &Path) -> anyhow::Result<Descrip
     let mut text = line("scenario", &path.display().to_string());
     text += &line("name", &scene.name);
     text += &line("antennas", &format!("{pairs} pairs of antennas"));
-    text += &line("next", "subap simulate writes what it records");
+    text += &line("next", "simulate its recordings with subap simulate");
     Ok(Description {
         text,
         json: json!({
@@ -174,7 +174,7 @@ pub(super) fn job(session: &Session, path: &Path) -> anyhow::Result<Description>
     for (key, value) in all {
         text += &line(&key, &value);
     }
-    text += &line("next", "subap run carries it out");
+    text += &line("next", "run it with subap run");
     Ok(Description {
         text,
         json: json!({
@@ -185,7 +185,7 @@ pub(super) fn job(session: &Session, path: &Path) -> anyhow::Result<Description>
     })
 }
 
-/// The folder of a job that was run.
+/// Describe the output folder of a job.
 pub(super) fn job_folder(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let mut described = record(session, &path.join("job.json"), "subaperture-job")?;
     described.text = line("job", &path.display().to_string()) + &described.text;
@@ -193,7 +193,7 @@ pub(super) fn job_folder(session: &Session, path: &Path) -> anyhow::Result<Descr
     Ok(described)
 }
 
-/// A picture and its size.
+/// Describe a picture by its size.
 pub(super) fn picture(path: &Path) -> anyhow::Result<Description> {
     let mut head = [0; 24];
     open_file(path)
@@ -209,15 +209,15 @@ pub(super) fn picture(path: &Path) -> anyhow::Result<Description> {
 }
 
 /// Description of a file by kind and size.
-pub(super) fn file(path: &Path, kind: &str, what: &str) -> anyhow::Result<Description> {
+pub(super) fn file(path: &Path, kind: &str, contents: &str) -> anyhow::Result<Description> {
     let size = std::fs::metadata(path)
         .with_context(|| format!("cannot read {}", path.display()))?
         .len();
     let text = line(kind, &path.display().to_string())
-        + &line("format", what)
+        + &line("format", contents)
         + &line("size", &bytes(size.into()));
     Ok(Description {
         text,
-        json: json!({ "path": path.display().to_string(), "kind": kind, "format": what, "bytes": size }),
+        json: json!({ "path": path.display().to_string(), "kind": kind, "format": contents, "bytes": size }),
     })
 }

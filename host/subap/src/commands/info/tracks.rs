@@ -12,12 +12,12 @@ use crate::commands::navigation;
 use crate::config::Session;
 use crate::text::{metres, seconds};
 
-/// A track, comma-separated.
+/// Describe a track in CSV format.
 pub(super) fn track(path: &Path) -> anyhow::Result<Description> {
     of_fixes(path, "track", &track_csv::read(path)?)
 }
 
-/// A rigid body's motion capture.
+/// Describe motion capture of a rigid body.
 pub(super) fn motion_capture(path: &Path) -> anyhow::Result<Description> {
     let fixes = motive::read(path, None, track_axes::TrackAxes::y_up())?;
     of_fixes(path, "motion capture", &fixes)
@@ -81,7 +81,7 @@ pub(super) fn phases(path: &Path) -> anyhow::Result<Description> {
     })
 }
 
-/// A navigation log, as `subap navigation` describes it.
+/// Describe a navigation log as `subap navigation` does.
 pub(super) fn navigation(session: &Session, path: &Path) -> anyhow::Result<Description> {
     let log = navigation::read(session, path, &Options::default())?;
     let mut text = line("navigation log", &path.display().to_string());

@@ -1,4 +1,4 @@
-//! The picture of the image so far: a thread of its own, so that the line never waits for it.
+//! Picture of the partial image, drawn in a thread of its own so that the transfer never waits.
 
 use std::io::Write;
 use std::path::Path;
@@ -13,25 +13,25 @@ use subaperture::module::link::RunningImage;
 use subaperture::module::maps::OwnedMap;
 use subaperture::plot::{self, Panel};
 
-/// From one picture to the next, at least.
+/// Minimum time between two pictures.
 const PERIOD: Duration = Duration::from_secs(1);
 
-/// Maps that wait for the thread; more are left out of the picture.
+/// Maximum number of maps queued for the thread; further maps are left out of the picture.
 const WAITING: usize = 64;
 
-/// A picture in the making.
+/// Picture that is updated during the transfer.
 pub(crate) struct Picture {
     maps: SyncSender<OwnedMap>,
-    /// Maps that found the thread too far behind.
+    /// Number of maps left out because the queue was full.
     left_out: u64,
     thread: JoinHandle<anyhow::Result<()>>,
 }
 
 impl Picture {
-    /// Begins a picture at `path`, which is claimed.
+    /// Start a picture at `path`, which must be claimed.
     ///
     /// # Errors
-    /// If there is no thread for it.
+    /// If the thread cannot be started.
     pub(crate) fn start(
         path: &Path,
         image: RunningImage,
@@ -50,12 +50,12 @@ impl Picture {
         })
     }
 
-    /// Takes a map, unless the thread is too far behind.
+    /// Queue a map; it is dropped if the queue is full.
     pub(crate) fn take(&mut self, map: OwnedMap) {
         self.left_out += u64::from(self.maps.try_send(map).is_err());
     }
 
-    /// Draws the last picture; how many maps are not in it because they came too fast.
+    /// Draw the last picture. Returns the number of maps left out of it.
     pub(crate) fn finish(self) -> anyhow::Result<u64> {
         drop(self.maps);
         match self.thread.join() {

@@ -1,4 +1,4 @@
-//! Work of the embedded module: its plan, the resulting job, and the transfer of maps to a file.
+//! Work of the embedded module: its plan, the job, and the transfer of maps to a file.
 
 use std::time::{Duration, Instant};
 
@@ -23,7 +23,7 @@ use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::{interrupt, messages};
 use subaperture::io::product::record::grid as grid_record;
 
-/// The plan for a module that was built so.
+/// Plan for a module of this capacity.
 pub(super) fn plan(
     session: &Session,
     typed: &Link,
@@ -55,26 +55,26 @@ pub(super) fn plan(
     let num_maps = num_maps(&plan);
     if num_maps > MAX_MAPS {
         bail!(
-            "{num_maps} maps are more than the {MAX_MAPS} of a file: give a smaller --grid, or link the \
+            "expected at most {MAX_MAPS} maps per file, found {num_maps}: give a smaller --grid, or link the \
              recordings one by one"
         );
     }
     Ok(plan)
 }
 
-/// Maps that there are to be.
+/// Number of maps in a plan.
 fn num_maps(plan: &ModulePlan) -> u64 {
     plan.num_sub_cpis as u64 * plan.patches.len() as u64
 }
 
-/// What the module is to do.
+/// Work of the module.
 pub(super) struct Work<'w> {
     session: &'w Session,
     typed: &'w Link,
     history: &'w dyn PhaseHistory,
     grid: &'w ImageGrid,
     plan: &'w ModulePlan,
-    /// One a frequency; they sum to 1.
+    /// Weights by frequency; they sum to 1.
     fast_weights: Vec<f32>,
     slow_weights: Vec<f64>,
 }
@@ -117,7 +117,7 @@ impl<'w> Work<'w> {
         })
     }
 
-    /// Says what the transfer will take.
+    /// Print the predicted cost of the transfer.
     pub(super) fn rehearse(
         &self,
         module: &mut link::Session<'_>,
@@ -127,8 +127,8 @@ impl<'w> Work<'w> {
         let Self { typed, plan, .. } = *self;
         let time = link::rehearse(module, job, self.history, watch)?;
         watch.bar.finish();
-        let what = format!(
-            "{} maps of {} pulses by the module at {}; lost ones come on top",
+        let work = format!(
+            "{} maps of {} pulses by the module at {}; retransmissions not included",
             num_maps(plan),
             job.pulses.len(),
             typed.place
@@ -140,12 +140,12 @@ impl<'w> Work<'w> {
         };
         let held_bytes = self.history.held_bytes() + picture_bytes;
         let disk = vec![(typed.out.clone(), file_bytes)];
-        Ahead::new(self.session, what, held_bytes, time, disk)
+        Ahead::new(self.session, work, held_bytes, time, disk)
             .announce(self.session, &typed.rehearsal)?;
         Ok(())
     }
 
-    /// What the file says of its maps before there are any.
+    /// Header of the file of maps.
     pub(super) fn run(
         &self,
         name: &str,
@@ -163,7 +163,7 @@ impl<'w> Work<'w> {
         })
     }
 
-    /// Has the module do it, and keeps the maps that come.
+    /// Run the job and store the received maps.
     pub(super) fn transfer(
         &self,
         module: &mut link::Session<'_>,
@@ -173,7 +173,7 @@ impl<'w> Work<'w> {
         start: Instant,
     ) -> anyhow::Result<()> {
         let Self { session, typed, .. } = *self;
-        // From here on an interruption keeps the maps that came.
+        // From here on, an interruption keeps the maps received.
         let _keeping = interrupt::Keeping::begin();
         let mut writer = MapWriter::create(&typed.out, run)?;
         let mut keep = Keep {
@@ -194,14 +194,14 @@ impl<'w> Work<'w> {
         if maps > 0 {
             writer.finish(&closing(&outcome, job, compared, maps))?;
         }
-        // The maps are safe before the last picture is drawn.
+        // The file is complete before the last picture is drawn.
         let drawn = picture.map(Picture::finish);
         report(session, typed, &outcome, compared, maps, start.elapsed())?;
         if let Some(drawn) = drawn {
             let left_out = drawn?;
             if left_out > 0 {
                 messages::warning(format!(
-                    "{left_out} maps came too fast for --picture and are not in it; they are in {}",
+                    "{left_out} maps arrived too fast for --picture and are not in it; they are in {}",
                     typed.out.display()
                 ));
             }
@@ -209,7 +209,7 @@ impl<'w> Work<'w> {
         Ok(())
     }
 
-    /// The picture that grows with the maps, if it is wanted.
+    /// Picture updated during the transfer, if requested.
     fn picture(&self, run: &Run) -> anyhow::Result<Option<Picture>> {
         let Some(path) = self.typed.picture.as_deref() else {
             return Ok(None);
@@ -225,7 +225,7 @@ impl<'w> Work<'w> {
         Picture::start(path, image, self.grid, title).map(Some)
     }
 
-    /// Where the maps come from.
+    /// Provenance of the maps.
     fn provenance(&self, identity: &Identity, job: &Job<'_>) -> anyhow::Result<Map<String, Value>> {
         let Self {
             session,

@@ -1,4 +1,4 @@
-//! `subap plan calibrate`: this machine's times, in a file by which plans can be made.
+//! `subap plan calibrate`: measure the timing model of this computer for use in planning.
 
 use std::io::Write;
 
@@ -11,7 +11,7 @@ use crate::args::PlanCalibrate;
 use crate::config::Session;
 use crate::text;
 
-/// Measures the model and writes it.
+/// Measure the timing model and write it.
 pub(super) fn run(session: &Session, typed: &PlanCalibrate) -> anyhow::Result<()> {
     let mut claims = session.claims::<&str>(&typed.writing, &[]);
     claims.file(&typed.out, Kind::Record)?;
@@ -30,7 +30,7 @@ pub(super) fn run(session: &Session, typed: &PlanCalibrate) -> anyhow::Result<()
     if session.tells() {
         let out = typed.out.display();
         text::say(format!(
-            "{out}: the times of this machine; subap focus and subap plan focus choose by them with --model {out}"
+            "{out}: timing model of this computer; use it with subap focus or subap plan focus --model {out}"
         ))?;
     }
     Ok(())

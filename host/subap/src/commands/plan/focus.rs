@@ -1,4 +1,4 @@
-//! `subap plan focus`: a plan of an image, in a file that any machine can carry out.
+//! `subap plan focus`: write the plan of an image to a file that any computer can execute.
 
 use std::io::Write;
 
@@ -14,20 +14,20 @@ use crate::config::Session;
 use crate::stages::duration;
 use crate::text;
 
-/// Makes the plan, writes it, and says what it will take.
+/// Make the plan, write it, and report its cost.
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     surface::check(&typed.image)?;
     let mut claims = session.claims(&typed.writing, &typed.input.files);
     claims.file(&typed.out, Kind::Record)?;
     let model = forming::time_model(&typed.image)?;
-    let means = typed.image.forming.numerics(model.as_ref());
+    let numerics = typed.image.forming.numerics(model.as_ref());
     let recorded = session.open(&typed.input)?;
     let air = Recorded::new(&typed.image.grid, Box::new(recorded))?;
     let history = air.history();
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
-    air.tell(session, &grid);
-    let (plan, comparison) = tiled::plan_recording(session, &typed.image, history, &grid, means)?;
+    air.report(session, &grid);
+    let (plan, comparison) = tiled::plan_recording(session, &typed.image, history, &grid, numerics)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
@@ -69,7 +69,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     ))?;
     if session.tells() {
         text::say(format!(
-            "{}: the plan; subap focus INPUT --plan {} -o DIR carries it out",
+            "{}: plan; execute it with subap focus INPUT --plan {} -o DIR",
             typed.out.display(),
             typed.out.display()
         ))?;

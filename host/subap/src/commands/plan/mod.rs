@@ -1,4 +1,4 @@
-//! `subap plan`: how an image will be formed, what a module or a radar needs.
+//! `subap plan`: plan an image, or predict the needs of a module or a radar.
 
 mod calibrate;
 mod focus;
@@ -10,7 +10,7 @@ use crate::config::Session;
 
 pub(crate) use module::gaps;
 
-/// Prints the plan asked for.
+/// Print the requested plan.
 pub(crate) fn run(session: &Session, typed: &Plan) -> anyhow::Result<()> {
     match &typed.target {
         PlanTarget::Calibrate(typed) => calibrate::run(session, typed),

@@ -54,28 +54,28 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What gaps in the track mean for a plan, if there are any.
+/// Text about gaps in the track, if there are any.
 pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
     let first = plan.gaps.first()?;
     Some(format!(
-        "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
-         apart may have longer ones",
+        "{} before pulse {first}: a module's sub-CPIs extend across gaps, which limits their length; separate recordings \
+         may have longer ones",
         match plan.gaps.len() {
-            1 => "a gap".to_owned(),
+            1 => "one gap".to_owned(),
             count => format!("{count} gaps, the first"),
         }
     ))
 }
 
-/// A plan and what it costs.
+/// Plan with its cost.
 struct Sheet<'a> {
     typed: &'a PlanModule,
     error_db: f64,
     plan: &'a ModulePlan,
     link: LinkBudget,
-    /// From sub-CPI to sub-CPI, seconds.
+    /// Interval between sub-CPIs, seconds.
     period_s: Option<f64>,
-    /// Sides of a patch along x and y.
+    /// Patch sides along x and y, metres.
     patch_m: Option<[f64; 2]>,
 }
 
@@ -154,7 +154,7 @@ impl Sheet<'_> {
             (
                 "error",
                 format!(
-                    "{:.1} dB predicted, {} dB asked, kernels of {} taps",
+                    "{:.1} dB predicted, bound {} dB, kernels of {} taps",
                     plan.predicted_db, self.error_db, plan.taps
                 ),
             ),
@@ -165,7 +165,7 @@ impl Sheet<'_> {
         facts
     }
 
-    /// What goes over the link, and whether it keeps up.
+    /// Traffic on the link, and whether it keeps up in real time.
     fn link_facts(&self) -> Vec<Fact> {
         let link = &self.link;
         let mut facts = Vec::new();
@@ -181,7 +181,7 @@ impl Sheet<'_> {
         facts.push((
             "sub-CPI down",
             format!(
-                "{}, {:.3} s; {} the largest map",
+                "{}, {:.3} s; largest map {}",
                 bytes(link.down_bytes.into()),
                 link.down_s,
                 bytes(link.map_bytes.into())
@@ -191,7 +191,7 @@ impl Sheet<'_> {
             "real time",
             match self.period_s {
                 Some(period_s) => format!(
-                    "a sub-CPI every {period_s:.3} s: the link {}; maps of {} patches pass in that time",
+                    "a sub-CPI every {period_s:.3} s: the link {}; in that time it transfers maps of {} patches",
                     if link.keeps_up(period_s) {
                         "keeps up"
                     } else {
@@ -199,13 +199,13 @@ impl Sheet<'_> {
                     },
                     link.patches_in(period_s)
                 ),
-                None => "unknown: the recording tells no times; give --pulse-rate".to_owned(),
+                None => "unknown: the recording has no pulse times; give --pulse-rate".to_owned(),
             },
         ));
         facts
     }
 
-    /// Memory of every buffer.
+    /// Table of buffer sizes.
     fn memory_table(&self) -> String {
         let plan = self.plan;
         let mut memory: Vec<Vec<String>> = plan
@@ -220,7 +220,7 @@ impl Sheet<'_> {
         ]);
         memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
         memory.push(vec![
-            "beside: detections, chip".to_owned(),
+            "in addition: detections, chip".to_owned(),
             plan.ram.options_bytes.to_string(),
         ]);
         text::table(&["memory", "bytes"], &memory)

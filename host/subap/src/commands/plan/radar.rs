@@ -21,7 +21,7 @@ use crate::args::PlanRadar;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::text::{self, Fact, bytes, metres};
 
-/// Pixels along a side of the picture.
+/// Number of pixels along a side of the picture.
 const PICTURE: usize = 401;
 /// Default pulse length, seconds.
 const DEFAULT_PULSE_S: f64 = 10e-6;
@@ -74,7 +74,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Table 4.1 but for what was typed.
+/// Parameters of Table 4.1, overridden by options.
 fn parameters(typed: &PlanRadar) -> Parameters {
     let (pass, table) = (&typed.pass, Parameters::default());
     let mut parameters = Parameters {
@@ -98,7 +98,7 @@ fn parameters(typed: &PlanRadar) -> Parameters {
     parameters
 }
 
-/// `response.png`: the thesis's mode's answer to a scatterer in the middle of `grid`.
+/// Draw `response.png`: response of thesis mode to a scatterer at the centre of `grid`.
 fn plot(collection: &Collection, grid: &ImageGrid, plan: &RadarPlan) -> anyhow::Result<Vec<u8>> {
     let middle = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
     let response = PointResponse::new(collection, plan.sub_cpis.thesis_pulses, middle)
@@ -123,7 +123,7 @@ fn plot(collection: &Collection, grid: &ImageGrid, plan: &RadarPlan) -> anyhow::
             .collect(),
     };
     let title = format!(
-        "thesis's mode, {} pulses a sub-CPI",
+        "thesis mode, {} pulses per sub-CPI",
         plan.sub_cpis.thesis_pulses
     );
     let mut panel = Panel::new(&image, &shown, title);
@@ -134,7 +134,7 @@ fn plot(collection: &Collection, grid: &ImageGrid, plan: &RadarPlan) -> anyhow::
     Ok(quicklook(&panel)?)
 }
 
-/// The pulse typed, or a sweep over the band.
+/// Pulse given by options, or a linear sweep over the band.
 fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
     typed.pulse.clone().unwrap_or(PulseShape::Lfm {
         bandwidth_hz: plan.survey.bandwidth_hz,
@@ -145,7 +145,7 @@ fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
     })
 }
 
-/// `ambiguity.png`.
+/// Draw `ambiguity.png`, the ambiguity function of the pulse.
 fn plot_ambiguity(shape: &PulseShape) -> anyhow::Result<Vec<u8>> {
     let around = Around::peak(shape)
         .map_err(anyhow::Error::msg)
@@ -194,7 +194,7 @@ fn to_text(plan: &RadarPlan) -> String {
     lines.join("\n")
 }
 
-/// What can be told apart, and how large a scene is unambiguous.
+/// Resolution, and unambiguous extent.
 fn resolution_facts(plan: &RadarPlan) -> Vec<Fact> {
     let (survey, aperture) = (&plan.survey, &plan.aperture);
     vec![
@@ -213,7 +213,7 @@ fn resolution_facts(plan: &RadarPlan) -> Vec<Fact> {
         (
             "cross-range",
             format!(
-                "resolution {} of {} flown; unambiguous {}",
+                "resolution {} from {} of track; unambiguous {}",
                 metres(aperture.cross_range_resolution_m),
                 metres(Some(survey.aperture_length_m)),
                 metres(survey.unambiguous_cross_range_m)
@@ -233,12 +233,12 @@ fn resolution_facts(plan: &RadarPlan) -> Vec<Fact> {
     ]
 }
 
-/// How densely pulses come, and how densely they should.
+/// Pulse spacing, and the spacing required by scene and beam.
 fn sampling_facts(plan: &RadarPlan) -> Vec<Fact> {
     let (survey, aperture) = (&plan.survey, &plan.aperture);
     let verdict = |sampled: Option<bool>| match sampled {
         Some(true) => ": kept",
-        Some(false) => ": NOT kept, it folds",
+        Some(false) => ": NOT kept, Doppler aliases",
         None => "",
     };
     let rate = |need: &subaperture::planner::sampling::Need| {
@@ -282,7 +282,7 @@ fn sampling_facts(plan: &RadarPlan) -> Vec<Fact> {
     facts
 }
 
-/// Sub-CPIs, of the precise mode and of the thesis's.
+/// Sub-CPIs of precise mode and thesis mode.
 fn sub_cpi_facts(plan: &RadarPlan) -> Vec<Fact> {
     let sub_cpis = &plan.sub_cpis;
     let mut facts = Vec::new();
@@ -299,50 +299,50 @@ fn sub_cpi_facts(plan: &RadarPlan) -> Vec<Fact> {
     ));
     if let Some(clear) = sub_cpis.thesis_clear_pulses {
         facts.push((
-            "thesis's mode",
-            format!("up to {clear} pulses a sub-CPI keep grating lobes out of the scene"),
+            "thesis mode",
+            format!("up to {clear} pulses per sub-CPI keep grating lobes outside the scene"),
         ));
     }
     facts
 }
 
-/// How strong echoes are against the noise, if the power is known.
+/// Signal-to-noise ratios, if the transmit power is given.
 fn echo_facts(plan: &RadarPlan) -> Vec<Fact> {
     let mut facts = Vec::new();
     if let Some(sensitivity) = &plan.sensitivity {
         facts.push((
             "1 m² echoes",
             format!(
-                "SNR {:.1} dB a sample, {:.1} dB a pulse, {:.1} dB in the image",
+                "SNR {:.1} dB per sample, {:.1} dB per pulse, {:.1} dB in the image",
                 sensitivity.sample_snr_db, sensitivity.pulse_snr_db, sensitivity.image_snr_db
             ),
         ));
         if let Some(sigma0_db) = sensitivity.noise_equivalent_sigma0_db {
-            facts.push(("noise is like", format!("sigma0 of {sigma0_db:.1} dB")));
+            facts.push(("noise equivalent", format!("sigma0 of {sigma0_db:.1} dB")));
         }
     }
     facts
 }
 
-/// The grating lobes of the thesis's mode.
+/// Table of the grating lobes of thesis mode.
 fn lobes_table(sub_cpis: &SubCpis) -> String {
     let rows: Vec<Vec<String>> = sub_cpis
         .thesis_lobes
         .iter()
         .map(|lobe| {
             vec![
-                format!("lobe {} of {} pulses", lobe.order, sub_cpis.thesis_pulses),
+                format!("lobe {} at {} pulses", lobe.order, sub_cpis.thesis_pulses),
                 metres(Some(lobe.cross_range_m)),
                 format!("{:.1}", lobe.level_db),
             ]
         })
         .collect();
-    text::table(&["thesis's mode", "cross-range", "dB"], &rows)
+    text::table(&["thesis mode", "cross-range", "dB"], &rows)
 }
 
-/// What each image former takes.
+/// Table of the cost of each image former.
 fn costs_table(plan: &RadarPlan) -> String {
-    // What all others are compared with.
+    // Reference of the last column.
     let of_bp = Backprojection::default().name();
     let bp = plan.costs.iter().find(|cost| cost.algorithm == of_bp);
     let bp = bp.map_or(f64::NAN, |bp| bp.operations);
@@ -365,13 +365,13 @@ fn costs_table(plan: &RadarPlan) -> String {
         "dB planned",
         "memory",
         "operations",
-        "a pixel and pulse",
-        "of bp's",
+        "per pixel and pulse",
+        "relative to bp",
     ];
     text::table(&header, &rows)
 }
 
-/// Memory as the thesis counts it.
+/// Memory by the formulas of the thesis.
 fn thesis_memory(plan: &RadarPlan) -> String {
     let memory = &plan.thesis_memory;
     format!(

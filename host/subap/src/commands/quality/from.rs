@@ -1,4 +1,4 @@
-//! `subap quality --from`: points measured on chips formed of the recording, as finely as they need.
+//! `subap quality --from`: points measured on finely sampled chips formed from the recording.
 
 use std::fmt;
 
@@ -26,16 +26,16 @@ use crate::args::{Input, Quality, several_channels};
 use crate::config::Session;
 use crate::failure::Usage;
 
-/// Pixels for each of the support's cells: 0.4 of what would fold.
+/// Pixel step in cells of the spectral support: 0.4 of the Nyquist step.
 const STEP_CELLS: f64 = 0.4;
-/// Pixels to each side: 12 widths of an unweighted band take 27, of a Taylor-weighted one 36.
+/// Half-width of a chip, pixels: 12 widths of an unweighted band take 27, of a Taylor-weighted one 36.
 const HALF: usize = 48;
-/// Multiplications up to which the exact sum is taken, and backprojection with this bound beyond.
+/// Number of multiplications up to which the exact sum is used; backprojection with this bound above.
 const EXACT_WORK: f64 = 4e9;
 const ERROR_DB: f64 = -80.0;
 const BACKPROJECTION: Backprojection = Backprojection { error_db: ERROR_DB };
 
-/// A recording to form chips of, as the image was formed.
+/// Recording from which chips are formed, with the image's settings.
 pub(super) struct From<'a> {
     session: &'a Session,
     source: &'a Source,
@@ -44,7 +44,7 @@ pub(super) struct From<'a> {
     windows: [Window; 2],
 }
 
-/// A chip to form.
+/// Chip to be formed.
 struct Chip {
     /// Point target at the chip's centre.
     target: Target,
@@ -53,13 +53,13 @@ struct Chip {
     former: &'static dyn ImageFormer,
 }
 
-/// How a chip was formed.
+/// Description of how a chip was formed.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct About {
     former: &'static str,
     /// Number of pixels along a side.
     pixels: usize,
-    /// Distance from pixel to pixel, metres or radians of a polar grid's angle: along rows' and columns' axes.
+    /// Pixel steps along rows and columns, metres; radians for the angle of a polar grid.
     steps: [f64; 2],
 }
 
@@ -68,13 +68,13 @@ impl fmt::Display for About {
         let [row, column] = self.steps;
         write!(
             to,
-            "measured on {0} x {0} pixels formed of the recording by {1}, steps {column:.3e} and {row:.3e}",
+            "measured on {0} x {0} pixels formed from the recording by {1}, steps {column:.3e} and {row:.3e}",
             self.pixels, self.former
         )
     }
 }
 
-/// The settings that the image's recordings were opened with.
+/// Settings with which the image's recordings were opened.
 fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
     let texts = recorded.as_array().into_iter().flatten();
     texts
@@ -84,16 +84,16 @@ fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
 }
 
 impl<'a> From<'a> {
-    /// Opens the recordings.
+    /// Open the recordings of `--from` with the image's settings.
     pub(super) fn open(
         session: &'a Session,
         typed: &Quality,
         source: &'a Source,
     ) -> anyhow::Result<Self> {
         let Some(metadata) = &source.metadata else {
-            let what = "--from needs an image that says how it was formed: give the folder that subap focus left, not its \
+            let fault = "--from needs an image that says how it was formed: give the folder that subap focus wrote, not its \
                         image.npy";
-            return Err(Usage(what.to_owned()).into());
+            return Err(Usage(fault.to_owned()).into());
         };
         let given = &metadata["settings"]["given"];
         let recorded = session.open(&Input {
@@ -109,7 +109,7 @@ impl<'a> From<'a> {
             && formed_of != num_pulses
         {
             bail!(
-                "--from has {num_pulses} pulses and {} was formed of {formed_of}: give the same recordings",
+                "--from has {num_pulses} pulses, but {} was formed from {formed_of}: give the same recordings",
                 source.name
             );
         }
@@ -120,7 +120,7 @@ impl<'a> From<'a> {
             .or(source.windows)
         else {
             bail!(
-                "{}: its record names no windows: give --window",
+                "{}: the record states no windows: give --window",
                 source.name
             );
         };
@@ -140,7 +140,7 @@ impl<'a> From<'a> {
         })
     }
 
-    /// Where the scene moves with the image's velocity, if it has one.
+    /// The recording in the frame of the image's velocity, if it has one.
     fn moving(&self) -> anyhow::Result<Option<Moving<'_>>> {
         let first_s = self.recorded.collection().pulses[0].time_s;
         let moving = self
@@ -149,7 +149,7 @@ impl<'a> From<'a> {
         Ok(moving.transpose()?)
     }
 
-    /// The recording as the image was formed of it.
+    /// The recording as used for the image.
     fn history<'h>(&'h self, moving: Option<&'h Moving<'h>>) -> &'h dyn PhaseHistory {
         match moving {
             Some(moving) => moving,
@@ -157,7 +157,7 @@ impl<'a> From<'a> {
         }
     }
 
-    /// The chip around a target.
+    /// Chip around a target.
     fn chip(
         &self,
         history: &dyn PhaseHistory,
@@ -186,7 +186,7 @@ impl<'a> From<'a> {
         };
         let (Some(columns), Some(rows)) = (axis(x, column_value), axis(y, row_value)) else {
             bail!(
-                "the recording resolves nothing along one of the image's axes: there is no response to measure"
+                "the recording has no resolution along one of the image's axes, so that there is no response to measure"
             );
         };
         let grid = ImageGrid {
@@ -211,15 +211,15 @@ impl<'a> From<'a> {
         })
     }
 
-    /// What it takes to form and measure the chips of `targets`.
+    /// Predicted cost of forming and measuring the chips of `targets`.
     pub(super) fn ahead(&self, targets: &[Target], settings: &Settings) -> anyhow::Result<Ahead> {
         let moving = self.moving()?;
         let history = self.history(moving.as_ref());
         let collection = history.collection();
         let [fast, slow] = self.windows;
         let weights = Weights::new(collection, fast, slow);
-        let progress = self.session.progress("measuring a part");
-        // One may refuse where it lies; else they have as many pixels each, and take as long.
+        let progress = self.session.progress("measuring speed");
+        // A chip may be refused at its position; the others have the same number of pixels and take the same time.
         let chips = targets
             .iter()
             .map(|target| self.chip(history, *target, settings));
@@ -234,11 +234,11 @@ impl<'a> From<'a> {
             numerics: Default::default(),
         };
         let forming = forecast::forecast(chip.former, &task)?;
-        // The beam is measured from all echoes.
+        // The beam is measured from all pulses.
         let beam = reading(history)?;
         let one = forming.map(|forming| [forming, beam].into_iter().sum());
         progress.finish();
-        let what = format!(
+        let work = format!(
             "{} chips of {} pulses, measured",
             targets.len(),
             collection.pulses.len()
@@ -248,7 +248,7 @@ impl<'a> From<'a> {
             seconds: one.seconds * targets.len() as f64,
             ..one
         });
-        Ok(Ahead::new(self.session, what, held_bytes, time, Vec::new()))
+        Ok(Ahead::new(self.session, work, held_bytes, time, Vec::new()))
     }
 
     /// Forms a chip around a target and measures it.
@@ -279,7 +279,7 @@ impl<'a> From<'a> {
             .image;
         progress.finish();
 
-        // The peak lies within a pixel of the image's brightest, or two where that is noise.
+        // The peak lies within a pixel of the image's brightest, or two pixels if that is noise.
         let coarse = &self.source.grid;
         let ImageGrid { rows, columns, .. } = &grid;
         let reach =
@@ -297,7 +297,7 @@ impl<'a> From<'a> {
         let lit = looks
             .clone()
             .lit(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
-        let basis = Basis::Nothing;
+        let basis = Basis::Unknown;
         Ok(Point {
             theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),
             theory_as_lit: theory::of_cuts(&basis, &response, &grid, Some(&lit)),

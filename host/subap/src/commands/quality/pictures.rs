@@ -1,4 +1,4 @@
-//! The pictures of `subap quality`: cuts with theory beside them, chips, maps of differences.
+//! Pictures of `subap quality`: cuts with theory, chips, and maps of differences.
 
 use std::path::Path;
 
@@ -15,10 +15,10 @@ use super::source::Source;
 use super::{Point, Report};
 use crate::interrupt;
 
-/// What cuts are shown down to, dB.
+/// Lower limit of cuts, dB.
 const FLOOR_DB: f64 = -60.0;
 
-/// Writes all pictures or none into `folder`, which is made if need be. Their names.
+/// Write all pictures or none into `folder`, which is created if needed. Returns their names.
 pub(super) fn write(
     claims: &mut OutputClaims,
     folder: &Path,
@@ -71,7 +71,7 @@ pub(super) fn write(
                 proportional: !source.grid.polar,
             })
         };
-        // As figure 4.10 of Schone 2020, unless nearly all of it would be dark.
+        // Scale of figure 4.10 of Schone 2020, unless most of the picture would be dark.
         let most = against.percent_difference.percentile_95.unwrap_or(0.0);
         let top = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
             .into_iter()
@@ -130,7 +130,7 @@ fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &st
     Chart {
         title: format!("cut along {} at {place}", source.along(cut.along)),
         across_label: format!("{} from the peak ({unit})", source.along(cut.along)),
-        up_label: "power over the peak's (dB)".to_owned(),
+        up_label: "power relative to the peak (dB)".to_owned(),
         curves,
         marks: cut.nulls.map_or(vec![], |n| n.map(|v| v * factor).to_vec()),
         across: Some((cut.span[0] * factor, cut.span[1] * factor)),

@@ -20,24 +20,24 @@ use crate::config::Session;
 use crate::failure::Usage;
 use crate::text;
 
-/// An image, where its pixels lie, and what is known of its band.
+/// Image with its pixel geometry and band.
 pub(super) struct Source {
     /// Path as given by the user.
     pub(super) name: String,
     pub(super) image: OpenImage,
     pub(super) grid: ImageGrid,
-    /// Those of fast and slow time.
+    /// Windows of fast and slow time.
     pub(super) windows: Option<[Window; 2]>,
-    /// Where it was seen from.
+    /// Viewing geometry of the image.
     pub(super) carrier: Option<Carrier>,
-    /// Pulses that stand for the recording's.
+    /// Representative pulses of the recording.
     pub(super) looks: Option<RecordedLooks>,
-    /// The record of a product.
+    /// Record of a product.
     pub(super) metadata: Option<Value>,
     axes: Axes,
 }
 
-/// What coordinates of the grid are.
+/// Meaning of grid coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Axes {
     /// Column and row indices.
@@ -83,22 +83,22 @@ impl Source {
         &self.image.pixels
     }
 
-    /// Whether there are places without a value: of an image in progress, and around a map.
+    /// Whether some pixels have no value: in an image in progress, and around a map.
     pub(super) fn is_partial(&self) -> bool {
         matches!(self.image.pixels, Pixels::Unfinished(_) | Pixels::Map(_))
     }
 
-    /// Why the responses of points cannot be measured, if so.
+    /// Reason why point responses cannot be measured, if any.
     pub(super) fn without_phase(&self) -> Option<String> {
         (self.image.values != Values::Complex).then(|| {
             format!(
-                "{}: responses of points need complex values, and it holds {}",
+                "{}: point responses need complex values, found {}",
                 self.name, self.image.values
             )
         })
     }
 
-    /// A coordinate across as typed, degrees of a polar grid, as the grid's own.
+    /// Convert a typed coordinate across, degrees for a polar grid, to grid units.
     pub(super) fn across(&self, typed: f64) -> f64 {
         match self.grid.polar {
             true => typed.to_radians(),
@@ -106,7 +106,7 @@ impl Source {
         }
     }
 
-    /// What a cut runs along, in the words of the grid.
+    /// Name of the direction of a cut.
     pub(super) fn along(&self, along: Direction) -> &'static str {
         match along {
             Direction::X if self.axes != Axes::Scene => "column",
@@ -119,7 +119,7 @@ impl Source {
         }
     }
 
-    /// The unit in which lengths along a cut are shown, and by what they are multiplied.
+    /// Unit of lengths along a cut, and the factor to it from grid units.
     pub(super) fn unit(&self, along: Direction) -> (&'static str, f64) {
         match along {
             _ if self.axes == Axes::Pixels => ("px", 1.0),
@@ -128,14 +128,13 @@ impl Source {
         }
     }
 
-    /// Grid coordinates, row's and column's, of a place as typed: in the scene frame, but degrees and range of a polar
-    /// grid and column and row of an array.
+    /// Grid coordinates, row then column, of a typed position: in the scene frame, but degrees and range on a polar
+    /// grid, column and row for an array.
     pub(super) fn coordinates(&self, at: &At) -> anyhow::Result<[f64; 2]> {
         if self.axes != Axes::Scene || self.grid.polar {
             if at.z.is_some() {
-                let what =
-                    "--at: the third number says nothing to an array or a polar grid: leave it out";
-                return Err(Usage(what.to_owned()).into());
+                let fault = "--at: an array or a polar grid has two coordinates: leave the third number out";
+                return Err(Usage(fault.to_owned()).into());
             }
             return Ok([at.y, self.across(at.x)]);
         }
@@ -143,31 +142,31 @@ impl Source {
         let normal = grid.x_axis.cross(grid.y_axis);
         let z_m = match at.z {
             Some(z_m) => z_m,
-            // Where the plane is above or below the place.
+            // Position above or below the plane.
             None if normal.z.abs() > 1e-6 => {
                 let from = DVec3::new(at.x, at.y, 0.0) - grid.origin_m.with_z(0.0);
                 grid.origin_m.z - normal.dot(from) / normal.z
             }
             None => {
-                let what = "--at: the image's plane stands upright, so that x and y alone are no place on it: give X,Y,Z";
-                return Err(Usage(what.to_owned()).into());
+                let fault = "--at: the image plane is vertical, so that x and y do not define a point on it: give X,Y,Z";
+                return Err(Usage(fault.to_owned()).into());
             }
         };
         Ok(grid.coordinates(DVec3::new(at.x, at.y, z_m)))
     }
 
-    /// What to do about a point that was not measured.
+    /// Add advice to the error of a point that was not measured.
     pub(super) fn explain(&self, error: ResponseError) -> anyhow::Error {
         let advice = match error {
             ResponseError::TooCoarse { .. } => {
-                ", or give the recording with --from, and a fine chip is formed of it"
+                ", or give the recording with --from to form and measure a finely sampled chip"
             }
             _ => "",
         };
         anyhow::anyhow!("{error}{advice}")
     }
 
-    /// A measured point in words: its place in the scene, or in an array.
+    /// Position of a measured point in the scene or in an array.
     pub(super) fn place(&self, response: &Response) -> String {
         let (row_value, column_value) = (response.row_value, response.column_value);
         match self.axes {
@@ -188,7 +187,7 @@ impl Source {
         scene
     }
 
-    /// The axes across and up as they are shown, each with its label: those of the scene where the grid's run along them.
+    /// Axes across and up as shown with their labels: those of the scene if the grid is aligned with it.
     pub(super) fn shown_axes(&self) -> [(String, Axis); 2] {
         let grid = &self.grid;
         let named = |across: &str, up: &str| {
@@ -215,7 +214,7 @@ impl Source {
         }
         let [across, up] = grid.scene_axes();
         [(across, grid.columns), (up, grid.rows)].map(|(scene, axis)| {
-            // Values ascend: against the scene's axis they are shown negative.
+            // Values must ascend: on an axis opposite to the scene's they are shown negated.
             let sign = if scene.sign < 0.0 { "-" } else { "" };
             let shown = Axis {
                 start: scene.sign * scene.value_m(axis.start),
@@ -236,7 +235,7 @@ pub(super) struct Both {
 }
 
 impl Source {
-    /// The part that the image and another have in common, if the budget allows: at most six times their size, of which registration takes most.
+    /// Common part of this and another image, if the budget allows: up to six times their size, mostly for registration.
     pub(super) fn both(&self, session: &Session, other: &Self) -> anyhow::Result<Both> {
         let pixels = |source: &Self| {
             let (rows, columns) = source.pixels().size();
@@ -245,8 +244,8 @@ impl Source {
         let bytes = 6 * 8 * (pixels(self) + pixels(other));
         if bytes > u128::from(session.memory_bytes) {
             bail!(
-                "setting them against one another needs up to {}; --memory allows {}: raise --memory, measure smaller \
-                 images, or compare them (subap compare), for which size is no matter",
+                "comparing the images needs up to {}; --memory allows {}: raise --memory, measure smaller \
+                 images, or use subap compare, which has no size limit",
                 text::bytes(bytes),
                 text::bytes(session.memory_bytes.into())
             );
@@ -270,7 +269,7 @@ impl Source {
                 let [rows, columns] = &place;
                 if (rows.len(), columns.len()) != (reference.rows, reference.columns) {
                     notes.push(format!(
-                        "compared on {} x {} pixels from row {}, column {}: the largest rectangle that both have",
+                        "compared on {} x {} pixels from row {}, column {}: the largest rectangle contained in both",
                         rows.len(),
                         columns.len(),
                         rows.start,
@@ -293,9 +292,9 @@ impl Source {
     }
 }
 
-/// The largest rectangle of pixels that both images have; `None` if they have none in common.
+/// Largest rectangle of pixels contained in both images; `None` if they have no pixel in common.
 ///
-/// Row by row: the pixels above and with each one that are there form columns of a histogram, whose largest rectangle a stack finds in one pass.
+/// Row by row, the runs of common pixels above each pixel form a histogram, whose largest rectangle is found with a stack in one pass.
 fn largest_common(image: &Image, reference: &Image) -> Option<[Range<usize>; 2]> {
     let columns = image.columns;
     let has = |i: usize| !image.pixels[i].is_nan() && !reference.pixels[i].is_nan();
@@ -309,7 +308,7 @@ fn largest_common(image: &Image, reference: &Image) -> Option<[Range<usize>; 2]>
                 0
             };
         }
-        // Columns of ascending heights; the last height is 0 and ends all.
+        // Columns of ascending heights; the last height is 0 and closes all rectangles.
         let mut open: Vec<usize> = Vec::new();
         for column in 0..=columns {
             while let Some(&last) = open.last() {
@@ -360,10 +359,10 @@ mod tests {
         assert_eq!(largest_common(&image, &whole), Some([1..4, 1..5]));
         assert_eq!(largest_common(&whole, &image), Some([1..4, 1..5]));
         assert_eq!(largest_common(&whole, &whole), Some([0..5, 0..5]));
-        let nothing = Image {
+        let empty = Image {
             pixels: vec![Complex32::new(f32::NAN, 0.0); 25],
             ..whole.clone()
         };
-        assert_eq!(largest_common(&whole, &nothing), None);
+        assert_eq!(largest_common(&whole, &empty), None);
     }
 }

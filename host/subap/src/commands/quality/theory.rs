@@ -1,4 +1,4 @@
-//! Theoretical cuts of a point response, from the recording's spectral support or else from the window alone.
+//! Theoretical cuts of a point response, from the recording's spectral support or the window.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -10,28 +10,28 @@ use subaperture::signal::window::Window;
 
 use super::source::Source;
 
-/// Samples of a band of which only the window is known.
+/// Number of samples of a band of unknown width.
 const SAMPLES: usize = 512;
 
 /// Basis of the theoretical response.
 pub(super) enum Basis {
     /// What the image was formed from, and its windows over fast and slow time.
     Looks(Looks, [Window; 2]),
-    /// The window of a band of unknown width.
+    /// Window of a band of unknown width.
     Window(Window),
-    /// Neither support nor window is known.
-    Nothing,
+    /// Neither support nor window is available.
+    Unknown,
 }
 
-/// Widths and side lobes of a cut in theory.
+/// Theoretical widths and side lobes of a cut.
 #[derive(Serialize)]
 pub(super) struct Theory {
-    /// Lengths as the cut's, metres or radians; of a window alone in resolution cells.
+    /// Lengths in the units of the cut, metres or radians; in resolution cells if only the window is known.
     #[serde(flatten)]
     pub(super) expected: Expected,
-    /// Whether the widths are cells'.
+    /// Whether widths are in resolution cells.
     in_cells: bool,
-    /// Power over the peak's at a distance from it.
+    /// Power relative to the peak as a function of distance.
     #[serde(skip)]
     curve: Curve,
 }
@@ -42,7 +42,7 @@ enum Curve {
 }
 
 impl Basis {
-    /// What is known of an image; `typed` overrides its windows.
+    /// Basis for an image; `typed` overrides its windows.
     pub(super) fn new(source: &Source, typed: Option<Window>) -> Self {
         let windows = typed.map(|window| [window; 2]).or(source.windows);
         let looks = source.looks.as_ref().zip(windows);
@@ -51,7 +51,7 @@ impl Basis {
         });
         let window = || match windows {
             Some([fast, slow]) if fast == slow => Self::Window(fast),
-            _ => Self::Nothing,
+            _ => Self::Unknown,
         };
         looks.unwrap_or_else(window)
     }
@@ -63,25 +63,25 @@ impl Basis {
         }
     }
 
-    /// The windows' names.
+    /// Names of the windows.
     pub(super) fn name(&self) -> Option<String> {
         match self {
             Self::Looks(_, [fast, slow]) if fast != slow => {
                 Some(format!("{fast} over fast time, {slow} over slow time"))
             }
             Self::Looks(_, [window, _]) | Self::Window(window) => Some(window.to_string()),
-            Self::Nothing => None,
+            Self::Unknown => None,
         }
     }
 }
 
 impl Theory {
-    /// The half-power width, where it is known.
+    /// Half-power width, if known.
     pub(super) fn width(&self) -> Option<f64> {
         (!self.in_cells).then_some(self.expected.width_3db)
     }
 
-    /// Power over the peak's, and what it is of.
+    /// Power relative to the peak at `s`.
     pub(super) fn power(&self, s: f64) -> f64 {
         match &self.curve {
             Curve::Support(projection) => projection.power(s),
@@ -89,7 +89,7 @@ impl Theory {
         }
     }
 
-    /// What the curve is called.
+    /// Legend of the theoretical curve.
     pub(super) fn title(&self) -> &'static str {
         match self.in_cells {
             true => "theory, of this width",
@@ -98,7 +98,7 @@ impl Theory {
     }
 }
 
-/// Theory of every cut of a response measured on `grid`, of `looks` or else of the basis's window.
+/// Theory for every cut of a response measured on `grid`, from `looks` or else from the basis's window.
 pub(super) fn of_cuts(
     basis: &Basis,
     response: &Response,
@@ -118,7 +118,7 @@ pub(super) fn of_cuts(
             })
         }
         (None, Basis::Window(window)) => {
-            // The span in widths, taken to cells by the width of the window itself.
+            // The span in multiples of the width, converted to cells by the window's own width.
             let weights = window.weights(SAMPLES);
             let width = cut.width_3db?;
             let widths = (cut.span[1] - cut.span[0]) / 2.0 / width;
@@ -138,7 +138,7 @@ pub(super) fn of_cuts(
     response.cuts.iter().map(one).collect()
 }
 
-/// How the scene point moves with the distance along a cut.
+/// Displacement of the scene point per unit of distance along a cut.
 fn direction(cut: &Cut, response: &Response, grid: &ImageGrid) -> DVec3 {
     let [x, y] = grid.directions(response.row_value, response.column_value);
     let (sin, cos) = response.line_of_sight_rad.unwrap_or(0.0).sin_cos();

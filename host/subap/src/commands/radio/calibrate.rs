@@ -25,7 +25,7 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
     };
     if named(sky.setup()) != named(&setup) {
         return Err(Usage(format!(
-            "{} and {} were captured with other carriers, gains, ports or radios: capture both by one experiment",
+            "{} and {} were captured with different carriers, gains, ports or radios: capture both with the same experiment",
             typed.sky.display(),
             typed.reflector.display()
         ))
@@ -39,16 +39,16 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
             Calibration::measure_leakage(&date, &setup, &sky, &reflector, place_m, typed.search)
         }
         (Reference::Leakage, _, None) => {
-            let what = "these captures have the leakage as their reference: say where the reflector was, --at X,Y,Z";
-            return Err(Usage(what.to_owned()).into());
+            let fault = "these captures use the leakage as reference: give the position of the reflector with --at X,Y,Z";
+            return Err(Usage(fault.to_owned()).into());
         }
         (reference, Some(range_m), _) => {
             let [sky, reflector] = [sky, reflector].map(|steps| steps.over(reference));
             Calibration::measure(&date, &setup, &sky, &reflector, range_m, typed.search)
         }
         (_, None, _) => {
-            let what = "these captures have the loop as their reference: say how far the reflector was, --range METRES";
-            return Err(Usage(what.to_owned()).into());
+            let fault = "these captures use the loop as reference: give the distance of the reflector with --range METRES";
+            return Err(Usage(fault.to_owned()).into());
         }
     }?;
     calibration.write(&typed.out)?;
@@ -80,7 +80,7 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
     if session.tells() {
         for (receiver, delay_m, level_db) in found {
             text::say(format!(
-                "{}: receiver {receiver} reads {delay_m:.3} m too far, and the reflector at {} of the reference",
+                "{}: range bias of receiver {receiver}: {delay_m:.3} m; reflector level {} relative to the reference",
                 typed.out.display(),
                 text::decibels(level_db)
             ))?;

@@ -48,11 +48,11 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
     })?;
     if track.is_none() {
         messages::warning(
-            "no --track: every pulse is at the scene's origin, so that the file has no aperture and focus makes no image of it. Give the track \
-             of what carried the antennas; or find it from the echoes of two receivers: subap track FILE -o TRACK.csv, and focus --track TRACK.csv",
+            "no --track: all pulses are placed at the scene's origin, so that there is no aperture and focus cannot form an image. Give the track \
+             of the antennas with --track; or estimate it from the echoes of two receivers: subap track FILE -o TRACK.csv, and focus --track TRACK.csv",
         );
     }
-    // They are of all receivers alike.
+    // Left-out sweeps are the same for all receivers.
     for warning in channels.channel(0).warnings() {
         messages::warning(warning);
     }

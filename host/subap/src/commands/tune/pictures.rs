@@ -1,4 +1,4 @@
-//! The folder of `subap tune`: the record, the measure over every key, and the image before and after.
+//! Output folder of `subap tune`: the record, the measure against each key, and the image before and after.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::interrupt;
 
-/// Adds all files to a set; `histories` are the recording as described, if it can be, and as tuned.
+/// Add all files to a set; `histories` are the recording as described, if possible, and as tuned.
 pub(super) fn add_to(
     files: &mut FileSet,
     session: &Session,

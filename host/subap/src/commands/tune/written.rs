@@ -1,4 +1,4 @@
-//! Writing of calibrated values into the description.
+//! Writing of calibrated values to the description.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use subaperture::io::together::FileSet;
 use crate::args::Tune;
 use crate::failure::Usage;
 
-/// Refuses, before long work, a file that could not be written then.
+/// Check before the search that the file can be written.
 pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     let Some(file) = &typed.write_to else {
         return Ok(());
@@ -17,7 +17,7 @@ pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     let folder = |path: &Path| path.parent().map(Path::to_owned).unwrap_or_default();
     if folder(file) != folder(&typed.recording) {
         return Err(Usage(format!(
-            "--write-to {}: paths in a description start at its folder: give a name beside {}",
+            "--write-to {}: paths in a description are relative to its folder: give a name in the folder of {}",
             file.display(),
             typed.recording.display()
         ))
@@ -25,7 +25,7 @@ pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     }
     if file.symlink_metadata().is_ok() {
         return Err(Usage(format!(
-            "--write-to {}: there is such a file: give another name, or --write to change {} itself",
+            "--write-to {}: the file exists: give another name, or use --write to change {} itself",
             file.display(),
             typed.recording.display()
         ))
@@ -34,7 +34,7 @@ pub(super) fn check(typed: &Tune) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Adds the description with `values` to a set of files; its path, or `None` if it is not to be written.
+/// Add the description with `values` to a set of files. Returns its path, or `None` if it is not to be written.
 pub(super) fn add_to(
     files: &mut FileSet,
     typed: &Tune,
@@ -53,20 +53,20 @@ pub(super) fn add_to(
     let given = values.iter().map(|(key, value)| (*key, value.as_str()));
     let text = recording
         .text_with(given)
-        .map_err(|what| anyhow::anyhow!("{}: {what}: {}", typed.recording.display(), lines()))?;
+        .map_err(|error| anyhow::anyhow!("{}: {error}: {}", typed.recording.display(), lines()))?;
     let file = match &typed.write_to {
         Some(file) => file.clone(),
         None => {
-            // The search may have taken long, and an editor may be open.
+            // The file may have been edited during the search.
             let now = std::fs::read_to_string(&typed.recording)
                 .with_context(|| format!("cannot read {} again", typed.recording.display()))?;
             anyhow::ensure!(
                 now == recording.text(),
-                "{} was changed meanwhile and is left alone; what was found is {}",
+                "{} changed during the search and is not overwritten; the calibrated values are {}",
                 typed.recording.display(),
                 lines()
             );
-            // Through a link to the file itself.
+            // Resolve symbolic links to write the file itself.
             std::fs::canonicalize(&typed.recording).unwrap_or_else(|_| typed.recording.clone())
         }
     };

@@ -1,4 +1,4 @@
-//! Range-Doppler maps beside the images: of a file of a module's maps, or of a recording about any place.
+//! Range-Doppler maps to show with the images: from a file of a module's maps, or computed from a recording around any point.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -18,28 +18,28 @@ use crate::args::Input;
 use crate::commands::stored;
 use crate::config::Session;
 
-/// Opened maps, and the memory that they take.
+/// Opened source of maps, and its memory.
 pub(super) struct Opened {
     pub(super) maps: Box<dyn DopplerMaps>,
-    /// Memory while they are open, bytes.
+    /// Memory while the source is open, bytes.
     pub(super) held_bytes: u64,
-    /// Further memory while one map is made, bytes.
+    /// Additional memory while one map is computed, bytes.
     pub(super) map_bytes: u64,
 }
 
-/// Memory of making a map of `pulses` x `samples`: the samples, and the map before and after its transforms.
+/// Memory of computing a map of `pulses` x `samples`: the samples, and the map before and after its transforms.
 fn making_bytes(pulses: usize, samples: usize) -> u64 {
     let bins = (2 * pulses as u64).max(3) * (2 * samples as u64).next_power_of_two();
     8 * pulses as u64 * samples as u64 + 16 * bins
 }
 
-/// Opens what a path names.
+/// Open the source of maps at a path.
 pub(super) fn open(session: &Session, path: &Path, sub_cpi: usize) -> anyhow::Result<Opened> {
     let name = path.display().to_string();
     if stored::begins_with(path, b"SUBAPMAP") {
         let file = MapFile::open_within(path, session.memory_bytes / 4)?;
         if file.headers().is_empty() {
-            bail!("{name}: there is no map in it");
+            bail!("{name}: expected maps, found none in the file");
         }
         // The index of a file is a part of it.
         let file_bytes = std::fs::metadata(path).map_or(u64::MAX, |about| about.len());
@@ -69,7 +69,7 @@ pub(super) fn open(session: &Session, path: &Path, sub_cpi: usize) -> anyhow::Re
     })
 }
 
-/// Maps as a module made them: of its patches.
+/// Maps computed by a module for its patches.
 struct OfFile {
     name: String,
     file: MapFile,
@@ -145,7 +145,7 @@ impl DopplerMaps for OfFile {
     }
 }
 
-/// What a bin of Doppler is, of so many bins a cycle a pulse: hertz, or cycles a pulse where pulses have no times; and whether they have.
+/// Doppler width of a bin, in hertz if pulses have times, else in cycles per pulse; and whether pulses have times.
 fn doppler_bin(time_s: [f64; 2], pulses: usize, bins: usize) -> (f64, bool) {
     let interval_s = (time_s[1] - time_s[0]) / (pulses.max(2) - 1) as f64;
     match interval_s > 0.0 {
@@ -154,13 +154,13 @@ fn doppler_bin(time_s: [f64; 2], pulses: usize, bins: usize) -> (f64, bool) {
     }
 }
 
-/// Maps made of a recording when they are asked for, about the very place.
+/// Maps computed from a recording on request, around the requested point.
 struct OfRecording {
     name: String,
     history: Joined,
     /// Number of pulses in a sub-CPI.
     sub_cpi: usize,
-    /// Pulses of the recording; of several channels those of the first.
+    /// Pulses of the recording; of several channels, those of the first.
     pulses: usize,
 }
 
@@ -174,13 +174,13 @@ impl DopplerMaps for OfRecording {
     }
 
     fn sub_cpis(&self) -> usize {
-        // What is left after the last whole one is not shown.
+        // Pulses after the last complete sub-CPI are not shown.
         (self.pulses / self.sub_cpi).max(1)
     }
 
     fn map(&self, sub_cpi: usize, place_m: Option<DVec3>) -> Result<DopplerMap, ImageSourceError> {
         let place_m = place_m.ok_or(
-            "where the image's pixels are is not known, so that no place can be looked at",
+            "the positions of the image's pixels are unknown, so that no map can be computed for a pixel",
         )?;
         let first = sub_cpi * self.sub_cpi;
         let pulses = first..first + self.sub_cpi;

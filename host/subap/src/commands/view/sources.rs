@@ -1,4 +1,4 @@
-//! The images that were given, opened without reading their pixels.
+//! Images to view, opened without reading their pixels.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use subaperture::viewer::product::{Pixels, Product};
 use crate::commands::stored;
 use crate::config::Session;
 
-/// Opens what a path names. The CRC-32 of a product's file is looked at while it is shown.
+/// Open the image at a path. The CRC-32 of a product's file is verified while the image is shown.
 pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
     let image = stored::open_unread(session, path)?;
     let name = path.display().to_string();
@@ -34,7 +34,7 @@ pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
     shown.aperture = aperture;
     if let Some((grid, frame)) = grid {
         shown.grid = Some(grid);
-        // A record of another kind may contain no frame: then none is shown.
+        // Records of other kinds may contain no frame: then none is shown.
         shown.frame = frame.unwrap_or(SceneFrame::Local);
         shown.slant = rows_down;
     }
