@@ -6,7 +6,7 @@
 //! Q(k) = min over delta of  sum_i sum_c ((2 pi k_i - J_ic . delta) / sigma_i)^2 + sum_i (J_i . delta / sigma_range_i)^2
 //! ```
 //!
-//! `J` the derivatives of phases and ranges by the pose. Where `Q` of every `k` but 0 exceeds [`SURE`], ranges and the spread of directions exclude any other pose, however the radar moves. Elsewhere
+//! `J` the derivatives of phases and ranges by the pose. Where `Q` of every `k` but 0 exceeds [`EXCLUDED`], ranges and the spread of directions exclude any other pose, however the radar moves. Elsewhere
 //! an even motion decides: a second difference of phase of more than 0.6 of half a turn agrees almost as well with a motion that is half a wavelength off.
 
 use std::f64::consts::{PI, TAU};
@@ -20,7 +20,7 @@ use crate::joint::Estimate;
 use crate::model::{Array, Line, Pose, Sighting};
 
 /// Squared standard deviations by which another pose is excluded: five of them.
-const SURE: f64 = 25.0;
+const EXCLUDED: f64 = 25.0;
 /// RMS residual of a pulse's phases that another pose, half a wavelength off, leaves: targets in different directions share out their parts of a turn.
 const CONTRADICTS_RAD: f64 = 0.5;
 /// One pulse that contradicts its pose among so many is an outlier, more are a wrong track.
@@ -80,7 +80,7 @@ pub(crate) fn doubtful(
             phases.filter(is_uneven).count()
         });
         let uneven: usize = uneven.sum();
-        match uneven > 0 && ambiguity(array, pulse, &poses[n], estimate) < SURE {
+        match uneven > 0 && ambiguity(array, pulse, &poses[n], estimate) < EXCLUDED {
             true => uneven,
             false => 0,
         }
@@ -154,7 +154,7 @@ impl Part {
 }
 
 fn solved(mut matrix: DMat3, heading: Heading, right: DVec3) -> Option<DVec3> {
-    if heading == Heading::Held {
+    if heading == Heading::Known {
         matrix.z_axis.z += HELD;
     }
     // Symmetric, so that rows are columns.

@@ -93,11 +93,11 @@ impl Profiler {
 
     /// Path of searched bin `i`, metres.
     pub(crate) fn path_m(&self, i: usize) -> f64 {
-        self.told_m((self.bins.0 + i) as f64 * self.bin_m())
+        self.within_interval_m((self.bins.0 + i) as f64 * self.bin_m())
     }
 
     /// Path within the reported interval, metres: it differs by a whole number of ambiguities.
-    pub(crate) fn told_m(&self, path_m: f64) -> f64 {
+    pub(crate) fn within_interval_m(&self, path_m: f64) -> f64 {
         let repeats_m = self.band.unambiguous_path_m();
         let above = (path_m - self.least_path_m) / repeats_m;
         path_m - above.floor() * repeats_m

@@ -7,20 +7,20 @@ use glam::{DQuat, DVec3};
 #[non_exhaustive]
 pub enum FusionError {
     /// Invalid measurement.
-    #[error("{what} {number}, at {time_s} s, has {fault}")]
+    #[error("{kind} {number}, at {time_s} s, has {fault}")]
     Input {
         /// Kind of the measurement.
-        what: &'static str,
+        kind: &'static str,
         /// Number of the measurement, from 1.
         number: usize,
         /// Time, seconds.
         time_s: f64,
-        /// What is invalid.
+        /// Invalid value.
         fault: &'static str,
     },
     /// Invalid parameter of the model.
     #[error(
-        "{name} is {value}: it has to be a finite number, and not negative where it is a spread"
+        "{name} is {value}: expected a finite number up to 1e9, and a standard deviation or noise density that is not negative"
     )]
     Model {
         /// Name of the parameter.
@@ -30,20 +30,20 @@ pub enum FusionError {
     },
     /// No measurement of position.
     #[error(
-        "no position, of a receiver or an inertial solution: increments alone do not tell where they begin"
+        "no position: expected positions of a receiver or an inertial solution, as increments do not determine where the track starts"
     )]
-    Nowhere,
+    NoPosition,
     /// The measurements do not determine a state.
-    #[error("what was measured does not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
+    #[error("the measurements do not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
     Undetermined {
         /// Time of that state, seconds.
         time_s: Option<f64>,
     },
     /// The least squares did not converge.
     #[error(
-        "the least squares were not settled after {steps} steps: measurements contradict each other"
+        "the least squares did not converge in {steps} steps: measurements contradict each other"
     )]
-    Unsettled {
+    NotConverged {
         /// Number of steps.
         steps: usize,
     },
@@ -92,8 +92,8 @@ pub struct Found {
 }
 
 impl Found {
-    /// Whether the data determine it: by a tenth better than the prior.
-    pub fn told(&self) -> bool {
+    /// Whether the data determine the parameter: the standard deviation is at least 10 % below that of the prior.
+    pub fn is_observed(&self) -> bool {
         self.sigma < 0.9 * self.assumed_sigma
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Unknowns of the state at time i, and common unknowns:
 //!
-//! | numbers | are |
+//! | unknowns | meaning |
 //! |---|---|
 //! | p (3), v (3), psi | position, velocity and heading of the radar |
 //! | b (3), c (3), h | errors of the inertial solution: position, velocity, heading |
@@ -159,7 +159,7 @@ impl Problem<'_> {
             used: 0,
             take,
         };
-        self.beforehand(state, &mut rows);
+        self.priors(state, &mut rows);
         for i in 0..self.bundles.len() {
             self.motion(state, i, &mut rows);
             if let Some(bundle) = &self.bundles[i] {
@@ -212,7 +212,7 @@ impl Problem<'_> {
     }
 
     /// Priors.
-    fn beforehand(&self, state: &State, rows: &mut Rows<'_>) {
+    fn priors(&self, state: &State, rows: &mut Rows<'_>) {
         let model = self.model;
         let scale = model.scale.max(HELD);
         let first = [

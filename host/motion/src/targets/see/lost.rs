@@ -1,4 +1,4 @@
-//! Losses of a recording: unreadable pulses, echoes lost in one channel, and motion between the pulses of a turn.
+//! Losses of a recording: unreadable pulses, echoes lost in one channel, and motion between the pulses of a transmitter cycle.
 
 use subaperture_model::phase_history::Channels;
 
@@ -71,7 +71,7 @@ impl Lost {
     }
 }
 
-/// Fault if motion changes phases between the pulses of a turn.
+/// Fault if motion changes phases between the pulses of a transmitter cycle.
 pub(super) fn turns(channels: &Channels, rate_m: f64, rad_m: f64) -> Option<Fault> {
     let first = channels.channel(0).collection();
     let [a, b, ..] = first.pulses[..] else {
