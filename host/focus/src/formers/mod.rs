@@ -34,7 +34,7 @@ impl Entry {
             Some(_) => serde_json::json!({ "error_db": error_db }),
             None => serde_json::json!({}),
         };
-        (self.of)(&settings).expect("what is left out of settings is as by default")
+        (self.of)(&settings).expect("omitted settings have defaults")
     }
 }
 
@@ -57,7 +57,7 @@ pub const DEFAULT: Entry = auto::ENTRY;
 #[derive(Debug, thiserror::Error)]
 pub enum UnknownFormer {
     /// No former has this name.
-    #[error("there is no former '{name}': choose one of {}", FORMERS.map(|entry| entry.name).join(", "))]
+    #[error("no former '{name}': expected one of {}", FORMERS.map(|entry| entry.name).join(", "))]
     Name {
         /// Requested name.
         name: String,
@@ -66,7 +66,7 @@ pub enum UnknownFormer {
     #[error("{0}")]
     Beam(String),
     /// The settings are invalid.
-    #[error("the settings of {name}: {source}")]
+    #[error("settings of {name}: {source}")]
     Settings {
         /// Name of the former.
         name: &'static str,

@@ -93,7 +93,7 @@ impl Choices {
         let widest = spans.values().fold(0.0f64, |most, &span| most.max(span));
         if widest >= MAX_SPAN {
             let why = format!(
-                "the path to a patch changes by {widest:.1e} wavelengths from pulse to pulse, and maps hold {MAX_SPAN:.0e}"
+                "the path to a patch changes by {widest:.1e} wavelengths from pulse to pulse, range-Doppler maps allow {MAX_SPAN:.0e}"
             );
             let remedies = [Remedy::OtherFormer(&["bp"])];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
@@ -116,7 +116,10 @@ impl Choices {
         let mut shapes = Shapes::new();
         for (&inputs, &span) in &self.spans {
             if !(0.0..MAX_SPAN).contains(&span) {
-                return Err(misfit(ENTRY.name, "a Doppler span is none"));
+                return Err(misfit(
+                    ENTRY.name,
+                    "expected Doppler extents from 0 to 1e6 cycles per pulse",
+                ));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(band, inputs as f64 + sweep_pulses);
@@ -195,7 +198,10 @@ impl<'a, const W: usize> Opened<'a, W> {
         for &count in &choices.sub_cpis {
             let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
-                return Err(misfit(ENTRY.name, "sub-CPIs are not those of its pulses"));
+                return Err(misfit(
+                    ENTRY.name,
+                    "expected sub-CPIs of at least one pulse that cover the pulses",
+                ));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
@@ -204,7 +210,7 @@ impl<'a, const W: usize> Opened<'a, W> {
         if first != collection.pulses.len() || !patches {
             return Err(misfit(
                 ENTRY.name,
-                "it is of other pulses, or its patches are empty",
+                "expected sub-CPIs that cover all pulses, and patches of at least one pixel",
             ));
         }
         Ok(Self {
