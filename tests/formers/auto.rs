@@ -184,6 +184,6 @@ fn choices_of_others_are_refused() {
             Ok(_) => panic!("{other} is opened"),
             Err(error) => error.to_string(),
         };
-        assert!(told.contains("found that of another former"), "{told}");
+        assert!(told.contains("it is by another former"), "{told}");
     }
 }

@@ -150,7 +150,7 @@ fn check_size(grid: &ImageGrid) -> Result<(), FormError> {
         return Ok(());
     }
     let why = format!(
-        "the grid has {rows} x {columns} pixels, an image of {}: expected at most {MAX_SIDE} a side and {MAX_PIXELS} in total",
+        "the grid has {rows} x {columns} pixels, an image of {}: at most {MAX_SIDE} a side and {MAX_PIXELS} in all are formed",
         subaperture_model::quantity::bytes(pixels.saturating_mul(8)),
     );
     Err(FormError::Unsuited(
@@ -197,12 +197,12 @@ fn check_surface<F: ImageFormer + ?Sized>(former: &F, grid: &ImageGrid) -> Resul
 }
 
 fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
-    let why = if collection.pulses.is_empty() {
-        "the collection has no pulses"
+    let what = if collection.pulses.is_empty() {
+        "the collection holds no pulses"
     } else if collection.num_samples == 0 {
-        "the collection's pulses have no samples"
+        "the collection's pulses hold no samples"
     } else if grid.num_pixels() == 0 {
-        "the grid has no pixels"
+        "the grid holds no pixels"
     } else {
         return Ok(());
     };

@@ -153,10 +153,7 @@ impl ImageFormer for Auto {
             choices,
         } = chosen(ENTRY.name, choices)?;
         if !CANDIDATES.contains(&name.as_str()) {
-            return Err(misfit(
-                ENTRY.name,
-                "expected the plan of one of its candidates, found that of another former",
-            ));
+            return Err(misfit(ENTRY.name, "it is by another former"));
         }
         let settings = json!({ "error_db": self.error_db });
         let taken =
