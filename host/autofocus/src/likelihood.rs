@@ -163,7 +163,7 @@ impl<'a> Texture<'a> {
             let (values, by): (Vec<f64>, Vec<Vec<f64>>) =
                 self.by_neighbours(powers, neighbours).into_iter().unzip();
             value += values.iter().sum::<f64>();
-            for (to, by) in all.iter_mut().zip(self.beside(&by, neighbours.1)) {
+            for (to, by) in all.iter_mut().zip(self.over_range_cells(&by, neighbours.1)) {
                 to.iter_mut().zip(by).for_each(|(to, by)| *to += by);
             }
         }
@@ -179,7 +179,7 @@ impl<'a> Texture<'a> {
         (across, along): (usize, usize),
     ) -> Vec<(f64, Vec<f64>)> {
         let energies: Vec<Vec<f64>> = self.rows.iter().map(|row| vec![energy(row)]).collect();
-        let energies = self.beside(&energies, along);
+        let energies = self.over_range_cells(&energies, along);
         let total: f64 = energies.iter().flatten().sum();
         let floor = FLOOR * total / (self.rows.len() * self.length) as f64;
         if !(floor > 0.0 && floor.is_finite()) {
@@ -189,7 +189,7 @@ impl<'a> Texture<'a> {
                 .collect();
         }
         let outside = (self.length - self.cells) as f64;
-        let rows = self.beside(powers, along);
+        let rows = self.over_range_cells(powers, along);
         rows.par_iter()
             .zip(&energies)
             .map(|(row, energy)| {
@@ -209,7 +209,7 @@ impl<'a> Texture<'a> {
     }
 
     /// Sums over neighbouring range cells; its own transpose.
-    fn beside(&self, rows: &[Vec<f64>], along: usize) -> Vec<Vec<f64>> {
+    fn over_range_cells(&self, rows: &[Vec<f64>], along: usize) -> Vec<Vec<f64>> {
         let one = |m: usize| {
             let mut sum = rows[m].clone();
             let low = m.saturating_sub(along);
@@ -277,12 +277,12 @@ mod tests {
             assert_eq!(value, texture.value(&at));
             for n in 0..20 {
                 let step = 1e-5;
-                let beside = |sign: f64| {
+                let shifted = |sign: f64| {
                     let mut there = at.clone();
                     there[n] += sign * step;
                     texture.value(&there)
                 };
-                let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
+                let difference = (shifted(1.0) - shifted(-1.0)) / (2.0 * step);
                 // The rounding of the sums over two steps is 1e-10; the third derivative adds the square of the step.
                 assert!((difference - gradient[n]).abs() < 1e-7, "{n}");
             }

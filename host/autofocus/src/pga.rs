@@ -105,7 +105,7 @@ impl Method for PhaseGradient {
         let phases = match self.estimator {
             Estimator::Likelihood => match self.by_tiles(look)? {
                 Tiled::Found(phases) => phases,
-                Tiled::Nothing => return Ok(None),
+                Tiled::NoCorrection => return Ok(None),
                 Tiled::TooFew => self.by_points(look)?,
             },
             _ => self.by_points(look)?,
@@ -121,7 +121,7 @@ enum Tiled {
     /// Phases, one per turn.
     Found(Vec<f64>),
     /// Held-out data confirm no correction.
-    Nothing,
+    NoCorrection,
     /// There are too few tiles.
     TooFew,
 }
@@ -143,7 +143,7 @@ impl PhaseGradient {
             return Ok(Tiled::TooFew);
         };
         if look.round > 0 {
-            return Ok(Tiled::Nothing);
+            return Ok(Tiled::NoCorrection);
         }
         let channels = collection.pulses.len() / turns;
         let most = (MAX_VALUES / (turns * channels)).max(MIN_TILES);
@@ -178,7 +178,7 @@ impl PhaseGradient {
         if monitor.cancelled() {
             return Err(FormError::Cancelled.into());
         }
-        Ok(found.map_or(Tiled::Nothing, Tiled::Found))
+        Ok(found.map_or(Tiled::NoCorrection, Tiled::Found))
     }
 
     /// Phases by bright points of the even half of the range cells, of the odd one, and of all.

@@ -468,12 +468,12 @@ mod tests {
                     let (_, gradient) = problem.value(&at);
                     let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
                     for (i, analytic) in gradient.iter().enumerate() {
-                        let beside = |sign: f64| {
+                        let shifted = |sign: f64| {
                             let mut there = at.clone();
                             there[i] += sign * step;
                             problem.value(&there).0
                         };
-                        let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
+                        let difference = (shifted(1.0) - shifted(-1.0)) / (2.0 * step);
                         // Float32 sums of 24 pulses have an error of 3e-7 of an objective of some units; over two steps of 1e-3 rad that is
                         // 1e-3 of a derivative of 1. The third derivative adds 1e-6.
                         assert!(

@@ -99,8 +99,8 @@ impl Split {
                 true => Half::Odd,
                 false => Half::Even,
             };
-            let beside = [rank.wrapping_sub(1), rank + 1];
-            let on_border = beside.iter().any(|&other| {
+            let neighbours = [rank.wrapping_sub(1), rank + 1];
+            let on_border = neighbours.iter().any(|&other| {
                 other < bins.len()
                     && bins[other].0.abs_diff(bin.0) == 1
                     && is_odd(other, stripe, offset) != is_odd(rank, stripe, offset)

@@ -212,14 +212,14 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
     ) -> Result<Trial, TuneError<E>> {
         let mut values = best.0.clone();
         for (i, axis) in intervals.iter().enumerate() {
-            let mut beside = |sign: f64| {
+            let mut neighbour = |sign: f64| {
                 let mut values = best.0.clone();
                 values[i] = within(axis, values[i] + sign * steps[i]);
                 let apart = values[i] - best.0[i];
                 self.view(&values, view)
                     .map(|merit| (apart, merit - best.1))
             };
-            let ((left, below), (right, above)) = (beside(-1.0)?, beside(1.0)?);
+            let ((left, below), (right, above)) = (neighbour(-1.0)?, neighbour(1.0)?);
             // Merit relative to the best over the distance from it: b x + a x^2 through both.
             if left < 0.0 && right > 0.0 {
                 let a = (above / right - below / left) / (right - left);

@@ -323,7 +323,7 @@ pub fn comparison_operations(spec: &ImageSpec) -> f64 {
 /// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is
 /// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than planned, and the planned error plus
 /// the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
-/// besides echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
+/// in addition to echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
 /// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
 /// # Errors

@@ -206,9 +206,7 @@ fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), Form
     } else {
         return Ok(());
     };
-    Err(FormError::unsuited(format!(
-        "{why}: no image can be formed"
-    )))
+    Err(FormError::unsuited(format!("{what}: there is no image")))
 }
 
 /// Formed image with its predicted error and settings.

@@ -33,12 +33,12 @@ pub enum MotionError {
         half_m: f64,
     },
     /// Invalid sighting.
-    #[error("target {target}: {what}")]
+    #[error("target {target}: {fault}")]
     Sighting {
         /// Number of the target.
         target: usize,
-        /// What was expected.
-        what: &'static str,
+        /// Expected value.
+        fault: &'static str,
     },
     /// The number of headings differs from the number of pulses, or a heading is not finite.
     #[error("expected one finite heading per pulse ({pulses}), got {headings} headings")]
@@ -96,7 +96,7 @@ pub(crate) fn sightings(array: &Array, sightings: &[Sighting]) -> Result<(), Mot
     for (i, sighting) in sightings.iter().enumerate() {
         let target = sighting.target;
         let is_positive = |x: f64| x.is_finite() && x > 0.0;
-        let what = if sighting.phases_rad.len() != array.num_channels() {
+        let fault = if sighting.phases_rad.len() != array.num_channels() {
             "expected one phase a channel"
         } else if !sighting.phases_rad.iter().all(|x| x.is_finite()) {
             "expected finite phases"
@@ -109,7 +109,7 @@ pub(crate) fn sightings(array: &Array, sightings: &[Sighting]) -> Result<(), Mot
         } else {
             continue;
         };
-        return Err(MotionError::Sighting { target, what });
+        return Err(MotionError::Sighting { target, fault });
     }
     Ok(())
 }

@@ -36,7 +36,7 @@ const MAX_SIGHTINGS: usize = 400;
 pub enum Finding {
     /// Pulses without a target.
     #[error("no target in {pulses} of {all} pulses: they do not contribute to the track")]
-    Nothing {
+    NoTarget {
         /// Number of pulses without a target.
         pulses: usize,
         /// Number of pulses.
@@ -138,7 +138,7 @@ pub fn examine(
     let seeing = |targets: usize| pulses.iter().filter(|pulse| pulse.len() == targets).count();
     let [none, one] = [seeing(0), seeing(1)];
     if none > 0 {
-        findings.push(Finding::Nothing { pulses: none, all });
+        findings.push(Finding::NoTarget { pulses: none, all });
     }
     if one > 0 {
         findings.push(Finding::OneTarget { pulses: one, all });

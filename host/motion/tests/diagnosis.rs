@@ -192,7 +192,7 @@ fn too_few_targets_are_reported() {
     assert_eq!(
         examine(&array, &pulses),
         Ok(vec![
-            Finding::Nothing {
+            Finding::NoTarget {
                 pulses: 1,
                 all: 100
             },

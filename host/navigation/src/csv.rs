@@ -180,7 +180,9 @@ impl Header {
         {
             0 => Ok(false),
             n if n == quantities.len() => Ok(true),
-            _ => Err(format!("expected all of {names}, or none of them")),
+            _ => Err(format!(
+                "expected columns of all of {names}, found only some"
+            )),
         };
         if !has(Time) {
             return Err("expected a column of time, such as time_s, found none".to_owned());

@@ -72,7 +72,7 @@ pub enum NavigationError {
     },
     /// The file has no valid record.
     #[error("{path}: no record of NovAtel (INSPVA, INSPVAX, BESTPOS, MARKPOS, MARKTIME), NMEA, SBET or CSV in {bytes} bytes\n{account}", bytes = account.bytes)]
-    Nothing {
+    NoRecords {
         /// Path of the file.
         path: PathBuf,
         /// Account of the file's content.
@@ -172,7 +172,7 @@ pub fn each_from(
         ));
     }
     match count {
-        0 => Err(NavigationError::Nothing {
+        0 => Err(NavigationError::NoRecords {
             path: path.to_owned(),
             account: Box::new(account),
         }),

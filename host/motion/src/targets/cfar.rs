@@ -248,7 +248,7 @@ fn place(rank: f64, count: usize) -> usize {
     ((rank * count as f64).ceil() as usize).clamp(1, count)
 }
 
-/// Effective number of cells by which sums of up to `most` neighbouring cells scatter: `sum_ij |rho_(i-j)|^2`.
+/// Variance of the sum of 0 to `most` neighbouring cells, in units of that of one cell: `sum_ij |rho_(i-j)|^2`.
 fn scatter(window: &[f64], most: usize) -> Vec<f64> {
     let total: f64 = window.iter().map(|w| w * w).sum();
     let alike = |lag: usize| {

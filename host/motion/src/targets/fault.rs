@@ -34,7 +34,7 @@ pub enum Fault {
         /// Number of the first one in the recording.
         first: usize,
         /// Text of the reader's error.
-        what: String,
+        reason: String,
     },
     /// Targets approach or recede so fast that phases wrap from pulse to pulse.
     Fast {
@@ -153,10 +153,10 @@ impl fmt::Display for Fault {
             Self::Unreadable {
                 pulses,
                 first,
-                what,
+                reason,
             } => write!(
                 f,
-                "{} could not be read, the first is pulse {first} ({what}); the track omits them",
+                "{} could not be read, the first is pulse {first} ({reason}); the track omits them",
                 Pulses(*pulses)
             ),
             Self::Fast {

@@ -162,7 +162,7 @@ impl TargetTracker {
             return Err("expected a range resolution above 0 m");
         }
         match follow.fault() {
-            Some(what) => Err(what),
+            Some(fault) => Err(fault),
             None => Ok(Self {
                 follow,
                 cell_m,

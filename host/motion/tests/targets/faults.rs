@@ -47,10 +47,10 @@ const NOISE: f64 = 0.4;
 #[test]
 fn recordings_with_no_or_one_target_are_refused() {
     let radar = l_band();
-    let nothing = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
+    let no_target = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
     assert!(
-        matches!(nothing, TargetsError::Nothing { pulses: PULSES, most_db } if most_db < 3.0),
-        "{nothing}"
+        matches!(no_target, TargetsError::Nothing { pulses: PULSES, most_db } if most_db < 3.0),
+        "{no_target}"
     );
     let one = found(channels(recorded(&radar, &reflectors()[..1], NOISE))).unwrap_err();
     // The target is at 8.1 to 8.6 m.
@@ -193,13 +193,13 @@ fn pulses_with_non_finite_samples_are_omitted() {
         Fault::Unreadable {
             pulses,
             first,
-            what,
-        } => Some((*pulses, *first, what.clone())),
+            reason,
+        } => Some((*pulses, *first, reason.clone())),
         _ => None,
     });
-    let (pulses, first, what) = unreadable.unwrap();
+    let (pulses, first, reason) = unreadable.unwrap();
     assert_eq!((pulses, first), (3, 40));
-    assert!(what.contains("sample 7 of pulse 40"), "{what}");
+    assert!(reason.contains("sample 7 of pulse 40"), "{reason}");
     let have: Vec<usize> = track.moments.iter().map(|moment| moment.pulse).collect();
     let without: Vec<usize> = (0..PULSES).filter(|n| ![40, 41, 77].contains(n)).collect();
     assert_eq!(have, without);

@@ -176,8 +176,8 @@ fn online_track_omits_target_that_starts_to_move() {
 #[test]
 fn no_targets_give_no_poses() {
     let (radar, truth) = (l_band(), walk(60));
-    let nothing = walked(&radar, [&truth, &truth], &[]);
-    let mut pulses = pulses(&nothing, &radar);
+    let no_targets = walked(&radar, [&truth, &truth], &[]);
+    let mut pulses = pulses(&no_targets, &radar);
     pulses[7][1].1[3].re = f32::NAN;
     let mut live = live(&pulses, &radar).unwrap();
     assert!(pulses.iter().all(|pulse| live.push(pulse).is_empty()));

@@ -1,4 +1,4 @@
-//! Result of a fusion, and reasons why there is none.
+//! Result and errors of a fusion.
 
 use glam::{DQuat, DVec3};
 

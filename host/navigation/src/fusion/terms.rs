@@ -246,7 +246,7 @@ impl Problem<'_> {
         let (x, y) = (&state.moments[i], &state.moments[i + 1]);
         let dt = self.timeline.times_s[i + 1] - self.timeline.times_s[i];
         let model = self.model;
-        // Noise of these densities on a quantity and on its rate, of which it is the integral.
+        // Noise of these densities on a quantity and on its derivative.
         let mut pair = |at: usize, rate: usize, of_number: f64, of_rate: f64| {
             let [q, r] = [of_number * of_number, of_rate * of_rate];
             let number = (q * dt + r * dt * dt * dt / 3.0).sqrt();
@@ -315,7 +315,7 @@ impl Problem<'_> {
         columns[0][ALL] = off_x;
         columns[1][ALL] = off_y;
         columns[2][ALL] = turn;
-        // A turn of the body turns the observed motion the opposite way.
+        // A rotation of the body rotates the observed motion in the opposite sense.
         let by_turn = axes.transpose() * -DVec3::Z.cross(moved);
         for (k, column) in columns.iter_mut().take(2).enumerate() {
             let axis = axes.col(k).to_array();

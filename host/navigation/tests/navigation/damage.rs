@@ -222,7 +222,7 @@ fn invalid_csv_rows_are_left_out() {
 #[test]
 fn log_without_a_valid_fix_reports_its_messages() {
     let empty = Log::read_from(&b""[..], Path::new("a.log"), &Options::default());
-    assert!(matches!(empty, Err(NavigationError::Nothing { .. })));
+    assert!(matches!(empty, Err(NavigationError::NoRecords { .. })));
     let text = ascii("#TIMEA,COM1,0,58.5,FINESTEERING,2209,502061.000,02000020,18bc,16809;VALID")
         + &line(1)[..80];
     let error =

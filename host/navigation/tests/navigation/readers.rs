@@ -399,7 +399,7 @@ fn csv_header_without_units_or_positions_is_refused() {
     for (header, text_of_error) in [
         ("time_s,x,y_m,z_m", "column 'x': '1' has no unit"),
         ("time_s,x_s,y_m,z_m", "is a time and a length is wanted"),
-        ("time_s,x_m,y_m", "expected all of x, y and z"),
+        ("time_s,x_m,y_m", "all of x, y and z"),
         ("time_s,roll_deg", "no position"),
         ("time_s,x_m,y_m,z_m,x_cm", "found two"),
         ("time_s,x_m,y_m,z_m,yaw_deg,heading_deg", "not both"),

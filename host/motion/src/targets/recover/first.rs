@@ -95,7 +95,7 @@ pub(super) fn first(
             of_pair: true,
         });
     }
-    // Three targets or more of which no three agree: no track.
+    // At least three targets, but no three that agree: no track.
     let decides = |doubt: &&Doubt| !matches!(doubt, Doubt::Few { .. });
     match classes.doubts.into_iter().find(|doubt| decides(&doubt)) {
         Some(doubt) => Err(TargetsError::Movers(doubt)),

@@ -143,7 +143,7 @@ impl Recovered {
         }
     }
 
-    /// Faults by which the track may be wrong beyond its covariances.
+    /// Faults that may make the track wrong beyond its covariances.
     pub fn doubts(&self) -> impl Iterator<Item = &Fault> {
         self.seen.faults.iter().filter(|fault| fault.is_doubt())
     }

@@ -8,7 +8,7 @@ use crate::targets::see::{Detections, TargetsError, WINDOW};
 
 /// Largest number of targets of a track, most sightings first: the time of a pulse grows with the cube of their number.
 const MAX_SOLVED: usize = 48;
-/// Least number of pulses of a target: it adds three unknowns, and fewer pulses contribute nothing to the others.
+/// Least number of pulses of a target: it adds three unknowns, and fewer pulses do not contribute to the other unknowns.
 const MIN_PULSES_SEEN: usize = 10;
 
 /// Track of some pulses.

@@ -190,8 +190,8 @@ impl TargetDetector {
                     for n in run {
                         match read(channels, n..n + 1)? {
                             Ok(samples) => take(n, Some(&self.pulse(channels, &samples, n, 0))),
-                            Err(what) => {
-                                unreadable.take(n, what);
+                            Err(reason) => {
+                                unreadable.take(n, reason);
                                 take(n, None);
                             }
                         }

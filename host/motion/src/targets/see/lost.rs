@@ -16,17 +16,17 @@ pub(super) struct Unreadable {
 }
 
 impl Unreadable {
-    pub(super) fn take(&mut self, pulse: usize, what: String) {
+    pub(super) fn take(&mut self, pulse: usize, reason: String) {
         self.count += 1;
-        self.first.get_or_insert((pulse, what));
+        self.first.get_or_insert((pulse, reason));
     }
 
     pub(super) fn fault(self) -> Option<Fault> {
-        let (first, what) = self.first?;
+        let (first, reason) = self.first?;
         Some(Fault::Unreadable {
             pulses: self.count,
             first,
-            what,
+            reason,
         })
     }
 }
