@@ -24,7 +24,7 @@ use super::echoes::{Echo, gradients, wavenumber_rad_m};
 const COARSE_A_CELL: f64 = 2.0;
 const FINE_A_CELL: f64 = 8.0;
 
-/// Centred history.
+/// History of a point, centred on its brightest position.
 #[derive(Clone, Debug)]
 pub(crate) struct Centred {
     /// Position of the centre, metres.

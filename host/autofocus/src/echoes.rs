@@ -44,7 +44,7 @@ const CELLS_A_BIN: f64 = 2.0;
 const PROBED_PULSES: usize = 32;
 const APART: f64 = 0.85;
 
-/// Selection of points.
+/// Selection of the points for histories, by number and brightness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Points {
     /// Largest number of points, brightest first.

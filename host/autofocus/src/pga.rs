@@ -71,9 +71,9 @@ const CENTRINGS: usize = 3;
 /// Phase gradient autofocus: one phase per pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseGradient {
-    /// Phase estimator.
+    /// Estimator of the common phases.
     pub estimator: Estimator,
-    /// Selection of points.
+    /// Selection of the bright points.
     pub points: Points,
 }
 
@@ -276,7 +276,7 @@ pub(crate) fn seen(
     Ok((echoes, places))
 }
 
-/// Centre all histories.
+/// Centre all histories on their brightest positions.
 pub(crate) fn centred(
     collection: &Collection,
     grid: &ImageGrid,

@@ -81,7 +81,7 @@ pub enum SharpenError {
     /// Too few pulses for the method.
     #[error("{method} needs at least {needed} pulses, the recording has {pulses}")]
     TooShort {
-        /// Requested method.
+        /// Name of the requested method.
         method: &'static str,
         /// Least number of pulses per channel.
         needed: usize,
@@ -110,7 +110,7 @@ pub struct RoundInput<'a> {
     pub subject: &'a Subject<'a>,
     /// Recording with the best correction so far.
     pub history: &'a dyn PhaseHistory,
-    /// Image of `history`.
+    /// Image of `history` on the grid.
     pub image: &'a Image,
     /// Number of rounds before this one.
     pub round: usize,

@@ -56,12 +56,12 @@ pub enum TuneError<E> {
     /// The merit of a value could not be evaluated.
     #[error(transparent)]
     Failed(E),
-    /// Every image was dark, or not finite.
+    /// Every image was dark or not finite.
     #[error(
         "every image of the search is dark or not finite: check the grid and the intervals of the parameters"
     )]
     Nothing,
-    /// The monitor cancelled.
+    /// The monitor cancelled the search.
     #[error("interrupted")]
     Cancelled,
 }

@@ -12,9 +12,9 @@ pub enum MotionError {
         "direction of arrival needs at least one transmitter and two receivers: the array has {transmitters} and {receivers}"
     )]
     Antennas {
-        /// Number of transmitters.
+        /// Number of transmitters of the array.
         transmitters: usize,
-        /// Number of receivers.
+        /// Number of receivers of the array.
         receivers: usize,
     },
     /// The wavelength or an antenna's position is invalid.
@@ -32,20 +32,20 @@ pub enum MotionError {
         /// Half a wavelength, metres.
         half_m: f64,
     },
-    /// Invalid sighting.
+    /// A sighting has an invalid value.
     #[error("target {target}: {fault}")]
     Sighting {
         /// Number of the target.
         target: usize,
-        /// Expected value.
+        /// Expected value and the fault.
         fault: &'static str,
     },
     /// The number of headings differs from the number of pulses, or a heading is not finite.
     #[error("expected one finite heading per pulse ({pulses}), got {headings} headings")]
     Headings {
-        /// Number of headings.
+        /// Number of headings given.
         headings: usize,
-        /// Number of pulses.
+        /// Number of pulses of the track.
         pulses: usize,
     },
     /// Times do not ascend.

@@ -39,7 +39,7 @@ pub enum Finding {
     NoTarget {
         /// Number of pulses without a target.
         pulses: usize,
-        /// Number of pulses.
+        /// Number of all pulses.
         all: usize,
     },
     /// Pulses with one target.
@@ -49,7 +49,7 @@ pub enum Finding {
     OneTarget {
         /// Number of pulses with one target.
         pulses: usize,
-        /// Number of pulses.
+        /// Number of all pulses.
         all: usize,
     },
     /// Channel with random phases.
@@ -74,7 +74,7 @@ pub enum Finding {
         channel: usize,
         /// RMS change a pulse, radians.
         changes_rad: f64,
-        /// The same of the other channels, radians.
+        /// Median RMS change a pulse of the other channels, radians.
         others_rad: f64,
     },
     /// Two receivers are exchanged.
@@ -86,7 +86,7 @@ pub enum Finding {
         receivers: [usize; 2],
         /// Mean squared error over its expectation, for the array as described.
         as_described: f64,
-        /// The same with the receivers exchanged.
+        /// Mean squared error over its expectation with the receivers exchanged.
         swapped: f64,
     },
     /// Receiver with a wrong position or phase.
@@ -98,7 +98,7 @@ pub enum Finding {
         receiver: usize,
         /// Mean squared error over its expectation with the receiver.
         as_described: f64,
-        /// The same without.
+        /// Mean squared error over its expectation without the receiver.
         without: f64,
     },
     /// Channels disagree, and no single receiver explains it.

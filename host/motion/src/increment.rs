@@ -9,7 +9,7 @@ use crate::model::{Array, Pose};
 pub struct Increment {
     /// Displacement of the array's origin in the array's frame at the former pulse, metres: x along the array, y along boresight.
     pub moved_m: DVec2,
-    /// Turn, radians, counterclockwise.
+    /// Change of heading, radians, counterclockwise.
     pub turn_rad: f64,
 }
 

@@ -40,7 +40,7 @@ pub struct Live {
     recent: VecDeque<Recent>,
 }
 
-/// Recent pulse.
+/// Recent pulse with its pose.
 struct Recent {
     time_s: f64,
     pose: Pose,

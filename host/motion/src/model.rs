@@ -32,10 +32,10 @@ pub struct Pose {
     pub heading_rad: f64,
 }
 
-/// Point target.
+/// Point target with the phase of its echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
-    /// Position, metres.
+    /// Position in the frame of the poses, metres.
     pub at_m: DVec2,
     /// Mean phase of its echo at the reference pose, radians.
     pub phase_rad: f64,
@@ -85,7 +85,7 @@ impl Array {
         each.flat_map(|&t| self.receivers_m.iter().map(move |&r| [t, r]))
     }
 
-    /// Number of channels.
+    /// Number of channels, transmitters times receivers.
     pub fn num_channels(&self) -> usize {
         self.transmitters_m.len() * self.receivers_m.len()
     }

@@ -36,12 +36,12 @@ pub struct Leg {
     pub sigma_m: f64,
 }
 
-/// Estimated squint.
+/// Estimated squint with its accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Squint {
     /// Angle from the body's axis to the array's, radians, counterclockwise.
     pub squint_rad: f64,
-    /// Standard deviation, radians.
+    /// Standard deviation of the squint, radians.
     pub sigma_rad: f64,
     /// Sum of squared residuals in standard deviations, and its expectation: a larger sum means that the sources contradict each other.
     pub chi_square: [f64; 2],
@@ -88,7 +88,7 @@ pub fn travelled(increments: impl IntoIterator<Item = Increment>) -> DVec2 {
         .sum()
 }
 
-/// Increments between poses.
+/// Increments between successive poses.
 pub fn increments(poses: &[Pose]) -> impl Iterator<Item = Increment> {
     let pairs = poses.windows(2);
     pairs.map(|pair| Increment::between(&pair[0], &pair[1]))

@@ -145,7 +145,7 @@ fn increment_errors_agree_with_covariance() {
         }
         let ratios = squares.map(|square| square / count);
         println!("{snr_db} dB: {ratios:.3?}, fit {:.3}", fit[0] / fit[1]);
-        // 4000 squares, neighbours of which share a pulse: 5 standard deviations are 0.16. Errors of target positions are correlated over the memory, so that 40
+        // 4000 squares, correlated between neighbours by their common pulse: 5 standard deviations are 0.16. Errors of target positions are correlated over the memory, so that 40
         // are independent, and are at most half of the variance: 5 standard deviations of them are 0.5 * 5 * sqrt(2 / 40 / 4).
         for ratio in ratios {
             assert!((ratio - 1.0).abs() < 0.16 + 0.28, "{ratios:?}");

@@ -22,7 +22,7 @@ pub enum Clock {
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Wrong {
-    /// Truncated message.
+    /// Message that is truncated.
     Cut,
     /// Message with a wrong checksum.
     Checksum,
@@ -65,7 +65,7 @@ pub struct ReadReport {
     pub others: BTreeMap<String, u64>,
     /// Number of faults of each kind.
     pub wrong: BTreeMap<Wrong, u64>,
-    /// The first faults.
+    /// First 20 faults with their texts.
     pub faults: Vec<Fault>,
     /// Number of bytes outside valid messages.
     pub lost_bytes: u64,
@@ -73,7 +73,7 @@ pub struct ReadReport {
     pub bytes: u64,
     /// Time scale of the records.
     pub clock: Clock,
-    /// Seconds by which GPS time is ahead of UTC: as the log states, or from the table that converted UTC to GPS time.
+    /// GPS time minus UTC, seconds: as the log states, or from the table that converted UTC to GPS time.
     pub leap_seconds_s: Option<i32>,
     /// Remarks for the user.
     pub notes: BTreeSet<String>,

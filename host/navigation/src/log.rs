@@ -48,7 +48,7 @@ pub struct Gap {
 pub struct Coverage {
     /// Kind of the records.
     pub kind: Kind,
-    /// Number of records.
+    /// Number of records of this kind.
     pub records: usize,
     /// Numbers of records with a position, a velocity and an attitude.
     pub with: [usize; 3],

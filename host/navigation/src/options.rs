@@ -7,6 +7,6 @@ pub struct Options {
     pub week: Option<u32>,
     /// UTC date (year, month, day) of the first record of an NMEA log without dates.
     pub date: Option<(i64, i64, i64)>,
-    /// Seconds by which GPS time is ahead of UTC, instead of those of the table.
+    /// GPS time minus UTC, seconds, instead of the leap seconds of the table.
     pub leap_seconds: Option<i32>,
 }

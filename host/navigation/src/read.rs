@@ -59,7 +59,7 @@ pub enum NavigationError {
     Io {
         /// Path of the file.
         path: PathBuf,
-        /// Cause.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// The first line is not a valid header.

@@ -113,7 +113,7 @@ pub struct Record {
     pub byte: u64,
     /// Message from which the record was made.
     pub kind: Kind,
-    /// Time.
+    /// Time of the record.
     pub time: GpsTime,
     /// Position; `None` for an event's time or a heading alone.
     pub place: Option<Place>,
@@ -123,7 +123,7 @@ pub struct Record {
     pub velocity_m_s: Option<DVec3>,
     /// Standard deviation of the velocity, m/s.
     pub velocity_sigma_m_s: Option<DVec3>,
-    /// Attitude.
+    /// Attitude of the vehicle, if recorded.
     pub attitude: Option<Attitude>,
     /// Standard deviations of roll, pitch and azimuth, degrees.
     pub attitude_sigma_deg: Option<[f64; 3]>,

@@ -29,7 +29,7 @@ const LEAPS: [(i64, i64, i64); 18] = [
     (2017, 1, 1),
 ];
 
-/// GPS time.
+/// GPS time as week and seconds.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct GpsTime {
     /// Weeks since 6 January 1980.
@@ -53,7 +53,7 @@ impl GpsTime {
         Self::of_utc(day, seconds, leap_seconds(day))
     }
 
-    /// From a UTC day, seconds of that day, and the leap seconds by which GPS is ahead; `None` before 1980 or after some millions of weeks.
+    /// From a UTC day, seconds of that day, and the leap seconds (GPS time minus UTC); `None` before 1980 or after some millions of weeks.
     pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
         let days = day - FIRST_DAY;
         let in_week = (days.rem_euclid(7) as f64) * DAY_S + seconds + f64::from(leap_s);
@@ -98,7 +98,7 @@ pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
     Some(y * 365 + leaps + of_year - 719_468)
 }
 
-/// Seconds by which GPS time is ahead of UTC on a day (days since 1 January 1970).
+/// GPS time minus UTC, seconds, on a day (days since 1 January 1970).
 pub(crate) fn leap_seconds(day: i64) -> i32 {
     let since = LEAPS
         .iter()

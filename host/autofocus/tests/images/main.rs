@@ -49,7 +49,7 @@ struct Radar {
     start_hz: f64,
     step_hz: f64,
     samples: usize,
-    /// Recorded positions.
+    /// Recorded positions of the antennas, metres.
     recorded_m: Vec<DVec3>,
     /// True positions of the antennas, metres.
     true_m: Vec<DVec3>,

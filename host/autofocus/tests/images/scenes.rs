@@ -48,7 +48,7 @@ pub(crate) struct Case {
     pub(crate) kind: Kind,
     /// Rms of the error without constant and slope, radians.
     pub(crate) rms_rad: f64,
-    /// Number of pulses.
+    /// Number of pulses of the aperture.
     pub(crate) pulses: usize,
     /// Number of range cells of the scene, and its cross-range cells as a fraction of the unambiguous ones.
     pub(crate) cells: usize,

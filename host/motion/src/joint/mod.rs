@@ -46,7 +46,7 @@ const HELD: f64 = 1e12;
 pub struct Estimate {
     /// Pose of each pulse.
     pub poses: Vec<Pose>,
-    /// Targets, by number.
+    /// Targets, indexed by their number.
     pub targets: Vec<Target>,
     /// Whether headings are estimated, or known and kept.
     pub heading: Heading,
@@ -120,7 +120,7 @@ fn block(matrix: &[f64], size: usize, [row, column]: [usize; 2]) -> DMat3 {
     DMat3::from_cols_array_2d(&[0, 1, 2].map(|j| [0, 1, 2].map(|i| at(i, j))))
 }
 
-/// `a b^T`.
+/// Outer product `a b^T`.
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }

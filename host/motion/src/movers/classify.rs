@@ -27,9 +27,9 @@ pub enum Doubt {
     Few {
         /// Number of targets in these pulses.
         targets: usize,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
     /// No three targets agree with one motion.
@@ -39,9 +39,9 @@ pub enum Doubt {
     Disagree {
         /// Number of targets in these pulses.
         targets: usize,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
     /// Two groups of equal size.
@@ -49,18 +49,18 @@ pub enum Doubt {
         "ambiguous from pulse {first} to {last}: targets {some:?} agree with one motion of the radar, as many targets {others:?} with another, and either group may stand still"
     )]
     Divided {
-        /// One group.
+        /// Numbers of the targets in one group.
         some: Vec<usize>,
-        /// The other group.
+        /// Numbers of the targets in the other group.
         others: Vec<usize>,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
 }
 
-/// Classification of targets.
+/// Classification of all targets as standing or moving.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Classification {
     /// Targets that agree with the radar's motion in all segments.
@@ -78,7 +78,7 @@ pub struct Classification {
 pub(crate) struct Record {
     /// Sums of its residuals in standard deviations.
     sums: [f64; 2],
-    /// Largest squared residual.
+    /// Largest squared residual in one segment.
     largest: f64,
     segments: usize,
     /// Number of segments in which it is an outlier.

@@ -51,15 +51,15 @@ pub enum NoScene {
     Motion {
         /// Number of the pulse.
         pulse: usize,
-        /// Reason.
+        /// Reason of the refusal.
         error: MotionError,
     },
     /// The number of times differs from the number of pulses, or times are not finite and ascending.
     #[error("expected one finite, ascending time per pulse ({pulses}), got {times} times")]
     Times {
-        /// Number of times.
+        /// Number of times given.
         times: usize,
-        /// Number of pulses.
+        /// Number of pulses of the recording.
         pulses: usize,
     },
     /// Standing and moving targets cannot be separated.

@@ -15,14 +15,14 @@ const MAX_STEPS: usize = 30;
 /// Largest gap, in pulses, over which the phase is unwrapped.
 const MAX_GAP: usize = 3;
 
-/// Moving target.
+/// Moving target with its estimated velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
     /// Number of the target.
     pub target: usize,
     /// Position at time 0 in the track's frame, metres.
     pub at_m: DVec2,
-    /// Velocity, m/s.
+    /// Constant velocity in the track's frame, m/s.
     pub velocity_m_s: DVec2,
     /// Covariance of the velocity, (m/s)^2.
     pub covariance: DMat2,
@@ -89,7 +89,7 @@ struct Run {
     error: f64,
 }
 
-/// Position and velocity.
+/// Number of unknowns: position and velocity in the plane.
 const UNKNOWNS: usize = 4;
 
 /// Velocity of a target on a known track; `None` if it is not determined.

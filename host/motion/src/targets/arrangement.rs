@@ -55,7 +55,7 @@ pub enum ArrangementError {
         transmitters: usize,
         /// Number of distinct receivers.
         receivers: usize,
-        /// Number of channels.
+        /// Number of channels of the recording.
         channels: usize,
     },
 }

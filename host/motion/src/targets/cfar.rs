@@ -61,16 +61,16 @@ impl Default for Cfar {
 pub struct Peak {
     /// Bin of the peak.
     pub bin: usize,
-    /// Power.
+    /// Power of the bin, summed over channels.
     pub power: f64,
-    /// Power over the threshold.
+    /// Ratio of the power to the threshold.
     pub above: f64,
 }
 
 /// Result of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Peaks, strongest first.
+    /// Detected peaks, strongest first.
     pub peaks: Vec<Peak>,
     /// Number of bins tested.
     pub tested: usize,

@@ -15,14 +15,14 @@ pub enum Fault {
     },
     /// Channel whose converter was at full scale.
     Saturated {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
         /// Samples at full scale, as a fraction of all.
         share: f64,
     },
     /// Channel whose noise hides targets that the other channels detect.
     Weak {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
         /// Echoes lost, as a fraction of those in all other channels.
         share: f64,
@@ -63,7 +63,7 @@ pub enum Fault {
     },
     /// Phases with ambiguous whole turns.
     Doubtful {
-        /// Number of pulses.
+        /// Number of pulses with ambiguous turns.
         pulses: usize,
         /// Number of the first one in the recording.
         first: usize,
@@ -79,7 +79,7 @@ pub enum Fault {
     Uneven {
         /// Squared residuals of the block over their expected number.
         ratio: f64,
-        /// Its first pulse.
+        /// Number of the block's first pulse.
         pulse: usize,
     },
     /// Only two targets are seen at a time.

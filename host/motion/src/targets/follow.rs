@@ -15,8 +15,8 @@
 //! arrival identify them. A target that was not identified is another target until the track shows that both have one position ([`crate::targets::recover()`]). A target that is born so near to another is reported as split from it.
 //!
 //! **Crowds.** Measured with 6 to 24 random reflectors over 20 m by 12 m, in cells of 0.25 m, by 240 pulses of 1.1 to 1.7 GHz. Of a pulse's echoes the follower associates about as many as can be identified with all positions
-//! known (2.5 of 2.4 for 8 reflectors, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 for 24). Gates on direction and motion (C 7.3.4) have nothing to add: `crate::arrival` unwraps channels one
-//! baseline after another, which are its target regions. Detection fails in crowds: with 12 training cells on either side, most of which hold other targets, 2 to 78 % of the separate targets are detected; with 40 cells and
+//! known (2.5 of 2.4 for 8 reflectors, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 for 24). Gates on direction and motion (C 7.3.4) do not improve this: `crate::arrival` unwraps channels one
+//! baseline after another, which are its target regions. Detection fails in crowds: with 12 training cells on either side, mostly with other targets, 2 to 78 % of the separate targets are detected; with 40 cells and
 //! rank 0.4, 82 to 98 %. With two or three targets a pulse tracks are lost, and their chi-square shows it: 6 to 1e5 times its expectation. (One of six crowds by default, and no crowd with 40 cells, is tracked to
 //! its noise: distortion by targets nearer than 1.5 cells is not measured.)
 
@@ -92,7 +92,7 @@ pub enum Event {
         /// Range at the first sighting, metres.
         range_m: f64,
     },
-    /// A target died.
+    /// A target was lost for longer than the bridge.
     Lost {
         /// Number of the target.
         target: usize,
@@ -117,7 +117,7 @@ pub enum Event {
     },
 }
 
-/// Candidate or target.
+/// Candidate or confirmed target.
 struct Followed {
     number: usize,
     confirmed: bool,

@@ -28,7 +28,7 @@ pub(crate) const STRIDE: usize = 4;
 #[derive(Clone)]
 pub(crate) struct Profiler {
     pub(crate) band: Band,
-    /// Weights over frequency.
+    /// Window weights over frequency.
     pub(crate) window: Vec<f64>,
     fft: Arc<dyn Fft<f64>>,
     /// Searched bins: the first, and their number.
@@ -81,7 +81,7 @@ impl Profiler {
         self.band.unambiguous_path_m() / self.fft.len() as f64
     }
 
-    /// Path resolution, metres.
+    /// Resolution of the path, metres: `c / B`.
     pub(crate) fn cell_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / self.band.bandwidth_hz()
     }

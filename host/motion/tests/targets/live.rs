@@ -84,7 +84,7 @@ fn online_track_follows_walk() {
     assert!(located[0].attitude.angle_between(arrangement.attitude) < 1e-6);
 }
 
-/// Seven reflectors, some of which cross in range. While unresolved, their common echo has a high SNR and a phase error of up to half a turn, which contradicts the other sightings of the pulse. The largest
+/// Seven reflectors; some of them cross in range. While unresolved, their common echo has a high SNR and a phase error of up to half a turn, which contradicts the other sightings of the pulse. The largest
 /// misfit of a window, chi-square over its expectation, is 1.7 without these sightings and 3.8 with them.
 #[test]
 fn online_track_omits_echoes_of_unresolved_reflectors() {

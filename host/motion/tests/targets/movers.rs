@@ -10,7 +10,7 @@ use crate::tracks::{off, straight, walk, walked};
 
 const PULSES: usize = 300;
 
-/// Four standing reflectors, two of which cross in range.
+/// Four standing reflectors; two of them cross in range.
 fn standing() -> Vec<Reflector> {
     vec![
         reflector(-11.0, 8.0, 1.0),

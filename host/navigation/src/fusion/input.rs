@@ -17,7 +17,7 @@ pub struct Increment {
     pub to_s: f64,
     /// Motion along x and y, metres.
     pub moved_m: [f64; 2],
-    /// Turn, radians.
+    /// Change of heading, radians.
     pub turned_rad: f64,
     /// Covariance of x, y and turn. Increments are assumed to be independent.
     pub covariance: DMat3,
@@ -28,7 +28,7 @@ pub struct Increment {
 pub struct Position {
     /// Time, seconds of the receiver's clock.
     pub time_s: f64,
-    /// Position, metres.
+    /// Position of the receiver's antenna, metres.
     pub position_m: DVec3,
     /// Standard deviations of x, y and z, metres.
     pub sigma_m: DVec3,
@@ -65,7 +65,7 @@ pub struct Inputs<'a> {
 /// Parameter with its prior.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Assumed<T> {
-    /// Prior mean.
+    /// Mean of the prior.
     pub value: T,
     /// Prior standard deviation; 0 holds the parameter.
     pub sigma: T,

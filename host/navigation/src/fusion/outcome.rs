@@ -6,16 +6,16 @@ use glam::{DQuat, DVec3};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FusionError {
-    /// Invalid measurement.
+    /// A measurement is invalid.
     #[error("{kind} {number}, at {time_s} s, has {fault}")]
     Input {
         /// Kind of the measurement.
         kind: &'static str,
         /// Number of the measurement, from 1.
         number: usize,
-        /// Time, seconds.
+        /// Time of the measurement, seconds.
         time_s: f64,
-        /// Invalid value.
+        /// Description of the invalid value.
         fault: &'static str,
     },
     /// Invalid parameter of the model.
@@ -25,7 +25,7 @@ pub enum FusionError {
     Model {
         /// Name of the parameter.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
     },
     /// No measurement of position.
@@ -44,10 +44,10 @@ pub enum FusionError {
         "the least squares did not converge in {steps} steps: measurements contradict each other"
     )]
     NotConverged {
-        /// Number of steps.
+        /// Number of steps taken.
         steps: usize,
     },
-    /// The monitor cancelled.
+    /// The monitor cancelled the fusion.
     #[error("cancelled")]
     Cancelled,
 }
@@ -68,7 +68,7 @@ pub struct Sample {
     pub time_s: f64,
     /// Position of the radar, metres.
     pub position_m: DVec3,
-    /// Velocity, m/s.
+    /// Velocity of the radar, m/s.
     pub velocity_m_s: DVec3,
     /// Heading of the x axis, radians counterclockwise, unwrapped.
     pub heading_rad: f64,
@@ -80,14 +80,14 @@ pub struct Sample {
     pub basis: Basis,
 }
 
-/// Estimated parameter.
+/// Estimated parameter with its accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Estimate.
+    /// Estimated value of the parameter.
     pub value: f64,
-    /// Standard deviation.
+    /// Standard deviation of the estimate.
     pub sigma: f64,
-    /// Prior standard deviation.
+    /// Standard deviation of the prior.
     pub assumed_sigma: f64,
 }
 
@@ -118,23 +118,23 @@ pub enum Measured {
     Position,
     /// Velocity of a receiver.
     Velocity,
-    /// Inertial position.
+    /// Position of the inertial solution.
     InertialPosition,
-    /// Inertial velocity.
+    /// Velocity of the inertial solution.
     InertialVelocity,
-    /// Inertial heading.
+    /// Heading of the inertial solution.
     InertialHeading,
 }
 
 /// Positions, velocities and headings at the times of measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plausible {
-    /// Times, seconds.
+    /// Times of the radar's clock, seconds.
     pub times_s: Vec<f64>,
-    /// Positions, metres.
+    /// Positions of the radar, metres.
     pub positions_m: Vec<DVec3>,
-    /// Velocities, m/s.
+    /// Velocities of the radar, m/s.
     pub velocities_m_s: Vec<DVec3>,
-    /// Headings, radians.
+    /// Headings of the x axis, radians.
     pub headings_rad: Vec<f64>,
 }

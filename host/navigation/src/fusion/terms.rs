@@ -57,7 +57,7 @@ const HELD: f64 = 1e-7;
 /// Prior standard deviations of the first position, velocity and heading: next to no information.
 const ANYWHERE: [f64; 3] = [1e5, 1e3, 10.0];
 
-/// All unknowns.
+/// Values of all unknowns.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) moments: Vec<[f64; OWN]>,
@@ -71,7 +71,7 @@ pub(super) enum Of {
     Model,
     /// Increments from a state on.
     Radar(usize),
-    /// Position, by number.
+    /// Position of the receiver, by number.
     Position(usize),
     /// Velocity of a receiver.
     Velocity(usize),

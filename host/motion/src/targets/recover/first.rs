@@ -22,7 +22,7 @@ const ONLY: [f64; 2] = [1.3, 1.5];
 /// Track of standing targets, and the targets left out.
 pub(super) struct First {
     pub(super) solved: Solved,
-    /// Moving targets.
+    /// Numbers of the moving targets.
     pub(super) moving: BTreeSet<usize>,
     /// Unclassified targets that are not part of the track.
     pub(super) unknown: BTreeSet<usize>,

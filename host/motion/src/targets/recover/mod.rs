@@ -70,7 +70,7 @@ pub struct Place {
     pub position_m: DVec3,
 }
 
-/// Moving target.
+/// Moving target in the scene frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
     /// Numbers under which it was followed, one after another.
@@ -96,9 +96,9 @@ pub struct Recovered {
     pub moments: Vec<Moment>,
     /// Increments between poses in the body's axes, with covariances of x, y and turn for use as independent errors ([`Track::steps`]).
     pub steps: Vec<(Increment, DMat3)>,
-    /// Standing targets.
+    /// Positions of the standing targets.
     pub places: Vec<Place>,
-    /// Moving targets.
+    /// Moving targets with their velocities.
     pub movers: Vec<Mover>,
     /// Targets and sightings of the recording.
     pub seen: Detections,

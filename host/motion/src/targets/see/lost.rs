@@ -8,7 +8,7 @@ use crate::targets::fault::Fault;
 /// Share of echoes lost in one channel that is reported.
 const WEAK: f64 = 0.1;
 
-/// Unreadable pulses.
+/// Count of unreadable pulses.
 #[derive(Default)]
 pub(super) struct Unreadable {
     pub(super) count: usize,

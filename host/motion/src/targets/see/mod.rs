@@ -26,9 +26,9 @@ pub(crate) const WINDOW: usize = 10;
 pub struct Settings {
     /// Window over frequency, Taylor with side lobes of -50 dB by default. Peaks below its side lobes of the strongest target are not searched for.
     pub window: Window,
-    /// CFAR detection.
+    /// Settings of the CFAR detector.
     pub cfar: Cfar,
-    /// Association from pulse to pulse.
+    /// Settings of the association from pulse to pulse.
     pub follow: TrackerSettings,
     /// Nearest and farthest range searched, metres; the whole unambiguous interval if `None`.
     pub ranges_m: Option<(f64, f64)>,
@@ -69,7 +69,7 @@ pub struct Detections {
     pub echoes: Vec<Vec<Echo>>,
     /// Times of the pulses, seconds from the collection's start.
     pub times_s: Vec<f64>,
-    /// Range resolution, metres.
+    /// Range resolution `c / (2 B)`, metres.
     pub cell_m: f64,
     /// Births, deaths and crossings of targets.
     pub events: Vec<Event>,
@@ -87,7 +87,7 @@ pub enum TargetsError {
     /// The channels do not form an array.
     #[error(transparent)]
     Arrangement(#[from] ArrangementError),
-    /// Invalid settings.
+    /// A setting is invalid.
     #[error("{0}")]
     Settings(&'static str),
     /// Channels or pulses differ in frequency.
@@ -101,7 +101,7 @@ pub enum TargetsError {
         "no target was detected in enough of {pulses} pulses: the strongest range cell is at {most_db:+.1} dB relative to the detection threshold"
     )]
     Nothing {
-        /// Pulses searched.
+        /// Number of pulses searched.
         pulses: usize,
         /// Highest level of a cell over its threshold, dB.
         most_db: f64,
@@ -126,7 +126,7 @@ pub enum TargetsError {
     /// The channels with echoes do not form an array.
     #[error("{left} of {} channels have echoes (dead: {}): direction of arrival needs two receivers of one transmitter, at most half a wavelength apart", left + dead.len(), dead.join(", "))]
     Left {
-        /// Channels with echoes.
+        /// Number of channels with echoes.
         left: usize,
         /// Names of those without.
         dead: Vec<String>,
@@ -139,7 +139,7 @@ pub enum TargetsError {
     Motion {
         /// Number of the pulse in the recording.
         pulse: usize,
-        /// Reason.
+        /// Reason why the pulse has no pose.
         source: crate::MotionError,
     },
     /// The residuals contradict the track.
@@ -166,7 +166,7 @@ pub enum TargetsError {
     /// Standing and moving targets cannot be separated.
     #[error("no track: {0}")]
     Movers(crate::movers::Doubt),
-    /// The monitor cancelled.
+    /// The monitor cancelled the work.
     #[error("cancelled")]
     Cancelled,
 }

@@ -10,7 +10,7 @@ use subaperture_navigation::fusion::{
     Assumed, Fused, Increment, Inertial, Inputs, Model, Position, fuse,
 };
 
-/// Pulses a second.
+/// Pulse repetition frequency, Hz.
 pub(crate) const PULSES_HZ: f64 = 1000.0;
 
 pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
