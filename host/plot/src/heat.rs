@@ -40,9 +40,9 @@ pub struct HeatMap<'a> {
 /// [`PlotError`] if the number of values or the range is invalid, or encoding fails.
 pub fn heat(heat: &HeatMap) -> Result<Vec<u8>, PlotError> {
     let size = (heat.rows.count, heat.columns.count);
-    let unsuited = |reason: String| PlotError::Unsuited {
+    let unsuited = |what: String| PlotError::Unsuited {
         title: heat.title.clone(),
-        reason,
+        what,
     };
     if size.0.checked_mul(size.1) != Some(heat.values.len()) || heat.values.is_empty() {
         return Err(unsuited(format!(

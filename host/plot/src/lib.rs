@@ -320,12 +320,12 @@ fn edges(axis: &Axis) -> (f64, f64) {
 #[non_exhaustive]
 pub enum PlotError {
     /// The input cannot be drawn.
-    #[error("cannot draw {title:?}: {reason}")]
+    #[error("cannot draw {title:?}: {what}")]
     Unsuited {
         /// Title of the panel.
         title: String,
         /// Reason why the data cannot be drawn.
-        reason: String,
+        what: String,
     },
     /// An image could not be read.
     #[error(transparent)]
@@ -381,9 +381,9 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
 
 fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
     for panel in panels {
-        let unsuited = |reason: String| PlotError::Unsuited {
+        let unsuited = |what: String| PlotError::Unsuited {
             title: panel.title.clone(),
-            reason,
+            what,
         };
         let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
         for image in std::iter::once(&panel.image).chain(panel.paint.images()) {
@@ -398,8 +398,8 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
                 )));
             }
         }
-        if let Some(reason) = panel.paint.fault() {
-            return Err(unsuited(reason));
+        if let Some(what) = panel.paint.fault() {
+            return Err(unsuited(what));
         }
         let [down, across] = panel.looks;
         let fits = |looks: usize, count: usize| looks >= 1 && looks <= count.max(1);
@@ -415,7 +415,7 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
     if panels.is_empty() || empty.is_some() {
         return Err(PlotError::Unsuited {
             title: empty.map_or_else(String::new, |p| p.title.clone()),
-            reason: "expected at least one picture, found none".to_owned(),
+            what: "expected at least one picture, found none".to_owned(),
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();

@@ -99,15 +99,15 @@ pub fn stacked(charts: &[Chart]) -> Result<Vec<u8>, PlotError> {
     let page = pages?.into_iter().reduce(Canvas::above);
     let page = page.ok_or_else(|| PlotError::Unsuited {
         title: String::new(),
-        reason: "expected at least one chart, found none".to_owned(),
+        what: "expected at least one chart, found none".to_owned(),
     })?;
     page.into_png(Packing::Small)
 }
 
 fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
-    let unsuited = |reason: &str| PlotError::Unsuited {
+    let unsuited = |what: &str| PlotError::Unsuited {
         title: chart.title.clone(),
-        reason: reason.to_owned(),
+        what: what.to_owned(),
     };
     let points = || chart.curves.iter().flat_map(|curve| &curve.points);
     let finite = || points().filter(|p| p.0.is_finite() && p.1.is_finite());

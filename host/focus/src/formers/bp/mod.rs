@@ -178,9 +178,7 @@ pub(crate) struct Choices {
     margin: usize,
     /// Pulses summed per pixel before they are added to it.
     summed_pulses: usize,
-    /// Computation of pixel paths; `way` in plans.
-    #[serde(rename = "way")]
-    paths: PixelPaths,
+    way: PixelPaths,
 }
 
 /// Computation of pixel paths.
@@ -212,7 +210,7 @@ pub(crate) fn decide(
     let shares = Shares::of(error_db);
     let swath = choice::swath(spec, meaning);
     let mut motion_error = 0.0;
-    let (choices, pixel_ns, path_error) = match collection.sweeps() {
+    let (choices, pixel_ns, way_error) = match collection.sweeps() {
         true => {
             let (choices, errors) = sweeping::choose(spec, error_db - MARGIN_DB, meaning);
             motion_error = errors[1];
@@ -221,7 +219,7 @@ pub(crate) fn decide(
         }
         false => {
             let (choices, pixel_ns) = choice::choose(spec, &shares, swath.as_ref());
-            (choices, pixel_ns, shares.of_paths(spec, &choices))
+            (choices, pixel_ns, shares.of_way(spec, &choices))
         }
     };
     let parts = PulseParts::new(&spec.weights.fast, choices.num_parts());
@@ -235,7 +233,7 @@ pub(crate) fn decide(
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
         profiler.error(),
-        path_error,
+        way_error,
         profiler.rounding(),
         // Sums over blocks of pulses, and over these sums.
         rounding::sum(summed_pulses * choices.num_parts()),
@@ -252,14 +250,14 @@ pub(crate) fn decide(
     })?;
     let length = profiler.length();
     let pieces = choices.pieces(length, swath.as_ref());
-    let (each, pulse_bytes) = match choices.paths {
+    let (each, pulse_bytes) = match choices.way {
         PixelPaths::Blurs(blurs) => (
             blurs.count * blurs.parts,
             sweeping::pulse_bytes(num_samples, &blurs, length),
         ),
         _ => (1, pulse_bytes(num_samples, pieces.values())),
     };
-    let side = match choices.paths {
+    let side = match choices.way {
         PixelPaths::Tiles { side, .. } => side,
         _ => 1,
     };
@@ -272,7 +270,7 @@ pub(crate) fn decide(
             "tile_pixels": side,
             "stray_from": SWATH,
     });
-    if let PixelPaths::Blurs(blurs) = choices.paths {
+    if let PixelPaths::Blurs(blurs) = choices.way {
         settings["pulse_parts"] = blurs.parts.into();
     }
     Ok(Decision {
@@ -294,7 +292,7 @@ pub(crate) fn open<'a>(
     // Normalise before the transform sums, so that large samples stay within float32.
     let norm = spec.weights.normalisation();
     let window: Vec<f64> = spec.weights.fast.iter().map(|w| w * norm).collect();
-    if let PixelPaths::Blurs(blurs) = choices.paths {
+    if let PixelPaths::Blurs(blurs) = choices.way {
         let opened = sweeping::Opened::new(spec, &choices, blurs, &window, meaning);
         return Ok(Box::new(opened));
     }
@@ -312,7 +310,7 @@ pub(crate) fn open<'a>(
 impl Choices {
     /// Parts of a pulse.
     fn num_parts(&self) -> usize {
-        match self.paths {
+        match self.way {
             PixelPaths::Blurs(blurs) => blurs.parts,
             _ => 1,
         }
@@ -324,7 +322,7 @@ impl Choices {
         let profiles = (1.0..=MAX_OVERSAMPLING).contains(&self.oversampling)
             && (1..=MAX_DEGREE).contains(&self.degree)
             && (1..=MAX_MARGIN).contains(&self.margin);
-        let paths = match self.paths {
+        let way = match self.way {
             _ if !profiles => false,
             PixelPaths::Points => true,
             PixelPaths::Tiles {
@@ -340,7 +338,7 @@ impl Choices {
             PixelPaths::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
         };
         let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
-        match paths && sums {
+        match way && sums {
             true => Ok(()),
             false => Err(misfit(
                 ENTRY.name,
