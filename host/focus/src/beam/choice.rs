@@ -65,7 +65,7 @@ impl fmt::Display for Ghosts {
         } = self.demanded;
         write!(
             f,
-            "image: azimuth ambiguities of targets are possible about {repeat_m:.0} m from them along the track: the grid spans {:.2} deg at a pulse, and the pulse spacing samples {:.2} deg \
+            "image: ghosts of targets are possible about {repeat_m:.0} m from them along the track: the grid spans {:.2} deg at a pulse, and the pulse spacing samples {:.2} deg \
              without ambiguity",
             deg(across),
             deg(unambiguous)
@@ -103,7 +103,7 @@ impl fmt::Display for Rejected {
             ),
             Self::Undecided { estimate, demanded } => write!(
                 f,
-                "image: azimuth ambiguities are possible: points are seen over up to {:.2} deg, and the Doppler spectrum shows a beam of {:.3} deg with an ambiguous squint of \
+                "image: ghosts are possible: points are seen over up to {:.2} deg, and the Doppler spectrum shows a beam of {:.3} deg with an ambiguous squint of \
                  {:.3} deg forward of broadside, modulo {:.3} deg",
                 libm::asin(demanded.most.min(1.0)).to_degrees(),
                 estimate.beam.width_rad.to_degrees(),

@@ -169,7 +169,7 @@ fn check_sound(beam: &Beam) -> Result<(), FormError> {
 
 /// Illuminated blocks of weights made for a beam.
 fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
-    let why = "the weights have no illumination of pixels by pulses: a former in a beam needs those of ImageFormer::weights";
+    let why = "the weights do not state which pulses see which pixels: a former in a beam needs those of ImageFormer::weights";
     weights.lit.as_ref().ok_or_else(|| FormError::unsuited(why))
 }
 

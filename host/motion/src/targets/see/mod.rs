@@ -98,7 +98,7 @@ pub enum TargetsError {
     Samples(usize),
     /// No target was detected for long enough.
     #[error(
-        "no target was detected in enough of {pulses} pulses: the strongest range cell is at {most_db:+.1} dB relative to the detection threshold"
+        "no target lasts long enough in {pulses} pulses: the strongest range cell is at {most_db:+.1} dB relative to the detection threshold"
     )]
     Nothing {
         /// Number of pulses searched.
