@@ -78,7 +78,8 @@ fn robustly(bencher: Bencher) {
     let array = array();
     let pulses = pulses(&array);
     bencher.counter(ItemsCount::new(PULSES)).bench_local(|| {
-        let mut robust = Robust::new(array.clone(), Heading::Found, 100).expect("such an array");
+        let mut robust =
+            Robust::new(array.clone(), Heading::Estimated, 100).expect("such an array");
         for pulse in &pulses {
             divan::black_box(robust.push(pulse).expect("four targets tell a motion"));
         }
@@ -91,7 +92,7 @@ fn by_pairs(bencher: Bencher) {
     let array = array();
     let pulses = pulses(&array);
     bencher.counter(ItemsCount::new(PULSES)).bench_local(|| {
-        let mut pairwise = Pairwise::new(array.clone(), Heading::Found).expect("such an array");
+        let mut pairwise = Pairwise::new(array.clone(), Heading::Estimated).expect("such an array");
         for pulse in &pulses {
             divan::black_box(pairwise.push(pulse).expect("four targets tell a motion"));
         }

@@ -90,7 +90,7 @@ fn models_that_are_none_are_refused() {
     other["point_ns"] = (-3.0).into();
     refused(
         &other.to_string(),
-        &["point_ns of the time model 'measured' is no time"],
+        &["point_ns of the time model 'measured' is not a valid time"],
     );
     refused("here", &["wrong.json", "expected a timing model"]);
     refused(&text.replace("model-3", "model-1"), &["measure it again"]);

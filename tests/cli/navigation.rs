@@ -148,7 +148,7 @@ fn repeated_times_and_assumed_heights_are_warned_of() {
     fs::write(at.join("plain.nmea"), plain).unwrap();
     let ran = run(at, "navigation plain.nmea");
     assert!(ran.succeeded().contains("NMEA      8 records"));
-    assert!(ran.stderr.contains("0 m is taken"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("heights assume 0 m"), "{}", ran.stderr);
 }
 
 #[test]

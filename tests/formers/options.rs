@@ -71,14 +71,17 @@ fn settings_are_those_given() {
         )
     );
     let refusal = |given: Value| settings(given).unwrap_err().to_string();
-    assert_eq!(refusal(json!({ "no_src": true })), "rdbp takes no no_src");
+    assert_eq!(
+        refusal(json!({ "no_src": true })),
+        "rdbp has no option no_src"
+    );
     assert_eq!(
         refusal(json!({ "no_keystone": true })),
-        "no_keystone is for mode thesis only"
+        "no_keystone requires mode thesis"
     );
     assert_eq!(
         refusal(json!({ "patch": 3.0, "mode": "thesis" })),
-        "patch says nothing with mode thesis"
+        "patch has no effect with mode thesis"
     );
     for wrong in [
         json!({ "sub_cpi": 0 }),

@@ -70,10 +70,10 @@ fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::MotionEst
         ..targets::Settings::default()
     };
     let silent = subaperture::monitor::Silent;
-    let seen = targets::see(scene.channels_of(pulses), &settings, &silent).unwrap();
+    let seen = targets::detect_targets(scene.channels_of(pulses), &settings, &silent).unwrap();
     let middle_m = seen.array.receivers_m[0].distance(DVec2::from_array(scene.receivers_m[0]));
     assert!(middle_m < 1e-9, "the host's frame is the scene's");
-    let mut pairwise = host::Pairwise::new(seen.array.clone(), Heading::Found).unwrap();
+    let mut pairwise = host::Pairwise::new(seen.array.clone(), Heading::Estimated).unwrap();
     let each = seen.pulses.iter();
     each.map(|sightings| pairwise.push(sightings).unwrap_or(None))
         .collect()

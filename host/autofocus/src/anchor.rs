@@ -19,15 +19,15 @@ use glam::DVec3;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Pulse;
 
-/// Steps of Gauss and Newton, at most; they end at a tenth of a millimetre.
+/// Largest number of Gauss-Newton steps, and the step length that ends them, metres.
 const STEPS: usize = 20;
 const CLOSE_M: f64 = 1e-4;
 
 /// Largest displacement of pixels, in units of the farthest antenna's range.
 const FARTHEST: f64 = 4.0;
 
-/// How a scene point at `at_m`, seen in `from` with the bias `from_bias_m` of its paths, moves within the plane of
-/// `grid` if the same pulses are taken as `to` and `to_bias_m` say; zero if no move fits better.
+/// Displacement, metres in the plane of `grid`, of a scene point imaged at `at_m` with the pulses `from` and the path bias
+/// `from_bias_m`, if the geometry changes to `to` and `to_bias_m`; zero if no displacement fits better.
 pub(super) fn shift_m(
     grid: &ImageGrid,
     at_m: DVec3,
@@ -37,7 +37,7 @@ pub(super) fn shift_m(
     let axes = [grid.x_axis, grid.y_axis];
     let count = from.len().min(to.len());
     let weight = |n: usize| {
-        // That of a Hann window: the middle of the aperture counts as in an image with a window.
+        // Hann window: the centre of the aperture has more weight, as in a windowed image.
         let turn = std::f64::consts::TAU * (n as f64 + 0.5) / count as f64;
         0.5 * (1.0 - turn.cos())
     };
@@ -79,7 +79,7 @@ pub(super) fn shift_m(
         }
         let step_m =
             axes[0] * ((b * v - d * u) / determinant) + axes[1] * ((b * u - a * v) / determinant);
-        // Halved until it helps.
+        // Halve the step until the cost decreases.
         let Some((better, next)) = (0..8)
             .map(|i| moved_m + step_m * 0.5f64.powi(i))
             .map(|next| (cost(next), next))
@@ -120,16 +120,16 @@ mod tests {
     }
 
     #[test]
-    fn a_point_goes_where_its_paths_fit() {
+    fn displacement_is_where_paths_fit_best() {
         let grid: ImageGrid = "x=-1:1:0.1,y=3:5:0.1".parse().unwrap();
         let at = DVec3::new(0.2, 4.0, 0.0);
         let straight = pulses(|t| DVec3::new(2.0 * t, 0.0, 0.0));
-        // The antenna was 0.7 m farther along, and ranges are 0.1 m longer than was thought: so is the point.
+        // The antennas are 0.7 m farther along x, and ranges are 0.1 m longer: the point moves by as much.
         let along = pulses(|t| DVec3::new(2.0 * t + 0.7, 0.0, 0.0));
         let moved = shift_m(&grid, at, (&straight, 0.0), (&along, 0.0));
         assert!(moved.distance(DVec3::new(0.7, 0.0, 0.0)) < 1e-3, "{moved}");
         let moved = shift_m(&grid, at, (&straight, 0.2), (&straight, 0.0));
-        // Seen from a short aperture 0.1 m of range more; from this one of 53 degrees within the pixels' plane.
+        // 0.1 m of range exactly for a short aperture, within 0.01 m for this one of 14 degrees.
         assert!(
             (moved.y - 0.1).abs() < 0.01 && moved.x.abs() < 0.01,
             "{moved}"

@@ -9,7 +9,7 @@
 //!
 //! with `e` in the plane of the pixels and across the mean line of sight. On a far straight aperture the paths' difference is linear
 //! in `n` and this is a circular shift of the spectrum; over wide angles it is not, and a shift would leave curvature.
-//! Within a range cell the history at the moved place is the same but for that phase.
+//! Within a range cell, the history at the displaced position differs only by that phase.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -20,22 +20,21 @@ use subaperture_signal::phase::cis;
 
 use super::echoes::{Echo, gradients, wavenumber_rad_m};
 
-/// Steps a resolution cell in the search, at first and around the best: between two of the first the sum falls by 0.9 dB at the
-/// most, and of the others by 0.06 dB.
+/// Search steps per resolution cell, coarse and fine: the loss between two steps is at most 0.9 dB and 0.06 dB.
 const COARSE_A_CELL: f64 = 2.0;
 const FINE_A_CELL: f64 = 8.0;
 
-/// A history brought to its centre.
+/// History of a point, centred on its brightest position.
 #[derive(Clone, Debug)]
 pub(crate) struct Centred {
-    /// Place of the centre, metres.
+    /// Position of the centre, metres.
     pub(crate) place_m: DVec3,
-    /// History compensated to the place, one value per turn.
+    /// History compensated to the position, one value per turn.
     pub(crate) values: Vec<Complex64>,
 }
 
-/// Across the line of sight in the plane of the pixels, and how long a resolution cell is there, metres; `None` where the line
-/// of sight does not turn.
+/// Cross-range direction in the plane of the pixels, and length of a resolution cell along it, metres; `None` if the line of
+/// sight does not rotate.
 pub(crate) fn cross_range(
     collection: &Collection,
     grid: &ImageGrid,
@@ -45,7 +44,7 @@ pub(crate) fn cross_range(
     let gradients = gradients(collection, echo, place_m);
     let mean = gradients.iter().sum::<DVec3>();
     let normal = grid.x_axis.cross(grid.y_axis);
-    // Seen from above the plane the line of sight has no direction in it, nor across it.
+    // A line of sight normal to the plane defines no cross-range direction in it.
     let across = normal.cross(mean).try_normalize()?;
     let along = gradients.iter().map(|gradient| gradient.dot(across));
     let (least, most) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
@@ -56,7 +55,7 @@ pub(crate) fn cross_range(
     cell_m.is_finite().then_some((across, cell_m))
 }
 
-/// `echo` of a point at `place_m` at the brightest place within `reach_cells` resolution cells, once `phases_rad` are taken away.
+/// Centre the history `echo` of a point at `place_m` on the brightest position within `reach_cells` resolution cells, after correction of `phases_rad`.
 pub(crate) fn centre(
     collection: &Collection,
     grid: &ImageGrid,
@@ -65,15 +64,15 @@ pub(crate) fn centre(
     phases_rad: Option<&[f64]>,
     reach_cells: f64,
 ) -> Centred {
-    let stays = || Centred {
+    let unchanged = || Centred {
         place_m,
         values: echo.values.clone(),
     };
     let Some((across, cell_m)) = cross_range(collection, grid, echo, place_m) else {
-        return stays();
+        return unchanged();
     };
     let pulses = &collection.pulses[echo.first..echo.first + echo.values.len()];
-    let turned = |moved_m: f64| {
+    let rotated = |moved_m: f64| {
         let there_m = place_m + moved_m * across;
         let each = pulses.iter().zip(&echo.values);
         each.map(move |(pulse, value)| {
@@ -82,7 +81,7 @@ pub(crate) fn centre(
         })
     };
     let sum = |moved_m: f64| -> f64 {
-        let values = turned(moved_m);
+        let values = rotated(moved_m);
         match phases_rad {
             None => values.sum::<Complex64>().norm_sqr(),
             Some(phases_rad) => values
@@ -102,15 +101,15 @@ pub(crate) fn centre(
         |sums: &[(f64, f64)]| (0..sums.len()).max_by(|&a, &b| sums[a].1.total_cmp(&sums[b].1));
     let sums = around(0.0, coarse_m, reach);
     let Some(best) = largest(&sums) else {
-        return stays();
+        return unchanged();
     };
     let fine_m = cell_m / FINE_A_CELL;
     let sums = around(sums[best].0, fine_m, (FINE_A_CELL / COARSE_A_CELL) as i64);
     let Some(best) = largest(&sums) else {
-        return stays();
+        return unchanged();
     };
     let mut moved_m = sums[best].0;
-    // To the vertex of the parabola through the highest and its neighbours.
+    // Vertex of the parabola through the maximum and its neighbours.
     if let [(_, before), (_, at), (_, after)] =
         sums[best.saturating_sub(1)..(best + 2).min(sums.len())]
     {
@@ -121,6 +120,6 @@ pub(crate) fn centre(
     }
     Centred {
         place_m: place_m + moved_m * across,
-        values: turned(moved_m).collect(),
+        values: rotated(moved_m).collect(),
     }
 }

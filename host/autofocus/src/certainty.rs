@@ -29,7 +29,7 @@ const STUDENT: [f64; 15] = [
     2.145, 2.131,
 ];
 
-/// Height of a rival, above the median and in parts of the best's.
+/// Smallest height of a rival above the median, relative to that of the best.
 const RIVAL: f64 = 0.7;
 
 /// Half-width of the 95 % confidence interval from the repetitions.

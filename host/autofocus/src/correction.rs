@@ -35,8 +35,8 @@ pub enum Correction {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Misfit {
-    /// Not an entry a pulse.
-    #[error("the correction has {entries} entries and the recording {pulses} pulses")]
+    /// The number of entries differs from the number of pulses.
+    #[error("expected a correction with one entry per pulse ({pulses}), got {entries} entries")]
     Count {
         /// Number of pulses in the correction.
         entries: usize,
@@ -65,7 +65,7 @@ impl Correction {
         self.len() == 0
     }
 
-    /// Both, one after the other, if they are of one kind and length.
+    /// Sum of two corrections of one kind and length.
     pub(crate) fn and(mut self, other: &Self) -> Self {
         match (&mut self, other) {
             (Self::Phase { error_rad }, Self::Phase { error_rad: more }) => {
@@ -124,7 +124,7 @@ impl Correction {
     }
 }
 
-/// Within half a turn of zero.
+/// Wrap a phase to -pi to pi.
 pub(crate) fn wrap(phase_rad: f64) -> f64 {
     phase_rad - std::f64::consts::TAU * (phase_rad / std::f64::consts::TAU).round()
 }
@@ -145,7 +145,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// A recording with a correction.
+/// Recording with a correction applied.
 pub struct Corrected<'a> {
     history: &'a dyn PhaseHistory,
     collection: Collection,
@@ -153,7 +153,7 @@ pub struct Corrected<'a> {
 }
 
 impl<'a> Corrected<'a> {
-    /// `history` with `correction`.
+    /// Apply `correction` to `history`.
     ///
     /// # Errors
     /// [`Misfit`].
@@ -227,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whole_turns_are_no_error() {
+    fn whole_turns_do_not_count_as_phase_error() {
         let smooth: Vec<f64> = (0..100).map(|n| wrap(0.3 * f64::from(n))).collect();
         let all = unwrapped(&smooth);
         assert!((all[99] - all[0] - 0.3 * 99.0).abs() < 1e-9);
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_displacement_counts_about_its_mean() {
+    fn rms_displacement_is_about_mean() {
         let displacement_m = vec![DVec3::new(1.0, 0.0, 0.0), DVec3::new(3.0, 0.0, 0.0)];
         let track = Correction::Track { displacement_m };
         assert_eq!(track.rms_displacement_m(), Some(1.0));

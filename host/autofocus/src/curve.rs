@@ -1,16 +1,16 @@
 //! Cubic B-spline curves over the turns of an aperture, from a few coefficients up to one per turn.
 
-/// Curves of `knots` numbers over `turns`.
+/// Curves over `turns` with `knots` coefficients.
 #[derive(Clone, Debug)]
 pub(crate) struct Curves {
-    /// Of each turn the first of the numbers that bear on it, and their weights.
+    /// For each turn, the index of the first coefficient that contributes, and the weights.
     weights: Vec<(usize, Vec<f64>)>,
     /// Number of coefficients of a curve.
     pub(crate) count: usize,
 }
 
 impl Curves {
-    /// Cubic B-splines of about `intervals` equal intervals over the aperture; a number a turn where there would be more than half as many as turns.
+    /// Cubic B-splines with about `intervals` equal intervals over the aperture; one coefficient per turn if there would be more than half as many as turns.
     pub(crate) fn new(intervals: usize, turns: usize) -> Self {
         let count = intervals.max(1) + 3;
         if 2 * count > turns {
@@ -38,7 +38,7 @@ impl Curves {
         }
     }
 
-    /// One number: a quadratic over the aperture, `u^2 - 1/3` of `u` from -1 to 1.
+    /// A quadratic with one coefficient: `u^2 - 1/3` for `u` from -1 to 1 over the aperture.
     pub(crate) fn quadratic(turns: usize) -> Self {
         let at = |n: usize| {
             let u = 2.0 * (n as f64 + 0.5) / turns as f64 - 1.0;
@@ -50,7 +50,7 @@ impl Curves {
         }
     }
 
-    /// The values of the curve of these numbers in all turns.
+    /// Values of the curve at all turns.
     pub(crate) fn values(&self, numbers: &[f64]) -> Vec<f64> {
         let at = |(first, weights): &(usize, Vec<f64>)| -> f64 {
             weights
@@ -62,7 +62,7 @@ impl Curves {
         self.weights.iter().map(at).collect()
     }
 
-    /// The gradient by the numbers, of that by the values.
+    /// Gradient with respect to the coefficients, from that with respect to the values.
     pub(crate) fn gradient(&self, by_values: &[f64]) -> Vec<f64> {
         let mut gradient = vec![0.0; self.count];
         for ((first, weights), value) in self.weights.iter().zip(by_values) {
@@ -79,10 +79,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn splines_hold_straight_lines_and_their_gradient_is_the_transpose() {
+    fn splines_reproduce_lines_and_gradient_is_transpose() {
         let curves = Curves::new(7, 100);
         assert_eq!(curves.count, 10);
-        // B-splines of numbers i are i at the knots, so the curve is a line: u + 1 at u intervals.
+        // B-splines with the coefficients i have the value i at the knots: the curve is the line u + 1 at u intervals.
         let line: Vec<f64> = (0..10).map(f64::from).collect();
         for (n, value) in curves.values(&line).iter().enumerate() {
             assert!((value - 1.0 - (n as f64 + 0.5) * 0.07).abs() < 1e-12);

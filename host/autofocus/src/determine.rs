@@ -16,10 +16,10 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, Weights};
 use subaperture_signal::window::Window;
 
-/// A recording whose geometry depends on parameters.
+/// Recording whose geometry depends on parameters.
 pub trait Model {
-    /// The recording with these values of the parameters; of these pulses ([`Take::pulses`]) if some are given, else of
-    /// those that it chooses with these values.
+    /// Recording for these values of the parameters, with the given pulses ([`Take::pulses`]), or with those that the model
+    /// selects for these values.
     ///
     /// # Errors
     /// [`FormError`].
@@ -34,27 +34,27 @@ pub struct Problem<'a> {
     pub intervals: &'a [Axis],
     /// Order and refinement of the search.
     pub search: Search,
-    /// Grid or points that the merit is measured on.
+    /// Grid or points for the merit.
     pub sight: &'a Sight,
     /// Windows over fast and slow time.
     pub windows: [Window; 2],
-    /// Bytes that images and samples may take.
+    /// Memory limit of images and samples, bytes.
     pub memory_bytes: u64,
     /// Receives progress and can cancel.
     pub monitor: &'a dyn Monitor,
 }
 
-/// Searches on the same content, at most.
+/// Largest number of searches with the same pulses.
 const ROUNDS: usize = 4;
 
-/// Error of the image in which the brightest point is looked for, dB.
+/// Error bound of the image for the search of the brightest point, dB.
 const ERROR_DB: f64 = -30.0;
 
-/// Finds the values of the largest merit, with their errors.
+/// Find the parameter values with the largest merit, with their errors.
 ///
-/// For points of known position one search suffices. For the sharpness of an image the search on the given pixels is a
-/// first guess; from there on the pulses are those chosen at the guess, and the pixels follow the brightest point as
-/// `anchor.rs` says. Where that leads elsewhere, it is done again from there, until it stays.
+/// For points of known position one search suffices. For the sharpness of an image, the search on the given pixels gives an
+/// initial estimate. Further searches use the pulses selected there, with pixels that follow the brightest point
+/// (`anchor.rs`), until the result no longer changes.
 ///
 /// # Errors
 /// [`TuneError`].
@@ -127,7 +127,7 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
             });
         if stays || round == ROUNDS {
             if !stays {
-                // The optimum moves with the starting point: it is not determined.
+                // The optimum depends on the starting point: it is not determined.
                 for scan in &mut tuned.scans {
                     scan.verdict = Verdict::Open;
                 }
@@ -145,18 +145,19 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
 /// Expected cost of [`determine`].
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
-    /// Images that it makes.
+    /// Number of images formed.
     pub images: usize,
     /// Time of one image.
     pub each: Duration,
-    /// Bytes that the recording holds.
+    /// Memory of the recording, bytes.
     pub held_bytes: u64,
 }
 
-/// Measures an image at the intervals' middles, and counts with two rounds more where pixels follow the scene.
+/// Time one image at the centres of the intervals, and extrapolate to the search, with two more rounds where pixels follow
+/// the scene.
 ///
 /// # Errors
-/// [`FormError`], as of that image.
+/// [`FormError`] of that image.
 pub fn rehearse(problem: &Problem) -> Result<Expected, FormError> {
     let &Problem {
         intervals,
@@ -189,7 +190,7 @@ pub fn rehearse(problem: &Problem) -> Result<Expected, FormError> {
     })
 }
 
-/// Where the image of a take is brightest.
+/// Position of the brightest pixel of a take's image.
 fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, FormError> {
     let history = &take.history;
     let [fast, slow] = problem.windows;

@@ -13,13 +13,13 @@
 //! and over any angle, for images of any former, and no spectrum alignment is
 //! needed (C 6.3.3: the phase that (6.10) restores is never removed).
 //!
-//! Each channel gives a history of its own. Phases between channels do not matter.
+//! Each channel gives a separate history. Phases between channels do not matter.
 //!
-//! Points are the brightest pixels of the image, one a range bin (C 6.5: "argmax of the amplitude"), two range cells wide at
-//! the aperture's middle, if they are within a given number of dB of the brightest: C's mask. One a bin, because
-//! side lobes and the blur of a point lie in its own bin, and would be taken for points at another angle. Over wide angles
-//! they lie on arcs, each of the range from one pulse's antennas, which leave the bin: so a pixel counts only if it is out of the
-//! range cells of every brighter point in nearly all pulses.
+//! Points are the brightest pixels of the image, one per range bin (C 6.5: "argmax of the amplitude") of two range cells at
+//! the centre of the aperture, within a given number of dB of the brightest: C's mask. There is one per bin because side
+//! lobes and the blur of a point lie in its own bin and would count as points at another angle. Over wide angles they lie on
+//! arcs of constant range from the antennas of each pulse, which leave the bin. A pixel therefore counts only if it lies outside
+//! the range cells of every brighter point in nearly all pulses.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -37,37 +37,37 @@ use subaperture_signal::phase::{phasor, widen};
 /// Bytes of samples read at a time.
 const BLOCK_BYTES: usize = 16 << 20;
 
-/// Range cells a bin.
+/// Range cells per bin.
 const CELLS_A_BIN: f64 = 2.0;
 
 /// Pulses used to separate points, and the fraction of them in which two points must lie in different range cells.
 const PROBED_PULSES: usize = 32;
 const APART: f64 = 0.85;
 
-/// Which points are looked at.
+/// Selection of the points for histories, by number and brightness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Points {
-    /// How many at most, the brightest.
+    /// Largest number of points, brightest first.
     pub most: usize,
-    /// How far below the brightest one may be, dB, positive.
+    /// Largest level below the brightest point, dB, positive.
     pub within_db: f64,
 }
 
-/// The history of a point in one channel.
+/// History of a point in one channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Echo {
-    /// Which of the points.
+    /// Index of the point.
     pub(crate) point: usize,
     /// Index of the channel's first pulse.
     pub(crate) first: usize,
-    /// A value a turn of the radar.
+    /// Values, one per turn of the radar.
     pub(crate) values: Vec<Complex64>,
 }
 
 impl Echo {
-    /// Power of the scatterer, taken for constant, and of all else, by the second and fourth moments of the values: with
-    /// `|h|^2 = a + noise` of Gaussian noise of power `s`, `E |h|^2 = a + s` and `E |h|^4 = a^2 + 4 a s + 2 s^2`, so
-    /// `a^2 = 2 (E |h|^2)^2 - E |h|^4`. The rest is at least a hundredth of all: no scatterer is known better.
+    /// Power of the scatterer, assumed constant, and of noise and other scatterers, from the second and fourth moments of the
+    /// values: for Gaussian noise of power `s`, `E |h|^2 = a + s` and `E |h|^4 = a^2 + 4 a s + 2 s^2`, so that
+    /// `a^2 = 2 (E |h|^2)^2 - E |h|^4`. The noise is at least a hundredth of the total.
     pub(crate) fn signal_and_rest(&self) -> [f64; 2] {
         let count = self.values.len().max(1) as f64;
         let powers = || self.values.iter().map(|h| h.norm_sqr());
@@ -84,13 +84,13 @@ pub(crate) fn cell_path_m(collection: &Collection) -> f64 {
     SPEED_OF_LIGHT_M_S / (collection.num_samples as f64 * middle.step_hz)
 }
 
-/// Phase a metre of path at the reference frequency of a pulse, radians.
+/// Wavenumber at the reference frequency of a pulse, radians per metre of path.
 pub(crate) fn wavenumber_rad_m(collection: &Collection, pulse: &Pulse) -> f64 {
     let hz = pulse.frequency_hz(collection.num_samples / 2);
     std::f64::consts::TAU * hz / SPEED_OF_LIGHT_M_S
 }
 
-/// The brightest pixel of every range bin, the brightest first.
+/// Brightest pixel of every range bin, in descending order.
 pub(crate) fn brightest(
     collection: &Collection,
     grid: &ImageGrid,
@@ -143,7 +143,7 @@ pub(crate) fn brightest(
     kept.into_iter().map(|(_, place_m)| place_m).collect()
 }
 
-/// The histories of points: of each point those of all channels.
+/// Histories of points in all channels, point by point.
 pub(crate) fn echoes(
     history: &dyn PhaseHistory,
     fast: &[f64],
@@ -208,7 +208,7 @@ fn responses(
         let mut sum = Complex64::ZERO;
         for (z, w) in weighted() {
             sum += widen(*z) * turning * *w;
-            // Rounding grows by 1e-16 a sample.
+            // The rounding error grows by 1e-16 per sample.
             turning *= step;
         }
         sum * scale
@@ -216,7 +216,7 @@ fn responses(
     points.iter().map(at).collect()
 }
 
-/// How the path of each turn of a channel grows with a point's place: `u_t + u_r`.
+/// Derivative of the path of each turn of a channel by the point's position: `u_t + u_r`.
 pub(crate) fn gradients(collection: &Collection, echo: &Echo, place_m: DVec3) -> Vec<DVec3> {
     let pulses = &collection.pulses[echo.first..echo.first + echo.values.len()];
     let of = |pulse: &Pulse| path_gradient(pulse.transmitter_m, pulse.receiver_m, place_m);

@@ -1,16 +1,16 @@
 //! Estimators of the phase error common to the histories of several points.
 //!
-//! Of rows `x_i` (a point's history each, centred, low-passed) with errors of power `s_i` around a constant times `exp(j phi)`:
+//! Each row `x_i` is the history of a point, centred and low-pass filtered: a constant times `exp(j phi)` plus errors of power `s_i`.
 //!
-//! - [`Estimator::Gradient`], C (6.5) to (6.8): the phase's step from pulse to pulse, summed up. C takes
-//!   `sum Im(x* x') / sum |x|^2` of a derivative by a transform, which is right for small steps; here the step is
-//!   `arg sum_i x_i*[n] x_i[n+1] / s_i`, the maximum-likelihood estimate of a difference of any size. Errors add up from pulse to pulse.
-//! - [`Estimator::Eigenvector`]: the phases of the `v` that makes `sum_i |v^H x_i|^2 / s_i` largest, the maximum-likelihood estimate of all
-//!   phases at once (Jakowatz and Wahl, Eigenvector method for maximum-likelihood estimation of phase errors in
-//!   SAR imagery, 1993): the dominant eigenvector of the rows' covariance, found by power iteration on the rows, so that no
-//!   matrix is made. From all pairs of pulses, not from neighbours alone.
+//! - [`Estimator::Gradient`], C (6.5) to (6.8): the phase step from pulse to pulse, accumulated. C uses
+//!   `sum Im(x* x') / sum |x|^2` with a derivative by a transform, which is accurate for small steps; here the step is
+//!   `arg sum_i x_i*[n] x_i[n+1] / s_i`, the maximum-likelihood estimate of a difference of any size. Errors accumulate from pulse to pulse.
+//! - [`Estimator::Eigenvector`]: the phases of the `v` that maximises `sum_i |v^H x_i|^2 / s_i`, the maximum-likelihood estimate of all
+//!   phases together (Jakowatz and Wahl, Eigenvector method for maximum-likelihood estimation of phase errors in
+//!   SAR imagery, 1993): the dominant eigenvector of the rows' covariance, found by power iteration on the rows without
+//!   forming the matrix. It uses all pairs of pulses, not neighbours alone.
 //!
-//! With a total of `S = sum_i a_i / s_i` signal to noise a pulse the variance of a phase is no less than `1 / (2 S)` (Cramér and Rao).
+//! For a total signal-to-noise ratio per pulse of `S = sum_i a_i / s_i`, the Cramér-Rao bound of the variance of a phase is `1 / (2 S)`.
 //! The eigenvector reaches it within the accuracy of a test on 3200 phases (below).
 
 use std::fmt;
@@ -24,21 +24,21 @@ use subaperture_signal::fast_length::fast_length;
 /// Phase estimator of [`PhaseGradient`](super::PhaseGradient).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Estimator {
-    /// Phase difference of neighbouring pulses by maximum likelihood, summed up. Needs bright points of high signal-to-noise ratio, for errors
-    /// add up from pulse to pulse; the cheapest. Use it to compare with Chim's results.
+    /// Accumulated maximum-likelihood phase differences of neighbouring pulses. The cheapest; needs bright points of high signal-to-noise ratio, as
+    /// errors accumulate from pulse to pulse. Use it to compare with Chim's results.
     Gradient,
-    /// All phases at once by maximum likelihood, from bright points: the dominant eigenvector of their covariance. Use it over wide angles, in
+    /// Joint maximum likelihood of all phases from bright points: the dominant eigenvector of their covariance. Use it over wide angles, in
     /// near scenes and for errors that are independent from pulse to pulse. Texture without bright points is not focused.
     Eigenvector,
-    /// Likelihood of all range cells, points, texture and clutter alike, as curves that are as smooth as held-out data require. The
-    /// default, and the most accurate on small far scenes. Falls back on [`Estimator::Eigenvector`] where the geometry leaves too few cells.
+    /// Maximum likelihood over all range cells, with points, texture and clutter. Phases are curves with a smoothness chosen on held-out data. The
+    /// default, and the most accurate on small far scenes. Falls back to [`Estimator::Eigenvector`] where the geometry leaves too few cells.
     #[default]
     Likelihood,
 }
 
-/// An estimator's name is not one of the known ones.
+/// Unknown name of an estimator.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("estimator '{0}': write likelihood, eigenvector or gradient")]
+#[error("unknown estimator '{0}': expected likelihood, eigenvector or gradient")]
 pub struct UnknownEstimator(String);
 
 impl FromStr for Estimator {
@@ -67,17 +67,17 @@ impl fmt::Display for Estimator {
 /// A point's history with its weight.
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
-    /// A value a pulse.
+    /// Values, one per pulse.
     pub(crate) values: Vec<Complex64>,
     /// One over the power of its errors.
     pub(crate) weight: f64,
 }
 
-/// Power iterations at most, and how still the vector is when they end: far below any error.
+/// Largest number of power iterations, and the change of the vector that ends them, far below any error.
 const ITERATIONS: usize = 200;
 const STILL: f64 = 1e-10;
 
-/// The common phases, radians; zeros of no rows.
+/// Common phases, radians; zeros if there are no rows.
 pub(crate) fn phases_rad(estimator: Estimator, rows: &[Row], count: usize) -> Vec<f64> {
     match estimator {
         Estimator::Gradient => gradient(rows, count),
@@ -97,7 +97,7 @@ fn gradient(rows: &[Row], count: usize) -> Vec<f64> {
 }
 
 fn eigenvector(rows: &[Row], count: usize) -> Vec<f64> {
-    // Histories are centred: that there is no error is a start that no eigenvector of use is orthogonal to.
+    // Start from zero phases: histories are centred, so the dominant eigenvector is not orthogonal to them.
     let mut vector = vec![Complex64::ONE; count];
     for _ in 0..ITERATIONS {
         let mut next = vec![Complex64::ZERO; count];
@@ -132,8 +132,8 @@ fn eigenvector(rows: &[Row], count: usize) -> Vec<f64> {
     vector.iter().map(|v| libm::atan2(v.im, v.re)).collect()
 }
 
-/// Low-pass filter: keep frequencies below `width / 2` cycles per pulse; `width` from 0 to 1 (all). PGA's window around a point at
-/// zero. Ends are padded, so that the one does not run into the other.
+/// Low-pass filter that keeps frequencies below `width / 2` cycles per pulse; `width` from 0 to 1 (all). This is PGA's window around a
+/// centred point. Ends are padded against wrap-around.
 pub(crate) fn low_pass(values: &mut [Complex64], width: f64) {
     if width >= 1.0 || values.is_empty() {
         return;
@@ -145,7 +145,7 @@ pub(crate) fn low_pass(values: &mut [Complex64], width: f64) {
     let half = ((0.5 * width * length as f64).ceil() as usize).max(1);
     for (i, value) in spectrum.iter_mut().enumerate() {
         let away = i.min(length - i);
-        // A Hann edge of a quarter of the width keeps rings away.
+        // A Hann edge of a quarter of the width avoids ringing.
         let edge = (away as f64 - 0.75 * half as f64) / (0.5 * half as f64);
         *value *= match edge {
             e if e <= 0.0 => 1.0,
@@ -171,7 +171,7 @@ mod tests {
         move || gauss(&mut state)
     }
 
-    /// Rows of amplitude 1 with a random phase each, in noise of power `noise`, under `phases`.
+    /// Rows of amplitude 1 with a random constant phase each, the phase errors `phases`, and noise of power `noise`.
     fn rows(phases: &[f64], noise: &[f64], seed: u64) -> Vec<Row> {
         let mut gauss = random(seed);
         let row = |&noise: &f64| {
@@ -199,11 +199,11 @@ mod tests {
     }
 
     #[test]
-    fn the_eigenvector_reaches_the_bound() {
+    fn eigenvector_reaches_cramer_rao_bound() {
         let count = 400;
         let mut gauss = random(3);
         let truth: Vec<f64> = (0..count).map(|_| 2.0 * gauss()).collect();
-        // Signal to noise a pulse: 2 x 5 + 8 x 1 + 10 x 0.1 = 19; by rows weighed alike it would be less than 9.
+        // Signal-to-noise ratio per pulse: 2 x 5 + 8 x 1 + 10 x 0.1 = 19; with equal weights of the rows it would be less than 9.
         let noise: Vec<f64> = [vec![0.2; 2], vec![1.0; 8], vec![10.0; 10]].concat();
         let total: f64 = noise.iter().map(|s| 1.0 / s).sum();
         let bound = 1.0 / (2.0 * total);
@@ -214,8 +214,8 @@ mod tests {
         }
         let mean = sum / 8.0;
         println!("variance {mean:.4} rad^2, bound {bound:.4}");
-        // 3200 phases determine a variance to 2.5 %. The mean phase is fitted (1 of 400), 20 rows' own phases are known to
-        // 1/400, and the arc of a Gaussian at a signal to noise of 19 is wider by 1 / (2 x 19) of itself.
+        // 3200 phases determine a variance to 2.5 %. The mean phase is fitted (1 of 400), the constant phases of 20 rows are estimated
+        // to 1/400, and the argument of a Gaussian at a signal-to-noise ratio of 19 has a larger variance by 1 / (2 x 19).
         assert!(mean < 1.12 * bound && mean > 0.9 * bound, "{mean} {bound}");
         let rows = rows(&truth, &noise, 100);
         let steps = variance(&phases_rad(Estimator::Gradient, &rows, count), &truth);
@@ -223,15 +223,15 @@ mod tests {
     }
 
     #[test]
-    fn both_follow_a_smooth_phase() {
+    fn both_estimators_recover_smooth_phase() {
         let truth: Vec<f64> = (0..300)
             .map(|n| 9.0 * (f64::from(n) / 40.0).sin())
             .collect();
         let rows = rows(&truth, &[0.01; 6], 1);
         for estimator in [Estimator::Gradient, Estimator::Eigenvector] {
             let found = phases_rad(estimator, &rows, truth.len());
-            // By steps errors add up: 600 of 1 / (2 x 600), a walk of 1 / 1200 a step has a variance about its mean of
-            // 300 / 6 of that.
+            // Errors of steps accumulate: a random walk of 300 steps of variance 1 / 1200 has a variance about its mean of
+            // 300 / 6 times that.
             assert!(variance(&found, &truth) < 0.15, "{estimator}");
         }
         assert_eq!(phases_rad(Estimator::Eigenvector, &[], 3), [0.0; 3]);

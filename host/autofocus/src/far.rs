@@ -8,8 +8,8 @@
 //! ```
 //!
 //! and only this phase is observable, modulo a turn: `4 pi f / c` times the displacement along the line of sight for one antenna.
-//! A method's track is therefore read as phases. They are unwrapped along slow time about their mean slope, so that a turn that the
-//! method lost between two pulses does not remain. The displacement along the line of sight, in the plane of the pixels, follows from them;
+//! A method's track is therefore converted to phases. They are unwrapped along slow time about their mean slope, which restores turns
+//! lost by the method between two pulses. The displacement along the line of sight, in the plane of the pixels, follows from them;
 //! across the line of sight it is zero. A rigid motion in the plane is removed.
 //!
 //! Neglected: phases that differ over the scene by the angles between lines of sight, [`PARALLEL`] times the displacement in radians of path.
@@ -34,10 +34,10 @@ use super::rigid::without_rigid_motion;
 /// Largest difference between gradients of the path at the corners of a far scene, relative to their length.
 const PARALLEL: f64 = 0.05;
 
-/// Least part of the gradient of the path in the plane of the pixels: below it the plane holds hardly any of the line of sight.
+/// Smallest fraction of the path's gradient in the plane of the pixels: below it the line of sight is nearly normal to the plane.
 const MIN_IN_PLANE: f64 = 0.1;
 
-/// Largest accepted change of the two-way phase between neighbouring pulses, radians, of a track with so many pulses.
+/// Largest accepted change of the two-way phase between neighbouring pulses, radians, for a track of `turns` pulses.
 pub(crate) fn max_step_rad(turns: usize) -> f64 {
     let half_turns = match turns {
         0..12 => 0.25,
@@ -51,9 +51,9 @@ pub(crate) fn max_step_rad(turns: usize) -> f64 {
 /// Lines of sight to a far scene.
 pub(crate) struct FarScene {
     axes: [DVec3; 2],
-    /// Of each turn the growth of phase with displacement in the plane, radians a metre, the mean of all channels.
+    /// Derivative of the phase by displacement in the plane for each turn, radians per metre, mean over all channels.
     slopes: Vec<DVec3>,
-    /// Midpoints of the antennas, a turn each.
+    /// Midpoints of the antennas, one per turn.
     antennas_m: Vec<DVec3>,
 }
 
@@ -92,7 +92,7 @@ impl FarScene {
         })
     }
 
-    /// The track with the same phases, modulo whole turns, along the line of sight. Phase corrections are unchanged.
+    /// Track along the line of sight with the same phases modulo whole turns. Phase corrections are unchanged.
     pub(crate) fn along_sight(&self, correction: Correction) -> Correction {
         let Correction::Track { displacement_m } = correction else {
             return correction;
@@ -144,8 +144,8 @@ mod tests {
     const HZ: f64 = 10e9;
     const HALF_WAVELENGTH_M: f64 = 299_792_458.0 / HZ / 2.0;
 
-    /// Pulses at 0.5 m from one another along x, `range_m` away from the origin at 30 degrees, of a receiver `aside_m` away from the transmitter
-    /// and of one at it.
+    /// Pulses at a spacing of 0.5 m along x, `range_m` from the origin at 30 degrees of elevation, for a receiver at the transmitter
+    /// and one `aside_m` from it.
     fn collection(range_m: f64, aside_m: f64) -> Collection {
         let pulse = |(n, aside_m): (usize, f64)| {
             let at_m = DVec3::new(
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn scene_is_far_where_all_lines_of_sight_are_parallel() {
+    fn far_scene_has_parallel_lines_of_sight() {
         // The corners are 28 m off: 0.05 of half a kilometre is beyond half of PARALLEL, 0.007 of four is not.
         assert!(FarScene::of(&collection(500.0, 0.1), &grid()).is_none());
         assert!(FarScene::of(&collection(4e3, 0.1), &grid()).is_some());
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn lost_turns_and_displacements_across_vanish() {
+    fn lost_turns_are_restored_and_cross_range_displacements_removed() {
         let collection = collection(40e3, 0.1);
         let far = FarScene::of(&collection, &grid()).unwrap();
         // A parabola of 60 mm: its steps are 4 mm at most, and half a turn is a quarter of a wavelength over cos 30 degrees, 8.7 mm.
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn walks_that_lose_a_turn_seldom_pass_the_step_limit() {
+    fn random_walks_with_lost_turns_rarely_pass_step_limit() {
         let mut state = 7;
         for turns in [8, 12, 24, 48, 128] {
             let limit_rad = max_step_rad(turns);

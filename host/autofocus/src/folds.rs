@@ -1,11 +1,11 @@
 //! Folds of range cells for cross-validation: each fold is held out once, and a correction estimated on the others is judged on it.
 //!
-//! Phases are estimated from many range cells, and two folds ([`Split`]) suffice. A track is estimated from scatterers, and there may be few:
-//! four folds leave three quarters of them to each estimate. Range is cut into segments between scatterers, where the
-//! power is least. Segments with scatterers go to the fold with the fewest scatterers so far, so that each fold has some.
+//! Phases are estimated from many range cells, and two folds ([`Split`]) suffice. A track is estimated from scatterers, which may be few:
+//! four folds leave three quarters of them to each estimate. Range is cut between scatterers, at minima of power, into
+//! segments. Segments with scatterers go to the fold with the fewest scatterers so far, so that each fold has some.
 //!
-//! Two range cells on either side of a cut neither judge nor, next to the fold that is held out, estimate: a range main lobe that reaches over
-//! the cut would be used for both.
+//! Two range cells on either side of a cut are guard cells: they are not used for validation and, next to the held-out fold, not for estimation, as a
+//! range main lobe across the cut would be used for both.
 
 use std::collections::BTreeMap;
 
@@ -18,14 +18,14 @@ use subaperture_model::phase_history::Collection;
 
 use super::split::{Half, Split, bin_of, peaks};
 
-/// Folds that a track is judged by.
+/// Number of folds for tracks.
 const SCATTERER_FOLDS: usize = 4;
 
-/// Shortest segment, range cells, and segments a fold at most.
+/// Shortest segment, range cells, and largest number of segments per fold.
 const MIN_SEGMENT: usize = 4;
 const SEGMENTS_A_FOLD: usize = 6;
 
-/// Range cells that a main lobe reaches over a cut.
+/// Guard cells on either side of a cut, the extent of a range main lobe.
 const GUARD: i64 = 2;
 
 /// Least peak power of a scatterer relative to the brightest: -25 dB, as the methods take them.
@@ -35,13 +35,13 @@ pub(crate) const SCATTERER: f64 = 3.2e-3;
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     fold: usize,
-    /// Whether it may judge.
+    /// Whether it is used for validation.
     judges: bool,
-    /// A fold within the guard, if there is one.
+    /// Fold within the guard, if any.
     near: Option<usize>,
 }
 
-/// Which fold each range cell belongs to.
+/// Fold of each range cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Folds {
     cells: BTreeMap<i64, Cell>,
@@ -52,7 +52,7 @@ impl Folds {
     /// Largest number of folds.
     pub(crate) const MOST: usize = SCATTERER_FOLDS;
 
-    /// Both halves of a split.
+    /// Folds from the two halves of a split.
     pub(crate) fn halves(split: &Split) -> Self {
         let cell = |(bin, half, on_border): (i64, Half, bool)| {
             let cell = Cell {
@@ -194,7 +194,7 @@ impl Folds {
     }
 }
 
-/// Where segments begin, the last one's end included: each cut is where the power is least within a segment's length of the shortest.
+/// Boundaries of the segments: each cut is at the minimum of power within a segment's length of the shortest segment.
 fn cuts(bins: &[(i64, f64)]) -> Vec<usize> {
     let shortest = (bins.len() / (2 * SEGMENTS_A_FOLD * SCATTERER_FOLDS)).max(MIN_SEGMENT);
     let mut cuts = vec![0];

@@ -1,26 +1,27 @@
 //! Judgement of a correction on range cells that were not used to estimate it.
 //!
-//! The method runs again without each fold of the range cells (`folds.rs`), from the recording as it was. Up to four tests follow; a correction has to
+//! The method runs again without each fold of the range cells (`folds.rs`), from the uncorrected recording. Up to four tests follow; a correction must
 //! pass all that apply.
 //!
 //! **Gain.** The gain of the measure on the held-out cells has to be at least a quarter of the gain on the cells used. Applies to phases and tracks.
 //!
 //! **Sharpness.** Each segment of held-out range cells with a scatterer gives one number: the gain of the measure within the segment by
-//! the correction that was estimated without it. Segments share neither speckle nor noise, so the gains are independent given the
-//! correction. Student's one-sided t test at a significance of [`SIGNIFICANCE`] asks whether their mean exceeds zero. Applies to tracks; for phases the
-//! probability is reported only.
+//! the correction estimated without it. Segments share neither speckle nor noise, so the gains are independent given the
+//! correction. Student's one-sided t test at a significance of [`SIGNIFICANCE`] tests whether their mean exceeds zero. Applies to tracks; for phases the
+//! probability is only reported.
 //!
-//! **Track.** A sharper image is no proof of a better track: displacements that hardly change the phases of the points are free, and noise
-//! fills them. The jackknife (`track_error.rs`) has to show, at the same significance, that the track is better than the recorded one. It compares tracks estimated
+//! **Track.** A sharper image does not prove a better track: displacements that hardly change the phases of the points are unobservable and follow the
+//! noise. The jackknife (`track_error.rs`) must show, at the same significance, that the track is better than the recorded one. It compares tracks estimated
 //! without each group of points, if the method provides them ([`Method::without_points`]), else the tracks of the folds. Applies to tracks of near scenes.
 //!
-//! **Slips.** The two-way phase of the displacements has to change by less than a limit between neighbouring pulses (`slips.rs`, in far scenes `far.rs`): half-wavelength
-//! slips show in no image. Applies to tracks.
+//! **Slips.** The two-way phase of the displacements must change by less than a limit between neighbouring pulses (`slips.rs`, in far scenes `far.rs`):
+//! half-wavelength slips are invisible in images. Applies to tracks.
 //!
-//! In a far scene (`far.rs`) a track is one phase a pulse that all points share, and no displacement is free: an image that is sharper on held-out cells shows that the phases are
-//! better, but for whole turns. So the tests of sharpness and slips decide, with the folds of phases. The track and those of the folds are placed along the line of sight first.
+//! In a far scene (`far.rs`) a track is one phase per pulse common to all points, and no displacement is unobservable: an image that is sharper on held-out
+//! cells proves better phases, except for whole turns. The tests of sharpness and slips therefore decide, with the folds of phases. The track and those of the
+//! folds are first projected on the line of sight.
 //!
-//! Not covered: errors that all points share, such as a mismatch of the whole geometry.
+//! Not covered: errors common to all points, such as an error of the whole geometry.
 
 use subaperture_model::image::{Image, power};
 
@@ -38,7 +39,7 @@ use super::track_error::TrackError;
 /// Probability of keeping a track that is no better than the recorded one.
 pub const SIGNIFICANCE: f64 = 0.01;
 
-/// Gain on held-out cells, as part of the gain on the cells used, that is needed.
+/// Smallest accepted gain on held-out cells, relative to the gain on the cells used.
 const HELD_PART: f64 = 0.25;
 
 /// Figures on held-out range cells, the mean over all folds. Each fold is corrected by the estimate made without it.
@@ -57,12 +58,12 @@ pub struct HeldOut {
     pub far: bool,
     /// Jackknife estimate of the rms error of the track, metres; `None` for phases and far scenes, and if a jackknife replicate gives no track.
     pub track_error_m: Option<f64>,
-    /// Probability of as small an estimate under the null hypothesis that the track is no better than the recorded one; `None` as for
+    /// Probability of at most this estimate under the null hypothesis that the track is no better than the recorded one; `None` as for
     /// `track_error_m`.
     pub track_p_value: Option<f64>,
     /// Largest change between neighbouring pulses of the two-way phase of the displacements, radians; `None` for phases.
     pub largest_step_rad: Option<f64>,
-    /// Limit of `largest_step_rad`, from which on half-wavelength slips are possible; `None` for phases.
+    /// Limit of `largest_step_rad`, above which half-wavelength slips are possible; `None` for phases.
     pub max_step_rad: Option<f64>,
     /// Whether the correction passes all tests.
     pub sharper: bool,
@@ -116,7 +117,7 @@ pub(crate) fn judge(
             - merit(subject.measure, &figures(&used)?, &used);
         let judging = |image: &Image| folds.judging(fold, collection, grid, image);
         let Ok(figures_before) = figures(&judging(image_before)) else {
-            // Guard cells take all of the fold.
+            // The fold has guard cells only.
             continue;
         };
         let found = best.correction.map(settled);
@@ -200,7 +201,7 @@ fn without_points(
     Ok(tracks.map(|tracks| tracks.into_iter().map(Some).collect()))
 }
 
-/// A segment of held-out range cells.
+/// Segment of held-out range cells.
 struct Segment {
     /// Power of the brightest pixel before.
     peak: f64,
@@ -244,7 +245,7 @@ fn mean(figures: &[Figures]) -> Figures {
     }
 }
 
-/// Probability of as large a mean of `gains` if their mean were zero; `None` for fewer than two.
+/// Probability of at least this mean of `gains` for a true mean of zero; `None` for fewer than two gains.
 fn no_gain(gains: &[f64]) -> Option<f64> {
     let count = gains.len() as f64;
     if gains.len() < 2 {

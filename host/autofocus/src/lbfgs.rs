@@ -4,7 +4,7 @@
 /// Number of steps stored.
 const MEMORY: usize = 8;
 
-/// Part of the promised fall that is asked for, and halvings of a step at most.
+/// Fraction of the predicted decrease that a step must reach (Armijo), and largest number of halvings of a step.
 const FALL: f64 = 1e-4;
 const HALVINGS: usize = 20;
 
@@ -12,8 +12,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// From `start` on downhill, `steps` at the most, until a step gains less than `still` of the value. `first` is how far the first step
-/// goes, in units of the variables. `function` returns the value and its gradient, or `None` to stop at the best so far.
+/// Minimise from `start` in at most `steps` steps, until a step decreases the value by less than the fraction `still`. `first` is the length of the
+/// first step, in units of the variables. `function` returns the value and its gradient, or `None` to stop at the best so far.
 pub(crate) fn least(
     start: Vec<f64>,
     first: f64,
@@ -55,7 +55,7 @@ pub(crate) fn least(
         let Some((there, there_value, there_gradient)) = found else {
             match pairs.is_empty() {
                 true => break,
-                // The curvature that is remembered misleads: steepest descent from here.
+                // The stored curvature fails: restart with steepest descent.
                 false => pairs.clear(),
             }
             continue;
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bent_valley_is_followed_to_its_end() {
+    fn minimum_of_rosenbrock_function_is_found() {
         // Rosenbrock's function in 10 variables: 0 at ones.
         let function = |x: &[f64]| {
             let mut gradient = vec![0.0; x.len()];

@@ -1,17 +1,17 @@
 //! Likelihood of phase errors, from the histories of image tiles.
 //!
-//! A focused cross-range profile of clutter has cells whose values are independent, complex Gaussian, with a power that varies slowly or
-//! here and there: texture, edges, bright points. With the power estimated by the mean over neighbouring cells, the negative log
-//! likelihood of a profile is, but for constants,
+//! Cells of a focused cross-range profile of clutter are independent and complex Gaussian, with a power that varies slowly (texture) or
+//! abruptly (edges, bright points). With the power estimated by the mean over neighbouring cells, the negative log
+//! likelihood of a profile is, up to constants,
 //!
 //! ```text
 //! J = sum over x of ln P(x),   P = mean over neighbours of |I|^2,   I(x) = sum_n h_n exp(-j phi_n) exp(-j 2 pi n x / L)
 //! ```
 //!
-//! which is the smaller, the more unequal the powers are: a blur by a wrong phase makes them alike. Outside of a tile its profile
-//! is not focused, but its power is known, for the sum over all cells is that of the history: those cells count as clutter of one power.
-//! So power that leaves the tiles does not increase `J`. `J` is made of several sizes of neighbourhoods: one
-//! cell shows points, wide ones show texture through its speckle. The gradient is analytic: two transforms a row.
+//! which decreases as the powers become more unequal; defocusing by a wrong phase makes them more equal. Outside a tile the profile
+//! is not focused, but its total power is known from that of the history: those cells count as clutter of one power,
+//! so that power that leaves the tiles does not increase `J`. `J` averages over several sizes of neighbourhoods: single
+//! cells respond to points, wide ones to texture. The gradient is analytic: two transforms per row.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -22,16 +22,16 @@ use subaperture_signal::phase::cis;
 
 use super::split::Half;
 
-/// Neighbourhoods: cells either side across range, and range cells either side.
+/// Neighbourhoods: cross-range cells and range cells on either side.
 const NEIGHBOURS: [(usize, usize); 2] = [(1, 0), (2, 1)];
 
-/// Part of the mean power that is added to each cell: how dark cells below it are does not count, for they hold noise and side lobes.
+/// Fraction of the mean power added to each cell: differences below it do not count, as such cells contain noise and side lobes.
 const FLOOR: f64 = 0.1;
 
-/// A history of a tile.
+/// History of a tile.
 #[derive(Clone, Debug)]
 pub(crate) struct TileRow {
-    /// Its channel and piece across range: rows of one strip whose range cells follow one another are neighbours.
+    /// Channel and cross-range piece: rows of one strip in adjacent range cells are neighbours.
     pub(crate) strip: (usize, i64),
     /// Range cell of the row.
     pub(crate) bin: i64,
@@ -39,20 +39,20 @@ pub(crate) struct TileRow {
     pub(crate) half: Half,
     /// Whether its range cell adjoins one of the other half, so that it is excluded from validation.
     pub(crate) on_border: bool,
-    /// A value a pulse.
+    /// Values, one per pulse.
     pub(crate) values: Vec<Complex64>,
 }
 
-/// Histories that phases are judged by.
+/// Histories for the likelihood of phases.
 pub(crate) struct Texture<'a> {
     rows: Vec<&'a TileRow>,
     length: usize,
-    /// Cells of a tile, of the transform's.
+    /// Number of transform cells within a tile.
     cells: usize,
 }
 
 impl<'a> Texture<'a> {
-    /// Of these rows, ordered by strip and range cell; tiles are `cells` cross-range cells wide.
+    /// Likelihood of these rows, ordered by strip and range cell; tiles are `cells` cross-range cells wide.
     pub(crate) fn new(rows: Vec<&'a TileRow>, turns: usize, cells: f64) -> Self {
         let length = fast_length(turns);
         let cells = (cells * length as f64 / turns as f64).round() as usize;
@@ -71,7 +71,7 @@ impl<'a> Texture<'a> {
         &self.rows
     }
 
-    /// Where cell `i` of a tile lies in the transform.
+    /// Index in the transform of cell `i` of a tile.
     fn at(&self, i: usize) -> usize {
         (i + self.length - self.cells / 2) % self.length
     }
@@ -90,7 +90,7 @@ impl<'a> Texture<'a> {
         self.rows.par_iter().map(one).collect()
     }
 
-    /// Negative log likelihood by rows that may judge, nats a cell; a row counts its neighbours' powers, too.
+    /// Negative log likelihood of each row used for validation, nats per cell; the power estimate includes neighbouring rows.
     pub(crate) fn values_by_row(&self, phases_rad: &[f64]) -> Vec<f64> {
         let powers = self.powers(&self.profiles(phases_rad));
         let mut values = vec![0.0; powers.len()];
@@ -115,7 +115,7 @@ impl<'a> Texture<'a> {
         self.by_powers(&self.powers(&profiles)).0
     }
 
-    /// The value and how it changes with the phase of every pulse.
+    /// Value, and derivatives by the phase of every pulse.
     pub(crate) fn gradient(&self, phases_rad: &[f64]) -> (f64, Vec<f64>) {
         let profiles = self.profiles(phases_rad);
         let (value, by_powers) = self.by_powers(&self.powers(&profiles));
@@ -154,7 +154,7 @@ impl<'a> Texture<'a> {
         profiles.par_iter().map(power).collect()
     }
 
-    /// The value, and how it changes with the power of every cell (`|I|^2`, without the scale of [`Self::powers`]).
+    /// Value, and derivatives by the power of every cell (`|I|^2`, without the scale of [`Self::powers`]).
     fn by_powers(&self, powers: &[Vec<f64>]) -> (f64, Vec<Vec<f64>>) {
         let count = (self.rows.len() * self.length * NEIGHBOURS.len()) as f64;
         let mut value = 0.0;
@@ -163,7 +163,7 @@ impl<'a> Texture<'a> {
             let (values, by): (Vec<f64>, Vec<Vec<f64>>) =
                 self.by_neighbours(powers, neighbours).into_iter().unzip();
             value += values.iter().sum::<f64>();
-            for (to, by) in all.iter_mut().zip(self.beside(&by, neighbours.1)) {
+            for (to, by) in all.iter_mut().zip(self.over_range_cells(&by, neighbours.1)) {
                 to.iter_mut().zip(by).for_each(|(to, by)| *to += by);
             }
         }
@@ -172,14 +172,14 @@ impl<'a> Texture<'a> {
         (value / count, all)
     }
 
-    /// Of every row the sum of logarithms over all cells, and how it changes with the sums of power over neighbouring range cells.
+    /// Sum of logarithms over all cells of each row, and derivatives by the sums of power over neighbouring range cells.
     fn by_neighbours(
         &self,
         powers: &[Vec<f64>],
         (across, along): (usize, usize),
     ) -> Vec<(f64, Vec<f64>)> {
         let energies: Vec<Vec<f64>> = self.rows.iter().map(|row| vec![energy(row)]).collect();
-        let energies = self.beside(&energies, along);
+        let energies = self.over_range_cells(&energies, along);
         let total: f64 = energies.iter().flatten().sum();
         let floor = FLOOR * total / (self.rows.len() * self.length) as f64;
         if !(floor > 0.0 && floor.is_finite()) {
@@ -189,7 +189,7 @@ impl<'a> Texture<'a> {
                 .collect();
         }
         let outside = (self.length - self.cells) as f64;
-        let rows = self.beside(powers, along);
+        let rows = self.over_range_cells(powers, along);
         rows.par_iter()
             .zip(&energies)
             .map(|(row, energy)| {
@@ -202,14 +202,14 @@ impl<'a> Texture<'a> {
                     value += outside * libm::log(left);
                     by.iter_mut().for_each(|by| *by -= 1.0 / left);
                 }
-                // Of relative power, so that a brighter recording is no worse.
+                // Relative power, for independence of the recording's scale.
                 (value - self.length as f64 * libm::log(floor), by)
             })
             .collect()
     }
 
     /// Sums over neighbouring range cells; its own transpose.
-    fn beside(&self, rows: &[Vec<f64>], along: usize) -> Vec<Vec<f64>> {
+    fn over_range_cells(&self, rows: &[Vec<f64>], along: usize) -> Vec<Vec<f64>> {
         let one = |m: usize| {
             let mut sum = rows[m].clone();
             let low = m.saturating_sub(along);
@@ -231,7 +231,7 @@ fn energy(row: &TileRow) -> f64 {
     row.values.iter().map(|value| value.norm_sqr()).sum()
 }
 
-/// Moving average over `across` cells either side. Values beyond the ends are zero, which makes the operator its own transpose.
+/// Moving average over `across` cells on either side. Values beyond the ends are zero, so that the operator is its own transpose.
 fn smoothed(values: &[f64], across: usize) -> Vec<f64> {
     let scale = 1.0 / (2 * across + 1) as f64;
     let count = values.len();
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gradient_agrees_with_differences() {
+    fn likelihood_gradient_equals_central_differences() {
         let mut state = 9u64;
         let mut uniform = || {
             state = state
@@ -277,13 +277,13 @@ mod tests {
             assert_eq!(value, texture.value(&at));
             for n in 0..20 {
                 let step = 1e-5;
-                let beside = |sign: f64| {
+                let shifted = |sign: f64| {
                     let mut there = at.clone();
                     there[n] += sign * step;
                     texture.value(&there)
                 };
-                let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
-                // Rounding of sums of some units over two steps is 1e-10; the third derivative of a logarithm of sums adds the step squared.
+                let difference = (shifted(1.0) - shifted(-1.0)) / (2.0 * step);
+                // The rounding of the sums over two steps is 1e-10; the third derivative adds the square of the step.
                 assert!((difference - gradient[n]).abs() < 1e-7, "{n}");
             }
         }

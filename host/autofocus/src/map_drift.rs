@@ -1,21 +1,20 @@
 //! Map drift autofocus: phase errors from the relative shifts of sub-aperture looks.
 //!
-//! A phase error `phi(n)` shifts the image of a short look at `n_j` to where the slope of the path makes up for its own,
-//! `phi'(n_j) + k g'(n_j) d_j = 0` with `k` radians a metre, `g` the path's growth with the place along cross-range and `d_j` the
-//! shift. So between neighbouring looks
+//! A phase error `phi(n)` shifts the image of a short look at `n_j` in cross-range by `d_j`, such that the slopes of path and phase cancel:
+//! `phi'(n_j) + k g'(n_j) d_j = 0`, with the wavenumber `k` in radians per metre and the derivative `g` of the path by cross-range. Between
+//! neighbouring looks therefore
 //!
 //! ```text
 //! phi'(n_(j+1)) - phi'(n_j) = -k g' (d_(j+1) - d_j)
 //! ```
 //!
-//! The right side is measured, by correlating the magnitudes of the images of looks by any former
-//! ([`subaperture_quality::registration`]); on the left is a polynomial of degree `L` for `L` looks, whose constant and slope only
-//! shift the image. Two looks find the quadratic term, the effect of an error of the along-track velocity; more
-//! looks find higher ones, each less surely, for shorter looks are blurred more.
+//! The right side is measured by correlation of the magnitudes of the look images, from any former
+//! ([`subaperture_quality::registration`]). The left side is a polynomial of degree `L` for `L` looks, whose constant and slope only
+//! shift the image. Two looks determine the quadratic term, the effect of an error of the along-track velocity. More
+//! looks determine higher terms less accurately, as shorter looks have coarser resolution.
 //!
-//! Neglected: that shifts differ over the scene (near range), that slopes change within a look other than by the polynomial,
-//! and phase errors that change within a look. Of channels side by side the phase of a turn is that of all of them. Cost a round: an
-//! image in all for the looks, and their transforms, 48 bytes a pixel.
+//! Neglected: differences of the shift over the scene (near range), and phase errors within a look other than the polynomial. All
+//! channels have the same phase in a turn. Cost of a round: the looks together cost one image, plus their transforms, 48 bytes per pixel.
 
 use std::ops::Range;
 
@@ -37,7 +36,7 @@ use super::rounds::{Method, RoundInput, SharpenError};
 /// Map drift autofocus: a polynomial phase from relative shifts of looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapDrift {
-    /// Looks, and the degree of the polynomial: 2 or more.
+    /// Number of looks and degree of the polynomial: 2 or more.
     pub looks: usize,
 }
 
@@ -47,7 +46,7 @@ impl Default for MapDrift {
     }
 }
 
-/// Pulses a look takes at the least.
+/// Least number of pulses per look.
 const MIN_PULSES: usize = 4;
 
 impl Method for MapDrift {
@@ -63,7 +62,7 @@ impl Method for MapDrift {
         let collection = look.history.collection();
         let (grid, turns) = (look.subject.grid, collection.num_turns());
         if !look.kept {
-            // It would say the same again.
+            // Another round would give the same estimate.
             return Ok(None);
         }
         let looks = self.looks.max(2);
@@ -95,7 +94,7 @@ impl Method for MapDrift {
             .iter()
             .map(|span| image_of(look, span.clone(), looks))
             .collect::<Result<Vec<_>, _>>()?;
-        // Powers 2 to L of -1 to 1 over the aperture.
+        // Powers 2 to L of a variable from -1 to 1 over the aperture.
         let scale = 2.0 / turns as f64;
         let place = |n: usize| (n as f64 + 0.5) * scale - 1.0;
         let slope_of = |power: usize, span: &Range<usize>| {
@@ -126,15 +125,15 @@ impl Method for MapDrift {
     }
 }
 
-/// How fast the phase of a place turns with its shift along cross-range.
+/// Relation of phase rate and cross-range shift.
 struct Slopes {
     across: DVec3,
-    /// Radians a pulse and metre.
+    /// Phase rate per shift, radians per pulse and metre.
     rad_m: f64,
 }
 
 impl Slopes {
-    /// Radians a pulse that a shift of pixels stands for.
+    /// Phase rate, radians per pulse, of a shift in pixels.
     fn at(&self, grid: &ImageGrid, place_m: DVec3, [rows, columns]: [f64; 2]) -> f64 {
         let [row, column] = grid.coordinates(place_m);
         let [by_column, by_row] = grid.directions(row, column);
@@ -166,10 +165,10 @@ fn slopes(look: &RoundInput, place_m: DVec3) -> Option<Slopes> {
     (rad_m.is_finite() && rad_m != 0.0).then_some(Slopes { across, rad_m })
 }
 
-/// The image of some turns, of the first channel, one of so many looks.
+/// Image of one of `looks` looks, from the first channel.
 fn image_of(look: &RoundInput, span: Range<usize>, looks: usize) -> Result<Image, FormError> {
     let subject = look.subject;
-    // The best image, that before, and the looks.
+    // Memory of the best image, the previous one, and the looks.
     let held_bytes = (looks as u64 + 2) * 8 * subject.grid.num_pixels();
     let stretch = Stretch::new(look.history, span);
     let [fast, slow] = subject.windows;

@@ -20,24 +20,24 @@ use glam::DVec3;
 /// Sharpness measure of an image; see [`subaperture_quality::statistics`] for the formulas.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measure {
-    /// Entropy of power, negated. Counts all that is in the image: of a scene with many points.
+    /// Negated entropy of power. All of the image contributes: suited to scenes with many points.
     #[default]
     Entropy,
-    /// Sum of squared power: counts the brightest points. Of a scene with few.
+    /// Sum of squared power. The brightest points dominate: suited to scenes with few points.
     Sharpness,
-    /// Contrast of amplitude: between both.
+    /// Contrast of amplitude: between entropy and sharpness in its weight of bright points.
     Contrast,
     /// Power of the brightest pixel.
     Peak,
 }
 
-/// Grid or points that the merit is measured on.
+/// Grid or points for the merit.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Sight {
-    /// The image on a grid, by a measure.
+    /// Sharpness of the image on a grid.
     Grid(ImageGrid, Measure),
-    /// Points of known positions, calibration reflectors: the sum of the image's power there. As sharp in
-    /// range and cross-range as the image itself, where focus alone hardly determines a shift.
+    /// Sum of the image's power at points of known position (calibration reflectors). It determines shifts within the
+    /// resolution in range and cross-range, which focus alone hardly does.
     Points(Vec<DVec3>),
 }
 
@@ -55,8 +55,8 @@ impl Monitor for Quiet<'_> {
     }
 }
 
-/// The merit of a history's image, formed by backprojection with the windows `fast` and `slow`; negative infinity of
-/// a dark one. Powers depend on the image's scale, the other figures do not.
+/// Merit of the image of a history, formed by backprojection with the windows `fast` and `slow`; negative infinity for
+/// a dark image. Powers depend on the image's scale, the other figures do not.
 ///
 /// # Errors
 /// [`FormError`].
@@ -79,7 +79,7 @@ pub fn merit(
             numerics: Default::default(),
         };
         let former = Backprojection { error_db: ERROR_DB };
-        // A search looks at dark places too.
+        // A search also forms dark images.
         former.form_planned(&task).map(|formed| formed.image)
     };
     let mut pixels = Vec::new();
@@ -94,12 +94,12 @@ pub fn merit(
     Ok(figure(sight, pixels))
 }
 
-/// Contiguous parts of the aperture that [`merits`] leaves out, one at a time.
+/// Number of contiguous parts of the aperture; [`merits`] omits one at a time.
 pub const PARTS: usize = 8;
 
-/// The merit of a history's image as [`merit`], and those of its images without each of [`PARTS`] parts of the
-/// aperture. An image is a sum over pulses, so all cost as much as one. Fewer pulses than twice the parts have the
-/// one merit only.
+/// Merit of the image of a history as by [`merit`], followed by the merits of the images without each of [`PARTS`] parts of the
+/// aperture. An image is a sum over pulses, so that all together cost as much as one. With fewer pulses than twice the parts, only
+/// the first merit is returned.
 ///
 /// # Errors
 /// [`FormError`].
@@ -155,7 +155,7 @@ pub fn merits(
             let former = Backprojection { error_db: ERROR_DB };
             pixels.extend(former.form_planned(&task)?.image.pixels);
         }
-        // Each image is normalised by its own weights; the sum of all is by theirs.
+        // Each image is normalised by its own weights, their sum by the sum of weights.
         for (sum, pixel) in whole.iter_mut().zip(&mut pixels) {
             *pixel *= weight as f32;
             *sum += *pixel;
@@ -174,7 +174,7 @@ pub fn merits(
     Ok(Views(views))
 }
 
-/// The grid of a single pixel.
+/// Grid of a single pixel.
 fn pixel(point: DVec3) -> ImageGrid {
     let at = |start| Axis {
         start,
@@ -184,7 +184,7 @@ fn pixel(point: DVec3) -> ImageGrid {
     ImageGrid::horizontal(at(point.x), at(point.y), point.z)
 }
 
-/// The figure of merit of an image's pixels.
+/// Figure of merit of an image's pixels.
 fn figure(sight: &Sight, pixels: Vec<Complex32>) -> f64 {
     let figure = match sight {
         Sight::Grid(grid, measure) => {
@@ -209,9 +209,9 @@ fn figure(sight: &Sight, pixels: Vec<Complex32>) -> f64 {
     figure.unwrap_or(f64::NEG_INFINITY)
 }
 
-/// A measure's name is not one of the known ones.
+/// Unknown name of a measure.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("measure '{0}': write entropy, sharpness, contrast or peak")]
+#[error("unknown measure '{0}': expected entropy, sharpness, contrast or peak")]
 pub struct UnknownMeasure(String);
 
 impl FromStr for Measure {

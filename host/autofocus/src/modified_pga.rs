@@ -1,35 +1,35 @@
 //! Modified phase gradient autofocus: antenna displacements from points in different directions (C 6.3 to 6.5).
 //!
-//! Near by, a displacement `d` of the radar turns the phase of every point by its own amount. For a point whose path grows by
-//! `s = u_t + u_r` a metre (unit vectors away from the antennas), and which lies `p` off the place taken for it,
+//! At near range, a displacement `d` of the radar changes the phase of each point by a different amount. For a point with the path gradient
+//! `s = u_t + u_r` (unit vectors away from the antennas) at the distance `p` from its assumed position,
 //!
 //! ```text
 //! arg h_i(n) = c_i + k s_i(n) . (d(n) - p_i)
 //! ```
 //!
-//! for one antenna `k s . d` is `(4 pi / lambda) (dRg cos(theta) + dAz sin(theta))`, C (6.11). (C 6.4 gives the change of range as
-//! `sqrt(dRg^2 + dAz^2)`, which is the length of the displacement, has no sign, and is the change of range of no point but one straight ahead:
-//! to first order `|q - d| - |q| = -u . d` is the projection on the line of sight, as (6.11) then has it.)
+//! For one antenna, `k s . d` is `(4 pi / lambda) (dRg cos(theta) + dAz sin(theta))`, C (6.11). (C 6.4 gives the change of range as
+//! `sqrt(dRg^2 + dAz^2)`, the length of the displacement. That has no sign and holds only for a point straight ahead:
+//! to first order the change is the projection on the line of sight, `|q - d| - |q| = -u . d`, as in (6.11).)
 //!
-//! Histories of points are made as by [`PhaseGradient`](super::PhaseGradient). Further steps of a round:
+//! Histories of points are computed as by [`PhaseGradient`](super::PhaseGradient). Further steps of a round:
 //!
-//! 1. **Spectrum alignment** (6.10) is not needed: histories are of the echoes, not of the image.
-//! 2. **Angles of arrival** are those of the points' places, from each pulse's own antennas; **masked range bins** are those without a
-//!    bright point, and a history counts less the more power other scatterers and noise have in it.
-//! 3. **Steps** from pulse to pulse by least squares over the points, C (6.12) to (6.15), outliers down-weighted, summed up. They cannot be
-//!    lost by whole turns unless the radar moves by a quarter of a wavelength between two pulses more than recorded.
-//! 4. **All at once**: steps leave errors that add up, and take points to be where the blurred image has them. So the
-//!    displacements of all pulses, the places `p_i` and the phases `c_i` are then estimated together by least squares on the phases
+//! 1. **Spectrum alignment** (6.10) is not needed: histories come from the echoes, not from the image.
+//! 2. **Angles of arrival** are those of the points' positions from the antennas of each pulse; **masked range bins** are those without a
+//!    bright point, and the weight of a history decreases with the power of other scatterers and noise in it.
+//! 3. **Steps** from pulse to pulse by least squares over the points, C (6.12) to (6.15), with outliers down-weighted, accumulated. Turns are
+//!    lost only if the motion between two pulses differs from the recorded one by more than a quarter of a wavelength.
+//! 4. **Joint estimate**: errors of steps accumulate, and steps assume the points at their positions in the blurred image. The
+//!    displacements of all pulses, the positions `p_i` and the phases `c_i` are therefore estimated together by least squares on the phases
 //!    (Gauss-Newton). Displacements are eliminated pulse by pulse (`joint.rs`).
-//! 5. A rigid motion of track and scene is no error and is removed from the displacements: the image stays in place.
+//! 5. A rigid motion of track and scene is unobservable and is removed from the displacements: the image is not shifted.
 //!
-//! Displacements lie in the plane of the pixels. One across every line of sight changes no phase: a prior
+//! Displacements lie in the plane of the pixels. A displacement across every line of sight changes no phase: a prior
 //! keeps it near zero.
 //!
-//! Accuracy, measured (`tests/images/near.rs`): in C 6.6's geometry, with a track that errs by 1.5 mm rms along each axis, every reflector
-//! comes within 0.05 dB of its peak on the true track, in one round; one phase for all leaves them 1 to 17 dB below. Displacements
-//! reach the Cramér-Rao bound, except for some smooth motions that hardly turn the phases of points at places that are
-//! found with them (`joint.rs`): images are sharp by them, surveys should not be made with them.
+//! Measured accuracy (`tests/images/near.rs`): in C 6.6's geometry, with track errors of 1.5 mm rms along each axis, every reflector
+//! reaches its peak on the true track within 0.05 dB in one round; one phase for all leaves them 1 to 17 dB below. Displacements
+//! reach the Cramér-Rao bound, except for some smooth motions that hardly change the phases when positions are estimated too
+//! (`joint.rs`): images are sharp, but positions are not survey-grade.
 
 use glam::DVec3;
 
@@ -48,7 +48,7 @@ use super::rounds::{Method, RoundInput, SharpenError};
 /// Modified phase gradient autofocus: two displacement components per pulse from points in different directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModifiedPhaseGradient {
-    /// Which points are looked at: C's mask of range bins.
+    /// Selection of points: C's mask of range bins.
     pub points: Points,
 }
 
@@ -63,19 +63,19 @@ impl Default for ModifiedPhaseGradient {
     }
 }
 
-/// Points that two components a pulse take.
+/// Least number of points for two components per pulse.
 const MIN_POINTS: usize = 2;
 
 /// Groups of points that the jackknife leaves out, one at a time.
 const GROUPS: usize = 8;
 
-/// How far a point may lie from its pixel, in resolution cells.
+/// Largest distance of a point from its pixel, resolution cells.
 const REACH_CELLS: f64 = 1.5;
 
-/// Prior spreads of displacements, in wavelengths. A wide one lets noise fill displacements that hardly change the phases.
+/// Prior standard deviations of displacements, in wavelengths. With a wide prior, displacements that hardly change the phases follow the noise.
 const SPREADS: [f64; 6] = [1.0 / 128.0, 1.0 / 32.0, 1.0 / 8.0, 0.5, 1.0, 2.0];
 
-/// Loss of the points' peaks that the narrowest spread may leave, relative to the least, and added to it: 0.004 dB.
+/// Accepted loss of the points' peaks for a narrower prior, as a factor of the smallest loss and as an addition to it: 0.004 dB.
 const WORSE_PART: f64 = 1.1;
 const WORSE: f64 = 1e-3;
 
@@ -147,7 +147,7 @@ impl Method for ModifiedPhaseGradient {
         let priors = [spread_m, place_m(collection)];
         let without = |group: usize| {
             let kept = |point: usize| point % groups != group;
-            // Points that are left, numbered again.
+            // Renumber the remaining points.
             let numbers: Vec<usize> = (0..places.len()).filter(|&point| kept(point)).collect();
             let rows: Vec<Sighted> = rows
                 .iter()
@@ -161,7 +161,7 @@ impl Method for ModifiedPhaseGradient {
             refine(&rows, axes, numbers.len(), priors, &mut solved);
             let moved = solved.displacements.iter().zip(&found);
             let moved = moved.map(|(d, f)| [d[0] + f[0], d[1] + f[1]]);
-            // The recorded track is that of the rigid motion.
+            // The rigid motion refers to the recorded track.
             track(look.subject.history.collection(), axes, moved)
         };
         Ok(Some((0..groups).map(without).collect()))
@@ -169,7 +169,7 @@ impl Method for ModifiedPhaseGradient {
 }
 
 impl ModifiedPhaseGradient {
-    /// Histories of the points in the image, low-pass filtered to `width` (of all cycles per pulse), and the places of the points.
+    /// Histories of the points in the image, low-pass filtered to `width` cycles per pulse, and the positions of the points.
     fn sighted<'a>(
         &self,
         look: &'a RoundInput,
@@ -198,7 +198,7 @@ impl ModifiedPhaseGradient {
                 low_pass(&mut values, width);
                 let pulses = &collection.pulses[echo.first..echo.first + turns];
                 let wavenumber = |pulse| wavenumber_rad_m(collection, pulse);
-                // Back to the place that all channels of the point share.
+                // Refer the history to the position common to all channels of the point.
                 let place_m = places[echo.point];
                 for (value, pulse) in values.iter_mut().zip(pulses) {
                     let path_m = pulse.path_m(centred.place_m) - pulse.path_m(place_m);
@@ -228,12 +228,12 @@ fn wavelength_m(collection: &Collection) -> f64 {
     std::f64::consts::TAU / wavenumber_rad_m(collection, &collection.pulses[0])
 }
 
-/// Prior spread of the points' places, metres.
+/// Prior standard deviation of the points' positions, metres.
 fn place_m(collection: &Collection) -> f64 {
     PLACE_CELLS * cell_path_m(collection) / 2.0
 }
 
-/// The same displacements in every channel, without their rigid motion.
+/// Displacements without their rigid motion, repeated for every channel.
 fn track(
     collection: &Collection,
     axes: [DVec3; 2],

@@ -2,10 +2,10 @@
 //!
 //! The value of pixel `p` is `sum_n b_n(p) exp(-j psi_n)`, with the backprojection `b_n(p)` of pulse `n` and the phase correction
 //! `psi_n`. For a displacement `d` of the radar, `psi = k s . d` with the line of sight `s` from the
-//! patch's centre, which hardly changes within a patch of a few cells. Patches are formed anew in each round of autofocus.
+//! patch's centre, which hardly changes within a patch of a few cells. Patches are formed again in each round of autofocus.
 //!
-//! Memory: 8 bytes a pixel and pulse. Range profiles are read linearly at [`ERROR_DB`]; where antennas move within a pulse the
-//! profile is read where range and Doppler are coupled to, its blur is neglected.
+//! Memory: 8 bytes per pixel and pulse. Range profiles are interpolated linearly with the error bound [`ERROR_DB`]. Intra-pulse motion is
+//! included as a shift of the range profile (range-Doppler coupling); its blur is neglected.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -26,19 +26,19 @@ use super::echoes::wavenumber_rad_m;
 /// Error bound of range profiles, dB: too small to move a maximum.
 const ERROR_DB: f64 = -45.0;
 
-/// Pulses that are summed in float32: sums of so many err by 1e-6 at most.
+/// Number of pulses summed in float32, with an error of at most 1e-6.
 const PULSES_A_RUN: usize = 16;
 
-/// Bytes of profiles held at a time.
+/// Memory of range profiles in use, bytes.
 const BLOCK_BYTES: usize = 16 << 20;
 
-/// A part of an image, pulse by pulse.
+/// Part of an image as contributions of single pulses.
 pub(crate) struct Patch {
     /// Number of pixels.
     pub(crate) count: usize,
     /// Contribution of pulse `n` to pixel `i`, at `n * count + i`.
     values: Vec<Complex32>,
-    /// How the phase of each pulse turns with a displacement along x, y and z: `k s`, radians a metre.
+    /// Derivatives of the phase of each pulse by displacement along x, y and z: `k s`, radians per metre.
     pub(crate) slopes: Vec<DVec3>,
     /// Power of all values.
     power: f64,
@@ -64,10 +64,10 @@ pub(crate) fn pixels_around(grid: &ImageGrid, place_m: DVec3, size: usize) -> Ve
         .collect()
 }
 
-/// The patches of these pixels.
+/// Form the patches of these pixels.
 ///
 /// # Errors
-/// [`FormError`]: pulses are not read, or the monitor asks to stop.
+/// [`FormError`]: pulses cannot be read, or the monitor cancelled.
 pub(crate) fn patches(
     history: &dyn PhaseHistory,
     fast: &[f64],
@@ -147,8 +147,7 @@ fn read(pulse: &Pulse, profile: &[Complex32], hz: f64, point: DVec3) -> Complex3
 }
 
 impl Patch {
-    /// Of unit power, if all pulses were in step with one another nowhere: powers of patches are then alike, however
-    /// bright.
+    /// Factor that normalises the incoherent power of the pulses to 1, so that patches of different brightness have equal weight.
     pub(crate) fn scale(&self) -> f64 {
         match self.power > 0.0 {
             true => 1.0 / self.power,
@@ -156,12 +155,12 @@ impl Patch {
         }
     }
 
-    /// The pixels, once phases are taken away.
+    /// Pixels after correction of the phases.
     pub(crate) fn image(&self, phases_rad: &[f64]) -> Vec<Complex64> {
         let count = self.count.max(1);
         let mut image = vec![Complex64::ZERO; self.count];
         let mut some = vec![Complex32::ZERO; self.count];
-        // Float32 over some pulses, float64 over all.
+        // Sum blocks of pulses in float32, and the blocks in float64.
         let runs = self.values.chunks(count * PULSES_A_RUN);
         for (values, phases_rad) in runs.zip(phases_rad.chunks(PULSES_A_RUN)) {
             some.fill(Complex32::ZERO);
@@ -179,7 +178,7 @@ impl Patch {
         image
     }
 
-    /// How a figure changes with the phase of every pulse, of how it changes with the power of every pixel:
+    /// Derivatives of a figure by the phase of every pulse, from those by the power of every pixel:
     /// `d |I|^2 / d psi = 2 Re (I* (-j) b exp(-j psi)) = 2 Im (I* b exp(-j psi))`.
     pub(crate) fn by_phases(
         &self,
@@ -187,7 +186,7 @@ impl Patch {
         by_power: &[f64],
         phases_rad: &[f64],
     ) -> Vec<f64> {
-        // In float32 but for a scale, by which nothing is too small for it.
+        // In float32 with a common scale against underflow.
         let pull = |(z, &by): (&Complex64, &f64)| z.conj() * by;
         let most = image
             .iter()

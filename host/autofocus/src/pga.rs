@@ -1,36 +1,36 @@
 //! Phase gradient autofocus, on the phase history (C 6.2).
 //!
-//! By default ([`Estimator::Likelihood`]) the histories of all range cells are used, cut into tiles (`tiles.rs`): phases are those under which
-//! their cross-range profiles are most likely (`texture.rs`), be they of points or of clutter. Measured against a textbook PGA
+//! By default ([`Estimator::Likelihood`]) the histories of all range cells are used, cut into tiles (`tiles.rs`): the phases maximise the likelihood of
+//! their cross-range profiles (`texture.rs`), of points as of clutter. Residual errors, compared with a textbook PGA
 //! (Wahl, Eichel, Ghiglia and Jakowatz 1994) on scenes of points, K-distributed texture and speckle, with 3 rad rms of quadratic, polynomial,
-//! sinusoidal and random-walk errors (`tests/images/table.rs`): 0.02 to 0.1 rad rms are left, by the textbook 0.1 to 1.3 rad. It is done in one round.
+//! sinusoidal and random-walk errors (`tests/images/table.rs`): 0.02 to 0.1 rad rms, of the textbook PGA 0.1 to 1.3 rad. One round suffices.
 //!
-//! Where the geometry leaves too few cells to a tile (wide angles, near by), and by [`Estimator::Eigenvector`] and [`Estimator::Gradient`], bright points are
-//! used alone.
+//! Only bright points are used where the geometry leaves too few cells to a tile (wide angles, near range), and by [`Estimator::Eigenvector`] and
+//! [`Estimator::Gradient`].
 //!
-//! A phase error that is common to all of the scene shows in the histories of bright points (`echoes.rs`). A round by them
+//! A phase error common to the scene is visible in the histories of bright points (`echoes.rs`). A round by bright points
 //!
 //! 1. takes the brightest pixel of every range bin of the image, and its history;
-//! 2. brings each to its centre (`centring.rs`: C's circular shift);
+//! 2. centres each history (`centring.rs`: C's circular shift);
 //! 3. applies a low pass (C's window): all in the first two rounds, because an error that changes from pulse to
 //!    pulse spreads a point over the whole image, then half as much in each round;
 //! 4. estimates the common phase of the histories ([`Estimator`]), each weighted by the share of its point's power (`echoes.rs`), where C
-//!    takes all alike; and again with the points brought to their centres once the phases are known.
+//!    uses equal weights; then again with the points centred after correction of these phases.
 //!
-//! **Why not on the image's spectrum.** Conventional PGA takes an azimuth transform of the image for the phase history. That
-//! holds for small far scenes and formers in the frequency domain; a backprojected image on a ground grid has another
-//! spectrum at every place (C 6.2.2, 6.3.3). Histories of points are the same thing where that holds, and exact where it does not: in the near
+//! **Why not on the image's spectrum.** Conventional PGA uses an azimuth transform of the image as the phase history. That
+//! is valid for small far scenes and formers in the frequency domain; a backprojected image on a ground grid has a different
+//! spectrum at every position (C 6.2.2, 6.3.3). Histories of points are equivalent where that is valid, and exact elsewhere: in the near
 //! field, over wide angles, on any track, for images of any former on any grid.
 //!
-//! Neglected: that phase errors of a moving radar depend on the direction of the point
-//! ([`ModifiedPhaseGradient`](super::ModifiedPhaseGradient)), and ranges that are wrong by a cell or more.
+//! Neglected: the dependence of phase errors of a moving radar on the direction of the point
+//! ([`ModifiedPhaseGradient`](super::ModifiedPhaseGradient)), and range errors of a cell or more.
 //!
 //! Each channel has its own histories. The phase of a turn is common to all channels.
 //!
-//! Cost a round: an image, and points times samples. Accuracy, measured (`tests/images`): white errors of 2 rad rms are taken away to
-//! within 0.02 dB of a point's peak on 40 simulated points; put into two degrees of the GOTCHA recording, its brightest reflector comes out
-//! 0.1 dB above that of the original recording, which has phase errors of its own. By the gradient it stays 1 dB below there: among many points of
-//! little signal each, steps from pulse to pulse add their errors up.
+//! Cost of a round: one image, plus points times samples. Measured accuracy (`tests/images`): white errors of 2 rad rms are removed to
+//! within 0.02 dB of a point's peak on 40 simulated points. Added to two degrees of the GOTCHA recording, they leave its brightest reflector
+//! 0.1 dB above that of the original recording, which has phase errors itself. With the gradient it remains 1 dB below: with many points of
+//! low signal-to-noise ratio, the errors of steps accumulate.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -49,31 +49,31 @@ use super::split::{Half, Split, bin_of};
 use super::texture::estimate;
 use super::tiles::tiling;
 
-/// Pulses that it takes at the least.
+/// Least number of pulses.
 const MIN_TURNS: usize = 8;
 
-/// Rounds without a window, and the narrowest window, in cycles over the aperture.
+/// Number of rounds without a window, and the narrowest window, cycles over the aperture.
 const OPEN_ROUNDS: usize = 2;
 const MIN_CYCLES: f64 = 6.0;
 
-/// How far a point may lie from its pixel, in resolution cells: at first it is a pixel's neighbour; once phases are known it is
-/// as far as what was brightest of its blur.
+/// Largest distance of a point from its pixel, resolution cells: initially a neighbouring pixel; after correction of the phases, the
+/// distance to the brightest pixel of its blur.
 const NEAR_CELLS: f64 = 1.5;
 const FAR_CELLS: f64 = 8.0;
 
-/// Values of tiles at most, all pulses, and tiles that are taken however many pulses there are.
+/// Largest number of values in all tiles, and number of tiles that are used for any number of pulses.
 const MAX_VALUES: usize = 1 << 17;
 const MIN_TILES: usize = 32;
 
-/// Estimates with points brought to their centres anew.
+/// Number of estimates with the points centred again.
 const CENTRINGS: usize = 3;
 
 /// Phase gradient autofocus: one phase per pulse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseGradient {
-    /// How phases are estimated.
+    /// Estimator of the common phases.
     pub estimator: Estimator,
-    /// Which points are looked at.
+    /// Selection of the bright points.
     pub points: Points,
 }
 
@@ -105,7 +105,7 @@ impl Method for PhaseGradient {
         let phases = match self.estimator {
             Estimator::Likelihood => match self.by_tiles(look)? {
                 Tiled::Found(phases) => phases,
-                Tiled::Nothing => return Ok(None),
+                Tiled::NoCorrection => return Ok(None),
                 Tiled::TooFew => self.by_points(look)?,
             },
             _ => self.by_points(look)?,
@@ -118,16 +118,16 @@ impl Method for PhaseGradient {
 
 /// Outcome of estimation by tiles.
 enum Tiled {
-    /// A phase a turn.
+    /// Phases, one per turn.
     Found(Vec<f64>),
     /// Held-out data confirm no correction.
-    Nothing,
-    /// There are too few.
+    NoCorrection,
+    /// There are too few tiles.
     TooFew,
 }
 
 impl PhaseGradient {
-    /// Phases by the likelihood of tiles, in the first round, which starts from the uncorrected recording.
+    /// Phases by the likelihood of tiles; only in the first round, which starts from the uncorrected recording.
     fn by_tiles(&self, look: &RoundInput) -> Result<Tiled, SharpenError> {
         let collection = look.history.collection();
         let turns = collection.num_turns();
@@ -143,7 +143,7 @@ impl PhaseGradient {
             return Ok(Tiled::TooFew);
         };
         if look.round > 0 {
-            return Ok(Tiled::Nothing);
+            return Ok(Tiled::NoCorrection);
         }
         let channels = collection.pulses.len() / turns;
         let most = (MAX_VALUES / (turns * channels)).max(MIN_TILES);
@@ -178,7 +178,7 @@ impl PhaseGradient {
         if monitor.cancelled() {
             return Err(FormError::Cancelled.into());
         }
-        Ok(found.map_or(Tiled::Nothing, Tiled::Found))
+        Ok(found.map_or(Tiled::NoCorrection, Tiled::Found))
     }
 
     /// Phases by bright points of the even half of the range cells, of the odd one, and of all.
@@ -240,16 +240,16 @@ impl PhaseGradient {
     }
 }
 
-/// The window of a round, of all cycles a pulse.
+/// Window of a round, cycles per pulse.
 pub(crate) fn window(round: usize, turns: usize) -> f64 {
     let halvings = (round + 1).saturating_sub(OPEN_ROUNDS) as i32;
     (0.5f64.powi(halvings)).max(MIN_CYCLES / turns as f64)
 }
 
-/// The histories of the brightest points, and where they are.
+/// Histories of the brightest points, and the positions of the points.
 ///
 /// # Errors
-/// [`SharpenError`]: too few pulses, no memory, no samples.
+/// [`SharpenError`]: too few pulses, too little memory, or unreadable samples.
 pub(crate) fn seen(
     look: &RoundInput,
     method: &'static str,
@@ -268,7 +268,7 @@ pub(crate) fn seen(
     if places.is_empty() {
         return Err(SharpenError::Dark);
     }
-    // Of each value its history, as centred, and as a row.
+    // Memory of each value: its history, centred history and row.
     let bytes = 3 * 16 * (places.len() * collection.pulses.len()) as u64;
     look.room("the histories of points", bytes)?;
     let fast = look.fast();
@@ -276,7 +276,7 @@ pub(crate) fn seen(
     Ok((echoes, places))
 }
 
-/// All histories at their centres.
+/// Centre all histories on their brightest positions.
 pub(crate) fn centred(
     collection: &Collection,
     grid: &ImageGrid,

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// `displaced_m` less the shift and the turn in the plane of `axes` that move the track `antennas_m` like it as far as a rigid
-/// motion can (least squares; Kabsch in two dimensions): a scene that is moved likewise gives the same echoes.
+/// Remove from `displaced_m` the best-fitting rigid motion of the track `antennas_m` in the plane of `axes` (least squares; Kabsch in
+/// two dimensions). A scene with the same rigid motion gives the same echoes, so that it is unobservable.
 pub(crate) fn without_rigid_motion(
     axes: [DVec3; 2],
     antennas_m: &[DVec3],
@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_rigid_motion_vanishes_and_a_bend_stays() {
+    fn rigid_motion_is_removed_and_curvature_kept() {
         let axes = [DVec3::X, DVec3::Y];
         let antennas: Vec<DVec3> = (0..101)
             .map(|n| DVec3::new(f64::from(n) / 100.0, -3.0, 1.0))

@@ -1,12 +1,12 @@
 //! Rounds of autofocus: a method proposes a correction, and the sharpness of the image decides.
 //!
 //! ```text
-//! image of the recording as corrected so far ──> method ──> a further correction ──> image ──> kept if it is sharper
+//! image of the corrected recording ──> method ──> further correction ──> image ──> kept if it is sharper
 //! ```
 //!
-//! A round is kept only if the image of all pixels, formed again from the whole recording, is better by the measure ([`Measure`]) than
-//! every image before it. The method learns in its next round whether its proposal was kept: methods go from coarse to fine, so that the
-//! next proposal differs. The work ends after a number of rounds, after two idle rounds in a row, or when the method
+//! A round is kept only if the image of all pixels, formed again from the whole recording, has a better measure ([`Measure`]) than
+//! every earlier image. In its next round the method is informed whether its proposal was kept; methods proceed from coarse to fine, so that
+//! the next proposal differs. The rounds end after a given number, after two idle rounds in a row, or when the method
 //! has no further proposal ([`Stopping`]).
 
 use glam::DVec3;
@@ -24,7 +24,7 @@ use super::folds::Folds;
 use super::measure::{Measure, Quiet};
 use super::split::bin_of;
 
-/// The recording, the grid and the image former that autofocus works on.
+/// Recording, grid and image former for autofocus.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// Recording to be focused.
@@ -79,18 +79,18 @@ pub enum SharpenError {
     #[error("the image is zero everywhere: autofocus needs echoes within the grid")]
     Dark,
     /// Too few pulses for the method.
-    #[error("{method} needs {needed} pulses at the least; the recording has {pulses}")]
+    #[error("{method} needs at least {needed} pulses, the recording has {pulses}")]
     TooShort {
-        /// Method that was requested.
+        /// Name of the requested method.
         method: &'static str,
-        /// Pulses a channel needed.
+        /// Least number of pulses per channel.
         needed: usize,
-        /// Pulses a channel at hand.
+        /// Number of pulses per channel of the recording.
         pulses: usize,
     },
     /// Too few points for the method.
     #[error(
-        "{method} needs {needed} points seen under different angles; {found} range bins are within {within_db} dB of the brightest point"
+        "{method} needs at least {needed} points at different angles, found {found} range bins within {within_db} dB of the brightest point"
     )]
     TooFewPoints {
         /// Method that needs more points.
@@ -99,7 +99,7 @@ pub enum SharpenError {
         needed: usize,
         /// Number of points detected.
         found: usize,
-        /// How far below the brightest, dB.
+        /// Largest level below the brightest point, dB.
         within_db: f64,
     },
 }
@@ -110,7 +110,7 @@ pub struct RoundInput<'a> {
     pub subject: &'a Subject<'a>,
     /// Recording with the best correction so far.
     pub history: &'a dyn PhaseHistory,
-    /// Image of `history`.
+    /// Image of `history` on the grid.
     pub image: &'a Image,
     /// Number of rounds before this one.
     pub round: usize,
@@ -121,7 +121,7 @@ pub struct RoundInput<'a> {
 }
 
 impl RoundInput<'_> {
-    /// Whether the range cell of a place may be used to estimate: cells that judge the correction may not.
+    /// Whether the range cell of a position is used for estimation, and not held out for validation.
     pub fn uses(&self, place_m: DVec3) -> bool {
         match self.held_out {
             Some((folds, fold)) => {
@@ -142,7 +142,7 @@ impl RoundInput<'_> {
         Weights::new(self.history.collection(), fast, slow).fast
     }
 
-    /// Checks `needed_bytes` for `what` against the memory left by the recording and the images.
+    /// Check `needed_bytes` for `what` against the memory left by the recording and the images.
     ///
     /// # Errors
     /// [`FormError::Memory`] if they do not fit.
@@ -163,7 +163,7 @@ impl RoundInput<'_> {
 
 /// An autofocus method: estimates a correction from a recording and its image.
 pub trait Method: Send + Sync {
-    /// Name in records and on the command line.
+    /// Name in image records and on the command line.
     fn name(&self) -> &'static str;
 
     /// Number of rounds from coarse to fine that run even without gain.
@@ -171,7 +171,7 @@ pub trait Method: Send + Sync {
         1
     }
 
-    /// A further correction, an entry a pulse; `None` if the method has no more to propose.
+    /// Further correction with one entry per pulse; `None` if the method has no further proposal.
     ///
     /// # Errors
     /// [`SharpenError`].
@@ -215,7 +215,7 @@ pub struct Round {
     pub displacement_m: Option<f64>,
 }
 
-/// Images held at a time: that before, the best, the best and a new one without the held-out fold, and a copy of the new one.
+/// Number of images in memory: the one before, the best, the best and a new one without the held-out fold, and a copy of the new one.
 pub const HELD_IMAGES: u64 = 5;
 
 /// Rounds of a method, on all range cells or without a held-out fold: the best correction, and the result of each round.
@@ -297,14 +297,14 @@ pub(crate) fn by_rounds(
     Ok((best, rounds))
 }
 
-/// The best correction so far, with its image.
+/// Best correction so far, with its image.
 pub(crate) struct Best {
     pub(crate) correction: Option<Correction>,
     pub(crate) figures: Figures,
     pub(crate) image: Image,
 }
 
-/// The image of a recording.
+/// Form the image of a recording.
 pub(crate) fn form(subject: &Subject, history: &dyn PhaseHistory) -> Result<Image, FormError> {
     let [fast, slow] = subject.windows;
     let held_bytes = (HELD_IMAGES - 1) * 8 * subject.grid.num_pixels();
@@ -349,7 +349,7 @@ pub(crate) fn figures(image: &Image) -> Result<Figures, SharpenError> {
     }
 }
 
-/// The measure, larger is better.
+/// Value of the measure; larger is better.
 pub(crate) fn merit(measure: Measure, figures: &Figures, image: &Image) -> f64 {
     match measure {
         Measure::Entropy => -figures.entropy,

@@ -7,10 +7,10 @@ use subaperture_model::monitor::Monitor;
 use crate::certainty;
 use crate::trials::{Scan, Trials, TuneError, Views};
 
-/// The interval of a parameter: `count` values from `start` on, `step` apart.
+/// Interval of a parameter: `count` values from `start`, spaced by `step`.
 pub use subaperture_model::geometry::Axis;
 
-/// In which order a grid is searched.
+/// Order of the grid search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
     /// Every combination of values.
@@ -20,12 +20,12 @@ pub enum Order {
     InTurn,
 }
 
-/// How a search goes.
+/// Order and refinement of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Search {
-    /// Order in which the grid is searched.
+    /// Order of the grid search.
     pub order: Order,
-    /// How often the step is halved around the best.
+    /// Number of halvings of the step around the best values.
     pub refinements: usize,
 }
 
@@ -46,7 +46,7 @@ pub struct Tuned {
     pub evaluations: usize,
 }
 
-/// Searches `intervals` for the values of the largest `merit`. Values that are not finite count as the least.
+/// Search `intervals` for the values with the largest `merit`. A merit that is not finite counts as the smallest.
 ///
 /// # Errors
 /// [`TuneError`].
@@ -62,7 +62,7 @@ pub fn search<E, V: Into<Views>>(
     search_from(intervals, search, None, monitor, merit)
 }
 
-/// As [`search`], but in turn from `start` on in place of the intervals' middles.
+/// [`search`] in turn, starting from `start` instead of the centres of the intervals.
 pub(crate) fn search_from<E, V: Into<Views>>(
     intervals: &[Axis],
     search: Search,
@@ -129,7 +129,7 @@ pub(crate) fn search_from<E, V: Into<Views>>(
     })
 }
 
-/// Approximate number of evaluations of a search: a climb may be longer, and known merits are reused.
+/// Approximate number of evaluations of a search: the refinement may need more, and evaluated merits are reused.
 pub(crate) fn expected(intervals: &[Axis], search: Search) -> usize {
     let counts = intervals.iter().map(|axis| axis.count);
     let coarse = match search.order {
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn both_orders_find_the_peak() {
+    fn both_search_orders_find_peak() {
         let intervals = [axis(0.0, 0.08, 13), axis(-3.0, 0.4, 16)];
         for order in [Order::Product, Order::InTurn] {
             let wanted = Search {
@@ -167,40 +167,40 @@ mod tests {
                 refinements: 6,
             };
             let found = search(&intervals, wanted, &Silent, peak).unwrap();
-            // Steps are 0.00125 and 0.00625 at the end; the parabola does better than either.
+            // The final steps are 0.00125 and 0.00625; the parabola improves on both.
             assert!((found.best[0] - 0.333).abs() < 1e-3, "{found:?}");
             assert!((found.best[1] + 1.27).abs() < 5e-3, "{found:?}");
             assert!(found.merit > 0.999);
             assert_eq!(found.grid.is_some(), order == Order::Product);
             assert!(!found.scans[0].at_end);
-            // Half of a Gaussian's height over a median near 0 is 2 sqrt(ln 2) 0.1 = 0.167 wide; ripples
-            // and the coarse scan move that by a fifth.
+            // The width of a Gaussian at half its height above a median near 0 is 2 sqrt(ln 2) 0.1 = 0.167; ripples
+            // and the coarse scan change that by a fifth.
             let width = found.scans[0].width.unwrap();
             assert!((0.13..0.2).contains(&width), "{width}");
         }
     }
 
     #[test]
-    fn in_turn_costs_the_sum_of_the_counts() {
+    fn search_in_turn_costs_sum_of_counts() {
         let intervals = [axis(0.0, 0.01, 101), axis(-3.0, 0.05, 121)];
         let wanted = Search {
             order: Order::InTurn,
             refinements: 0,
         };
         let found = search(&intervals, wanted, &Silent, peak).unwrap();
-        // Some rounds of 222 and the scans; all combinations are 12221.
+        // Some rounds of 222 evaluations and the scans; all combinations would be 12221.
         assert!(found.evaluations < 5 * 222, "{}", found.evaluations);
     }
 
     #[test]
-    fn a_parabola_s_vertex_is_found_and_a_slope_ends_at_an_end() {
+    fn parabola_vertex_is_exact_and_slope_ends_at_interval_end() {
         let wanted = Search {
             order: Order::Product,
             refinements: 1,
         };
         let vertex = |v: &[f64]| Ok::<_, Infallible>(-(v[0] - 0.1234).powi(2));
         let found = search(&[axis(-1.0, 0.3, 8)], wanted, &Silent, vertex).unwrap();
-        // Exact but for rounding: differences of 1e-3 in units of 1e-16 over steps of 0.15.
+        // Exact except for rounding: differences of 1e-3 with rounding of 1e-16 over steps of 0.15.
         assert!((found.best[0] - 0.1234).abs() < 1e-12, "{found:?}");
         let slope = |v: &[f64]| Ok::<_, Infallible>(v[0]);
         let found = search(&[axis(-1.0, 0.3, 8)], wanted, &Silent, slope).unwrap();
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_stops_when_asked() {
+    fn cancelled_search_stops() {
         struct Stop;
         impl Monitor for Stop {
             fn progress(&self, _fraction: f64) {}

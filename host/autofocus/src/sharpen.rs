@@ -1,11 +1,11 @@
-//! Autofocus with a judgement on held-out data.
+//! Autofocus with validation on held-out data.
 //!
-//! Any image is sharper by a correction that was chosen to sharpen it. So the rounds (`rounds.rs`) run again without each fold of the range
-//! cells, and the fold that was held out judges (`held_out.rs`). A correction is kept only if it passes the tests.
-//! A scene whose bright points lie in too few range cells cannot be judged; its correction is refused too, unless
+//! Any image becomes sharper by a correction chosen to sharpen it. The rounds (`rounds.rs`) therefore run again without each fold of the range
+//! cells, and the correction is tested on the held-out fold (`held_out.rs`). It is kept only if it passes the tests.
+//! A correction cannot be tested if bright points lie in too few range cells; it is then refused, unless
 //! [`Stopping::keep_unjudged`] is set.
 //!
-//! Memory: [`HELD_IMAGES`](super::HELD_IMAGES) images, the histories of some points or the patches of
+//! Memory: [`HELD_IMAGES`](super::HELD_IMAGES) images, the histories of the points or the patches of
 //! [`Sharpness`](super::Sharpness), and the memory of the former.
 
 use subaperture_model::image::Image;
@@ -18,8 +18,8 @@ use super::rounds::{
     Best, Figures, Method, Round, SharpenError, Stopping, Subject, by_rounds, figures, form, merit,
 };
 
-/// Largest number of images formed in so many rounds by a method for tracks or for phases: one before, those of the rounds on all range cells
-/// and without each fold, and one a fold that is judged.
+/// Largest number of images formed in `rounds` rounds by a method for tracks or for phases: one before, those of the rounds on all range cells
+/// and without each fold, and one per tested fold.
 pub fn most_images(rounds: usize, track: bool) -> usize {
     let folds = if track { Folds::MOST } else { 2 };
     (folds + 1) * (rounds + 1)
@@ -29,13 +29,13 @@ pub fn most_images(rounds: usize, track: bool) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// No correction that was tried sharpens the image.
+    /// No proposed correction sharpens the image.
     NothingFound,
     /// The correction passes the tests on held-out data and is kept.
     Sharper,
     /// The correction fails a test on held-out data and is refused.
     NotSharper,
-    /// Bright points lie in too few range cells to hold some of them out. The correction is refused, unless
+    /// Bright points lie in too few range cells for held-out data. The correction is refused, unless
     /// [`Stopping::keep_unjudged`] is set.
     Unjudged,
 }
@@ -44,15 +44,15 @@ pub enum Outcome {
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Sharpened {
-    /// The correction; `None` if none was found, or if it was refused.
+    /// Accepted correction; `None` if no correction sharpens the image, or if it was refused.
     pub correction: Option<Correction>,
-    /// The correction that was refused, if one was found.
+    /// Refused correction, if any.
     pub refused: Option<Correction>,
-    /// Judgement of the correction that was found.
+    /// Outcome of the tests.
     pub outcome: Outcome,
     /// Figures without the correction.
     pub before: Figures,
-    /// Figures with the correction, of the pixels that it was estimated on: no evidence of a better image. See `held_out`.
+    /// Figures with the correction on the pixels used for its estimation, which do not prove a better image: see `held_out`.
     pub after: Figures,
     /// Figures on held-out data; `None` with [`Outcome::NothingFound`] and [`Outcome::Unjudged`].
     pub held_out: Option<HeldOut>,
@@ -64,7 +64,7 @@ pub struct Sharpened {
     pub rounds: Vec<Round>,
 }
 
-/// Sharpens by a method.
+/// Sharpen an image by a method, with tests on held-out data.
 ///
 /// # Errors
 /// [`SharpenError`].
@@ -121,7 +121,7 @@ pub fn sharpen(
     })
 }
 
-/// The best track along the line of sight of a far scene, with its image; no correction if that image is not sharper than the one before.
+/// Best track projected on the line of sight of a far scene, with its image; no correction if that image is not sharper than the one before.
 fn along_sight(
     subject: &Subject,
     far: &FarScene,

@@ -8,21 +8,21 @@
 //! maximum sharpness   - ln sum_i q_i^2                                                       -2 q_i / sum q_i^2
 //! ```
 //!
-//! and on to the phases by `d q / d psi_n = 2 Im (I* b_n exp(-j psi_n)) / P`. Phases are free, or follow from
-//! displacements of the radar, `psi_n = k s_n . d_n`, `s` from each patch. Either is a B-spline over the aperture
-//! (`curve.rs`), of few intervals in the first round and twice as many in each, finally one coefficient per turn: smooth errors are estimated first, where the
-//! figure has few maxima, and every round makes the patches anew on the track found so far, around the points that are bright by then. Steps
-//! are those of the limited-memory BFGS method (`lbfgs.rs`).
+//! and the gradient by the phases is `d q / d psi_n = 2 Im (I* b_n exp(-j psi_n)) / P`. Phases are free, or follow from
+//! displacements of the radar, `psi_n = k s_n . d_n`, with `s` from each patch. Either is a B-spline over the aperture
+//! (`curve.rs`), with few intervals in the first round, twice as many in each further one, and finally one coefficient per turn. Smooth errors are
+//! thus estimated first, where the objective has few maxima. Every round forms the patches again on the present track, around the points that are
+//! bright then. The minimisation is by the limited-memory BFGS method (`lbfgs.rs`).
 //!
-//! **Directions.** A displacement along the mean line of sight shows in all patches. One across it shows only by the
-//! angles between lines of sight; it is sought where those are wide enough ([`MIN_ACROSS`]), and kept at zero elsewhere: in a far scene
+//! **Directions.** A displacement along the mean line of sight affects all patches. A displacement across it is observable only by the
+//! angles between lines of sight; it is estimated where those are wide enough ([`MIN_ACROSS`]), and zero elsewhere: in a far scene
 //! it changes no phase and no image. Both lie in the plane of the pixels.
 //!
-//! Accuracy, measured (`tests/images/gotcha.rs`): a random walk of the track of 2 cm rms, 1.3 wavelengths, put into two degrees of the GOTCHA recording: its
-//! brightest reflector falls by 8 dB, and comes out 0.15 dB above that of the original recording. By minimum entropy it stays 0.4 dB below.
+//! Measured accuracy (`tests/images/gotcha.rs`): a random walk of the track of 2 cm rms, 1.3 wavelengths, added to two degrees of the GOTCHA recording,
+//! lowers its brightest reflector by 8 dB; corrected, it is 0.15 dB above that of the original recording. With minimum entropy it remains 0.4 dB below.
 //!
-//! Cost a step: twice the patches' values. Memory: 8 bytes a pixel of patches and pulse; fewer patches where that is
-//! more than half of the available memory.
+//! Cost of a step: twice the patches' values. Memory: 8 bytes per pixel of the patches and pulse; the number of patches is reduced to fit half of
+//! the available memory.
 
 use std::fmt;
 use std::str::FromStr;
@@ -44,7 +44,7 @@ use super::rounds::{Method, RoundInput, SharpenError};
 /// Quantity to be estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unknown {
-    /// A phase a pulse.
+    /// Phase of each pulse.
     #[default]
     Phase,
     /// Track of the antennas, by displacements.
@@ -61,14 +61,14 @@ pub enum Goal {
     Sharpness,
 }
 
-/// Not a valid unknown.
+/// Unknown name of a quantity to be estimated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{0}': write phase or track")]
+#[error("unknown quantity '{0}': expected phase or track")]
 pub struct UnknownName(String);
 
-/// Not a valid objective.
+/// Unknown name of an objective.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{0}': write entropy or sharpness")]
+#[error("unknown objective '{0}': expected entropy or sharpness")]
 pub struct UnknownGoal(String);
 
 impl FromStr for Unknown {
@@ -120,9 +120,9 @@ pub struct Sharpness {
     pub unknown: Unknown,
     /// Objective of the patches.
     pub goal: Goal,
-    /// Around which points patches lie.
+    /// Selection of the points at the centres of the patches.
     pub points: Points,
-    /// Pixels a patch has along either side: more than a point is blurred over.
+    /// Side of a patch, pixels: larger than the blur of a point.
     pub patch: usize,
 }
 
@@ -140,20 +140,20 @@ impl Default for Sharpness {
     }
 }
 
-/// Intervals of the first round's curves.
+/// Number of intervals of the curves in the first round.
 const FIRST_INTERVALS: usize = 4;
 
-/// Rounds with a number a turn.
+/// Number of rounds with one coefficient per turn.
 const FREE_ROUNDS: usize = 3;
 
-/// Steps of a round at most, and the part of the value a step has to gain.
+/// Largest number of steps in a round, and smallest relative decrease of the value per step.
 const STEPS: usize = 60;
 const STILL: f64 = 1e-5;
 
-/// How far the first step turns phases, radians.
+/// Phase change of the first step, radians.
 const FIRST_STEP_RAD: f64 = 0.3;
 
-/// Rms of the path's growth across the mean line of sight, of that along it, from which displacements across are sought.
+/// Smallest ratio of the rms path gradient across the mean line of sight to that along it at which displacements across are estimated.
 pub const MIN_ACROSS: f64 = 0.05;
 
 impl Method for Sharpness {
@@ -233,8 +233,8 @@ impl Method for Sharpness {
     }
 }
 
-/// Of every turn the directions along which displacements are sought: the mean line of sight in the plane, and across it where
-/// angles are wide enough. A list of turns for each.
+/// Directions of the estimated displacements, one vector per turn each: the mean line of sight in the plane, and across it where
+/// angles are wide enough.
 fn directions(patches: &[Patch], axes: [DVec3; 2], turns: usize) -> Vec<Vec<DVec3>> {
     let normal = axes[0].cross(axes[1]);
     let flat = |v: DVec3| v - normal * v.dot(normal);
@@ -268,7 +268,7 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// How far the numbers go in the first step: some tenths of a radian in each turn.
+    /// Change of the coefficients in the first step: some tenths of a radian in each turn.
     fn first_step(&self) -> f64 {
         let numbers = (self.curves.count * self.directions.len().max(1)) as f64;
         let slope = match self.directions.is_empty() {
@@ -293,7 +293,7 @@ impl Problem<'_> {
         all
     }
 
-    /// The phases that are taken away of a patch's pulses.
+    /// Phase corrections of a patch's pulses.
     fn phases(&self, patch: &Patch, common: &[f64], moved: &[DVec3]) -> Vec<f64> {
         let each = patch.slopes.iter().enumerate();
         match self.directions.is_empty() {
@@ -304,7 +304,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Objective and its gradient by the coefficients.
+    /// Objective and its gradient with respect to the coefficients.
     fn value(&self, numbers: &[f64]) -> (f64, Vec<f64>) {
         let (common, moved) = match self.directions.is_empty() {
             true => (self.curves.values(numbers), Vec::new()),
@@ -325,7 +325,7 @@ impl Problem<'_> {
             .map(|((_, image), patch)| image.iter().map(|z| z.norm_sqr() * patch.scale()).collect())
             .collect();
         let (value, by_powers) = figure(self.goal, &powers);
-        // By the phases of every pulse of every patch.
+        // Gradient by the phases of every pulse and patch.
         let by_phases: Vec<Vec<f64>> = self
             .patches
             .par_iter()
@@ -368,7 +368,7 @@ impl Problem<'_> {
     }
 }
 
-/// The figure of powers, less is sharper, and how it changes with each.
+/// Objective of these powers, smaller for a sharper image, and its derivatives by each power.
 fn figure(goal: Goal, powers: &[Vec<f64>]) -> (f64, Vec<Vec<f64>>) {
     let all = || powers.iter().flatten();
     let each = |by: &dyn Fn(f64) -> f64| -> Vec<Vec<f64>> {
@@ -384,7 +384,7 @@ fn figure(goal: Goal, powers: &[Vec<f64>]) -> (f64, Vec<Vec<f64>>) {
         }
         Goal::Entropy => {
             let total: f64 = all().sum();
-            // A dark pixel has no part in it.
+            // A dark pixel does not contribute.
             let log = |q: f64| libm::log((q / total).max(f64::MIN_POSITIVE));
             let entropy = -all().map(|&q| q / total * log(q)).sum::<f64>();
             (entropy, each(&|q| -(log(q) + entropy) / total))
@@ -400,7 +400,7 @@ mod tests {
     use subaperture_model::monitor::Silent;
     use subaperture_model::phase_history::{Collection, InMemory, Pulse, Sweep};
 
-    /// Patches of 24 pulses from around a scene of noise, which is bright everywhere.
+    /// Patches of 24 pulses on a circle around a scene of noise with equal brightness everywhere.
     fn noise() -> Vec<Patch> {
         let mut state = 3u64;
         let mut uniform = || {
@@ -446,7 +446,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_those_of_differences() {
+    fn sharpness_gradients_equal_central_differences() {
         let patches = noise();
         let axes = [DVec3::X, DVec3::Y];
         let both = directions(&patches, axes, 24);
@@ -468,14 +468,14 @@ mod tests {
                     let (_, gradient) = problem.value(&at);
                     let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
                     for (i, analytic) in gradient.iter().enumerate() {
-                        let beside = |sign: f64| {
+                        let shifted = |sign: f64| {
                             let mut there = at.clone();
                             there[i] += sign * step;
                             problem.value(&there).0
                         };
-                        let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
-                        // Values are float32 sums of 24 pulses, 3e-7 of the figure of some units; over two steps of 1e-3 rad that is
-                        // 1e-3 of a slope of one. The third derivative adds 1e-6.
+                        let difference = (shifted(1.0) - shifted(-1.0)) / (2.0 * step);
+                        // Float32 sums of 24 pulses have an error of 3e-7 of an objective of some units; over two steps of 1e-3 rad that is
+                        // 1e-3 of a derivative of 1. The third derivative adds 1e-6.
                         assert!(
                             (difference - analytic).abs() < 3e-3 * largest,
                             "{goal} {i}: {difference} {analytic}"

@@ -1,9 +1,9 @@
 //! Half-wavelength slips of an estimated track.
 //!
-//! A displacement of half a wavelength along the line of sight changes the phase of an echo by a whole turn, and no image shows it. An estimate
-//! follows the phase from pulse to pulse, and can lose a turn between two pulses. The image then is sharp, and
-//! all parts of the data agree, but the track is wrong by half a wavelength from that pulse on. So a track whose two-way phase changes by more than
-//! [`MAX_STEP_RAD`] between two neighbouring pulses is not accepted.
+//! A displacement of half a wavelength along the line of sight changes the phase of an echo by a whole turn, which is invisible in an image. An estimate
+//! follows the phase from pulse to pulse and can lose a turn between two pulses. The image is then sharp and all parts of the data agree, but the track is
+//! wrong by half a wavelength from that pulse on. A track with a change of the two-way phase of more than [`MAX_STEP_RAD`] between two
+//! neighbouring pulses is therefore refused.
 //!
 //! Tracks of far scenes have a smaller limit (`far.rs`).
 
@@ -15,10 +15,10 @@ use subaperture_model::resolution::support::path_gradient;
 
 use super::echoes::wavenumber_rad_m;
 
-/// Largest change of the two-way phase from pulse to pulse, radians: half a turn. A true change below it, with a turn lost, exceeds it.
+/// Largest accepted change of the two-way phase from pulse to pulse, radians: half a turn. A true change below it exceeds it if a turn is lost.
 pub const MAX_STEP_RAD: f64 = std::f64::consts::PI;
 
-/// Largest change from pulse to pulse, radians, of the two-way phase that displacements give to an echo from the grid's centre or a corner.
+/// Largest change from pulse to pulse, radians, of the two-way phase by the displacements, for echoes from the grid's centre and corners.
 pub(crate) fn largest_step_rad(
     collection: &Collection,
     grid: &ImageGrid,
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn step_is_the_two_way_phase_within_a_channel() {
+    fn step_is_change_of_two_way_phase_within_channel() {
         let pulse = |n: u32| {
             let at_m = DVec3::new(0.01 * f64::from(n), 0.0, 0.0);
             Pulse {
@@ -84,12 +84,12 @@ mod tests {
             count: 1,
         };
         let grid = ImageGrid::horizontal(axis(0.0), axis(1e4), 0.0);
-        // 3 mm towards the place at 10 GHz, to and fro: 4 pi 0.003 / 0.02998. A shift of all pulses is no step.
+        // 3 mm towards the point at 10 GHz: 4 pi 0.003 / 0.02998. A shift common to all pulses is not a step.
         let moved = [0.0, 0.0, 0.003, 0.003].map(|y| DVec3::new(0.0, 0.1 + y, 0.0));
         let step_rad = largest_step_rad(&collection, &grid, &moved);
         let expected = 4.0 * std::f64::consts::PI * 0.003 * 10e9 / 299_792_458.0;
         assert!((step_rad - expected).abs() < 1e-6, "{step_rad} {expected}");
-        // Across the line of sight no phase changes; 3 cm of track at 10 km turn it by 3e-6.
+        // Displacements across the line of sight change no phase; 3 cm of track at 10 km rotate the line of sight by 3e-6 rad.
         let across = [0.0, 0.0, 0.003, 0.003].map(|x| DVec3::new(x, 0.0, 0.0));
         assert!(largest_step_rad(&collection, &grid, &across) < 1e-5 * expected);
     }

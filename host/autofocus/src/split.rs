@@ -32,13 +32,13 @@ pub(crate) enum Half {
     Odd,
 }
 
-/// Which half each range cell belongs to.
+/// Half of each range cell.
 #[derive(Clone, Debug)]
 pub(crate) struct Split {
     halves: BTreeMap<i64, (Half, bool)>,
 }
 
-/// The range cell of a place at the aperture's middle.
+/// Range cell of a position at the centre of the aperture.
 pub(crate) fn bin_of(collection: &Collection, place_m: DVec3) -> i64 {
     let middle = &collection.pulses[collection.num_turns() / 2];
     (middle.path_m(place_m) / cell_path_m(collection)).floor() as i64
@@ -59,7 +59,7 @@ pub(crate) fn peaks(collection: &Collection, grid: &ImageGrid, image: &Image) ->
 }
 
 impl Split {
-    /// Best split of the range cells in which `image` has power; `None` if one half would have hardly any power.
+    /// Best split of the range cells with power in `image`; `None` if one half would have too little power.
     pub(crate) fn of(collection: &Collection, grid: &ImageGrid, image: &Image) -> Option<Self> {
         let bins = peaks(collection, grid, image);
         let total: f64 = bins.iter().map(|bin| bin.1).sum();
@@ -99,8 +99,8 @@ impl Split {
                 true => Half::Odd,
                 false => Half::Even,
             };
-            let beside = [rank.wrapping_sub(1), rank + 1];
-            let on_border = beside.iter().any(|&other| {
+            let neighbours = [rank.wrapping_sub(1), rank + 1];
+            let on_border = neighbours.iter().any(|&other| {
                 other < bins.len()
                     && bins[other].0.abs_diff(bin.0) == 1
                     && is_odd(other, stripe, offset) != is_odd(rank, stripe, offset)
@@ -112,17 +112,17 @@ impl Split {
         })
     }
 
-    /// The half of a range cell; of cells without power none.
+    /// Half of a range cell; `None` for cells without power.
     pub(crate) fn half(&self, bin: i64) -> Option<Half> {
         self.halves.get(&bin).map(|cell| cell.0)
     }
 
-    /// Whether a range cell adjoins one of the other half. It shares noise and speckle with it and is excluded from validation.
+    /// Whether a range cell adjoins the other half: it shares noise and speckle with that and is excluded from validation.
     pub(crate) fn on_border(&self, bin: i64) -> bool {
         self.halves.get(&bin).is_some_and(|cell| cell.1)
     }
 
-    /// All range cells, ascending: the half of each and whether it lies on a border.
+    /// Half of each range cell, ascending, and whether it is on a border.
     pub(crate) fn cells(&self) -> impl Iterator<Item = (i64, Half, bool)> {
         self.halves
             .iter()

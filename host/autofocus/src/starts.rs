@@ -10,11 +10,11 @@ use subaperture_signal::phase::cis;
 use super::likelihood::Texture;
 use super::tiles::without_trend;
 
-/// How often each window is used, and the narrowest, in cross-range cells.
+/// Number of estimates with each window, and width of the narrowest window, cross-range cells.
 const ROUNDS: usize = 2;
 const NARROWEST: usize = 6;
 
-/// Phases after each width of the window, the widest first.
+/// Phase estimate after each width of the window, widest first.
 pub(crate) fn by_gradient(texture: &Texture, turns: usize) -> Vec<Vec<f64>> {
     let mut phases = vec![0.0; turns];
     let mut all = Vec::new();

@@ -19,39 +19,39 @@ use super::split::Half;
 use super::starts::by_gradient;
 use super::tiles::without_trend;
 
-/// Intervals of the first curves.
+/// Numbers of intervals of the first curves.
 const FIRST_INTERVALS: usize = 1;
 
-/// Steps of each curve at most, and the part of the value that a step has to gain.
+/// Largest number of steps for each curve, and smallest relative decrease of the value per step.
 const STEPS: usize = 40;
 const STILL: f64 = 1e-7;
 
-/// By how many standard errors a curve of fewer numbers may be worse than the best.
+/// Accepted loss of a curve with fewer coefficients against the best one, standard errors.
 const STANDARD_ERRORS: f64 = 0.5;
 
-/// By how many standard errors phases have to be better than none.
+/// Required gain over no correction, standard errors.
 const SURE_ERRORS: f64 = 2.0;
 
-/// How much of their sum without differences phasors of differences have to add up to for two estimates to agree.
+/// Smallest magnitude of the mean phasor of phase differences at which two estimates agree.
 const COHERENT: f64 = 0.6;
 
-/// How far the first step changes phases, radians rms.
+/// Change of phases in the first step, radians rms.
 const FIRST_STEP_RAD: f64 = 0.1;
 
-/// Starts that are followed for each number of intervals up to this one; beyond, the best.
+/// Number of intervals up to which every start is optimised; beyond, only the best.
 const FOLLOWED: usize = 2;
 const COARSE_INTERVALS: usize = 8;
 
-/// Links of a chain at least, and how many in a row that are worse than the best on data that was not used end it.
+/// Least number of curves of a chain, and number of curves in a row that are worse than the best on held-out data that ends it.
 const MIN_LINKS: usize = 7;
 const WORSE_LINKS: usize = 2;
 
-/// Steps of the quadratic phase that is looked for, radians at the aperture's ends, at first and at last: a rms error of a third of that.
+/// First and last step of the search for the quadratic phase, radians at the aperture's ends; the rms error is a third of that.
 const QUADRATIC_STEP_RAD: f64 = 1.0;
 const QUADRATIC_FINEST_RAD: f64 = 0.01;
 
-/// Phases of `turns` turns by rows of tiles of `cells` cross-range cells; `others` are estimates by the even half of the range cells, the
-/// odd half, and by all. `None` if held-out data confirm no correction.
+/// Phases of `turns` turns from rows of tiles of `cells` cross-range cells. `others` are estimates from the even half of the range cells, the
+/// odd half, and all. `None` if held-out data confirm no correction.
 pub(crate) fn estimate(
     rows: &[TileRow],
     turns: usize,
@@ -72,7 +72,7 @@ pub(crate) fn estimate(
         Chain::new(&halves[0], turns, even, stop),
         Chain::new(&halves[1], turns, odd, stop),
     ];
-    // Of every row, on phases that it had no part in.
+    // Likelihood of every row with phases estimated without it.
     let judged = |on_even: &[f64], on_odd: &[f64]| -> Vec<f64> {
         [
             halves[0].values_by_row(on_even),
@@ -81,7 +81,7 @@ pub(crate) fn estimate(
         .concat()
     };
     let zero = vec![0.0; turns];
-    // No phases at all are the simplest.
+    // The simplest model is no correction.
     let mut after = vec![judged(&zero, &zero)];
     let mut pairs = Vec::new();
     let (mut links, mut worse) = (0, 0);
@@ -107,12 +107,12 @@ pub(crate) fn estimate(
         pairs.push((pair, Curves::new(turns, turns)));
     }
     let best = least_of(&after)?;
-    // The first, with the fewest numbers, that is as good as the best within what chance makes of it.
+    // The curve with the fewest coefficients that equals the best within the standard error.
     let chosen = (0..after.len()).find(|&i| !is_worse(&after[i], &after[best], STANDARD_ERRORS))?;
     if chosen == 0 || !is_worse(&after[0], &after[chosen], SURE_ERRORS) {
         return None;
     }
-    // On all range cells from where either half led to.
+    // Estimate on all range cells, starting from the estimates of both halves.
     let all = Texture::new(rows.iter().collect(), turns, cells);
     let ((even, odd), curves) = pairs.swap_remove(chosen - 1);
     let from_even = optimised(&all, &curves, even, stop)?;
@@ -133,7 +133,7 @@ fn least_of(values: &[Vec<f64>]) -> Option<usize> {
     (0..values.len()).min_by(|&a, &b| mean(&values[a]).total_cmp(&mean(&values[b])))
 }
 
-/// Whether rows are on average worse than others by more than so many standard errors of the difference.
+/// Whether rows are on average worse than others by more than `errors` standard errors of the difference.
 fn is_worse(values: &[f64], best: &[f64], standard_errors: f64) -> bool {
     let worse: Vec<f64> = values.iter().zip(best).map(|(a, b)| a - b).collect();
     let by = mean(&worse);
@@ -141,15 +141,15 @@ fn is_worse(values: &[f64], best: &[f64], standard_errors: f64) -> bool {
     by > standard_errors * (variance / worse.len() as f64).sqrt()
 }
 
-/// Phases as curves of more and more numbers: first a quadratic, then splines, at last a number a turn.
+/// Phases as curves with an increasing number of coefficients: a quadratic, splines, and finally one coefficient per turn.
 struct Chain<'a> {
     texture: &'a Texture<'a>,
     turns: usize,
     starts: Vec<Vec<f64>>,
-    /// Those of the starts that bright points gave.
+    /// Starts from bright points.
     others: Vec<Vec<f64>>,
     at: Option<Vec<f64>>,
-    /// Of the next curve; `None` once there was a number a turn.
+    /// Number of intervals of the next curve; `None` after one coefficient per turn.
     intervals: Option<usize>,
     stop: &'a (dyn Fn() -> bool + Sync),
 }
@@ -174,8 +174,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Phases by bright points (without any, the best start), and the same refined with one coefficient per turn: errors that
-    /// change from pulse to pulse are not near a smooth curve. `None` if asked to stop.
+    /// Phases by bright points (without any, the best start), and these refined with one coefficient per turn, for errors that
+    /// change from pulse to pulse and have no smooth approximation. `None` if cancelled.
     fn rough(&self) -> Option<Vec<Vec<f64>>> {
         let start = match self.others.first() {
             Some(start) => start.clone(),
@@ -202,7 +202,7 @@ impl Iterator for Chain<'_> {
         };
         let intervals = self.intervals?;
         let curves = Curves::new(intervals, self.turns);
-        // A curve of a number a turn would be a start itself, be it smooth or not.
+        // A curve with one coefficient per turn is a start itself.
         let starts = self.starts.iter().filter(|_| curves.count < self.turns);
         let mut tried: Vec<(f64, Vec<f64>)> = starts
             .map(|start| fitted(&curves, start))
@@ -228,8 +228,8 @@ impl Iterator for Chain<'_> {
     }
 }
 
-/// Phases without the slope that only moves the scene: the slope of the difference from phases by bright points, which are where they are
-/// in the image, if both agree but for it; else the slope of the phases.
+/// Remove the phase slope, which only shifts the scene: the slope of the difference from the phases by bright points, which keep their
+/// positions in the image, if both agree except for a slope; else the slope of the phases.
 fn in_place(mut phases: Vec<f64>, points: Option<&Vec<f64>>) -> Vec<f64> {
     let Some(points) = points else {
         without_trend(&mut phases);
@@ -253,7 +253,7 @@ fn in_place(mut phases: Vec<f64>, points: Option<&Vec<f64>>) -> Vec<f64> {
     phases
 }
 
-/// The quadratic phase of the greatest likelihood.
+/// Quadratic phase with the largest likelihood.
 fn quadratic(texture: &Texture, turns: usize) -> Vec<f64> {
     let phases = |edge_rad: f64| -> Vec<f64> {
         (0..turns)
@@ -263,7 +263,7 @@ fn quadratic(texture: &Texture, turns: usize) -> Vec<f64> {
             })
             .collect()
     };
-    // The instantaneous frequency of edge u^2 is up to edge / pi cells either side: a quarter of all cells.
+    // The instantaneous frequency of edge u^2 is up to edge / pi cells on either side: a quarter of all cells.
     let most = (std::f64::consts::PI * turns as f64 / 8.0).clamp(16.0, 128.0);
     let steps = (most / QUADRATIC_STEP_RAD) as i64;
     let best_of = |middle: f64, step: f64, steps: i64| {
@@ -282,7 +282,7 @@ fn quadratic(texture: &Texture, turns: usize) -> Vec<f64> {
     phases(edge)
 }
 
-/// From `phases` downhill along curves; the value and the phases.
+/// Minimise over curves from `phases`; returns the value and the phases.
 fn optimised(
     texture: &Texture,
     curves: &Curves,
@@ -305,7 +305,7 @@ fn optimised(
     Some((texture.value(&phases), phases))
 }
 
-/// The curve nearest to these phases, by least squares.
+/// Least-squares curve of these phases.
 fn fitted(curves: &Curves, phases: &[f64]) -> Vec<f64> {
     if curves.count == phases.len() {
         return phases.to_vec();

@@ -1,8 +1,8 @@
-//! Tiles of an image: one range cell deep, and as many cross-range cells wide as the Fourier relation to the pulses is valid.
+//! Tiles of an image: one range cell deep, and as wide in cross-range as the Fourier relation to the pulses is valid.
 //!
-//! Around a point the history of its range cell (`echoes.rs`) is the cross-range profile's transform, as far as paths
-//! differ from the point's by a straight line over the pulses, and by less than a range cell. Both are checked on the exact paths, at
-//! both ends of a tile: where they fail tiles become narrower, and with them the method that uses them has less to see.
+//! Around a point the history of its range cell (`echoes.rs`) is the transform of the cross-range profile where paths
+//! differ from the point's by a linear function of the pulse, and by less than a range cell. Both conditions are checked on the exact paths at
+//! both ends of a tile; where they fail, tiles are narrower and contain less information.
 //!
 //! Dark pixels belong to no tile.
 
@@ -15,21 +15,21 @@ use subaperture_model::phase_history::Collection;
 use super::centring::cross_range;
 use super::echoes::{Echo, cell_path_m, wavenumber_rad_m};
 
-/// Phase by which paths may differ from a straight line at a tile's end, radians, and path, in range cells.
+/// Largest deviation of paths from a linear function at a tile's end, radians, and largest path difference, range cells.
 const BEND_RAD: f64 = std::f64::consts::FRAC_PI_4;
 const MIGRATION_CELLS: f64 = 0.5;
 
-/// Cells of the narrowest tiles.
+/// Width of the narrowest tiles, cross-range cells.
 pub(crate) const MIN_CELLS: f64 = 8.0;
 
-/// A piece of a range cell.
+/// Piece of a range cell.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tile {
-    /// The pixel nearest to its middle.
+    /// Pixel nearest to its centre.
     pub(crate) place_m: DVec3,
-    /// Which range cell at the aperture's middle.
+    /// Index of the range cell at the centre of the aperture.
     pub(crate) bin: i64,
-    /// Which piece across range.
+    /// Index of the cross-range piece.
     pub(crate) block: i64,
     /// Power of its brightest pixel.
     pub(crate) power: f64,
@@ -38,14 +38,14 @@ pub(crate) struct Tile {
 /// Tiles of an image.
 #[derive(Clone, Debug)]
 pub(crate) struct Tiling {
-    /// Ordered by piece across range, then by range cell.
+    /// Tiles, ordered by cross-range piece, then by range cell.
     pub(crate) tiles: Vec<Tile>,
-    /// How wide each is, cross-range cells.
+    /// Width of each tile, cross-range cells.
     pub(crate) cells: f64,
 }
 
 impl Tiling {
-    /// Keeps the brightest, `most` of them.
+    /// Keep the `most` brightest tiles.
     pub(crate) fn keep(&mut self, most: usize) {
         if self.tiles.len() <= most {
             return;
@@ -56,7 +56,7 @@ impl Tiling {
     }
 }
 
-/// The tiles of `image`; `None` where the geometry leaves too few cells to each.
+/// Tiles of `image`; `None` if the geometry leaves too few cells to each.
 pub(crate) fn tiling(collection: &Collection, grid: &ImageGrid, image: &Image) -> Option<Tiling> {
     let turns = collection.num_turns();
     let at = |index: usize| grid.position_m(index / image.columns, index % image.columns);
@@ -70,7 +70,7 @@ pub(crate) fn tiling(collection: &Collection, grid: &ImageGrid, image: &Image) -
         cell_path_m(collection),
         wavenumber_rad_m(collection, middle),
     );
-    // Cycles over the aperture, which are cross-range cells, and range cells.
+    // Cycles over the aperture (cross-range cells), and range cells.
     let coordinates = |place_m: DVec3| {
         let cycles = (last.path_m(place_m) - first.path_m(place_m)) * wavenumber;
         [
@@ -123,7 +123,7 @@ pub(crate) fn tiling(collection: &Collection, grid: &ImageGrid, image: &Image) -
     })
 }
 
-/// How many cross-range cells around a place the transform holds for.
+/// Number of cross-range cells around a position for which the transform is valid.
 fn widest(collection: &Collection, grid: &ImageGrid, place_m: DVec3, turns: usize) -> Option<f64> {
     let echo = Echo {
         point: 0,
@@ -162,7 +162,7 @@ fn widest(collection: &Collection, grid: &ImageGrid, place_m: DVec3, turns: usiz
     None
 }
 
-/// Removes constant and slope by least squares.
+/// Remove constant and slope by least squares.
 pub(crate) fn without_trend(values: &mut [f64]) {
     let count = values.len().max(1) as f64;
     let middle = (count - 1.0) / 2.0;

@@ -28,12 +28,12 @@ const BLOCKS: usize = 256;
 pub(crate) struct TrackError {
     /// Estimate of the rms error, metres.
     pub(crate) error_m: f64,
-    /// Probability of as small an estimate if the track were no better than the recorded one.
+    /// Probability of at most this estimate for a track that is no better than the recorded one.
     pub(crate) p_value: f64,
 }
 
 impl TrackError {
-    /// Error of `whole` from the tracks estimated `without` each group of data; `None` if one of them is missing, or if `whole` is no track.
+    /// Error of `whole` from the tracks estimated `without` each group of data; `None` if one of them is missing, or if `whole` is not a track.
     pub(crate) fn of(whole: &Correction, without: &[Option<Correction>]) -> Option<Self> {
         let Correction::Track {
             displacement_m: whole,

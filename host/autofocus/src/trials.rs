@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use subaperture_model::geometry::Axis;
 use subaperture_model::monitor::Monitor;
 
-/// Merits of values of the parameters: of all data first, then without each of its parts, if those are known. Larger
-/// is better.
+/// Merits of parameter values: of all data first, then without each part of the data, if evaluated. Larger is better.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Views(pub Vec<f64>);
 
@@ -20,75 +19,77 @@ impl From<f64> for Views {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// The merits do not determine their uncertainty, or there is no interval.
+    /// The merits give no uncertainty, or the parameter has no interval.
     #[default]
     Unknown,
-    /// It is the best within its error.
+    /// The data determine the value within its error.
     Determined,
-    /// The best is at an end of the interval: a better one may lie beyond.
+    /// The best value is at an end of the interval: a better one may lie beyond.
     AtEnd,
-    /// The error takes half of the interval or reaches its end: the data do not determine it.
+    /// The error exceeds half of the interval or reaches its end: the data do not determine the value.
     Open,
     /// Other values are as good within the accuracy of the data.
     Ambiguous,
 }
 
-/// One parameter with the others at their best.
+/// Scan of one parameter with the others at their best values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scan {
-    /// Values and merits, values ascending: the grid's, and some close to the best.
+    /// Values, ascending, with their merits: those of the grid, and some near the best.
     pub points: Vec<(f64, f64)>,
     /// Width of the peak at half its height above the median; `None` if it does not fall so far within the interval.
     pub width: Option<f64>,
     /// Whether the best is at an end of the interval, so that a better one may lie beyond.
     pub at_end: bool,
-    /// Half of the interval of 95 % confidence around the best; `None` if the merits are of all data only. It
-    /// means something with [`Verdict::Determined`] only.
+    /// Half-width of the 95 % confidence interval around the best value; `None` if there are merits of all data only. It is
+    /// meaningful for [`Verdict::Determined`] only.
     pub error: Option<f64>,
     /// Other maxima that are as good as the best within the accuracy of the data.
     pub rivals: Vec<f64>,
-    /// Whether this is a finding.
+    /// Whether the data determine the value.
     pub verdict: Verdict,
 }
 
-/// Why a search ended without a result.
+/// Reason why a search has no result.
 #[derive(Debug, thiserror::Error)]
 pub enum TuneError<E> {
-    /// A value could not be tried.
+    /// The merit of a value could not be evaluated.
     #[error(transparent)]
     Failed(E),
-    /// Every image was dark, or not finite.
-    #[error("no values of the parameters gave an image: check the grid and the intervals")]
+    /// Every image was dark or not finite.
+    #[error(
+        "every image of the search is dark or not finite: check the grid and the intervals of the parameters"
+    )]
     Nothing,
-    /// The monitor asked to stop.
+    /// The monitor cancelled the search.
     #[error("interrupted")]
     Cancelled,
 }
 
-/// Rounds over all parameters in turn, at most.
+/// Largest number of rounds over all parameters in turn.
 const ROUNDS: usize = 6;
 
-/// Moves at one step, at most: beyond, the merit has no maximum near.
+/// Largest number of moves with one step size; beyond it there is no maximum nearby.
 const MOVES: usize = 16;
 
-/// Values and their merit.
+/// Values with their merit.
 pub(crate) type Trial = (Vec<f64>, f64);
 
 pub(crate) struct Trials<'a, F> {
     pub(crate) merit: F,
-    /// Merits by the bits of the values.
+    /// Merits, with the bits of the values as key.
     pub(crate) known: BTreeMap<Vec<u64>, Views>,
     pub(crate) monitor: &'a dyn Monitor,
     pub(crate) expected: usize,
 }
 
 impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
-    /// The merit of all data.
+    /// Merit of all data.
     pub(crate) fn at(&mut self, values: &[f64]) -> Result<f64, TuneError<E>> {
         self.view(values, 0)
     }
 
-    /// That of one of the views.
+    /// Merit of one view of the data.
     pub(crate) fn view(&mut self, values: &[f64], view: usize) -> Result<f64, TuneError<E>> {
         let views = self.views(values)?;
         Ok(views.get(view).copied().unwrap_or(f64::NEG_INFINITY))
@@ -114,7 +115,7 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
         Ok(views.0)
     }
 
-    /// Every combination; the first of equals is the best.
+    /// Evaluate every combination; of equal merits the first is the best.
     pub(crate) fn product(
         &mut self,
         intervals: &[Axis],
@@ -171,7 +172,7 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
         Ok(best)
     }
 
-    /// To a point that no neighbour `steps` away is better than, by the merits of one view.
+    /// Move to a point with no better neighbour `steps` away, by the merits of one view.
     pub(crate) fn climb(
         &mut self,
         intervals: &[Axis],
@@ -201,7 +202,7 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
         Ok(best)
     }
 
-    /// To the vertex of a parabola on each axis, if it is better.
+    /// Move to the vertex of a parabola on each axis, if it is better.
     pub(crate) fn vertex(
         &mut self,
         intervals: &[Axis],
@@ -211,14 +212,14 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
     ) -> Result<Trial, TuneError<E>> {
         let mut values = best.0.clone();
         for (i, axis) in intervals.iter().enumerate() {
-            let mut beside = |sign: f64| {
+            let mut neighbour = |sign: f64| {
                 let mut values = best.0.clone();
                 values[i] = within(axis, values[i] + sign * steps[i]);
                 let apart = values[i] - best.0[i];
                 self.view(&values, view)
                     .map(|merit| (apart, merit - best.1))
             };
-            let ((left, below), (right, above)) = (beside(-1.0)?, beside(1.0)?);
+            let ((left, below), (right, above)) = (neighbour(-1.0)?, neighbour(1.0)?);
             // Merit relative to the best over the distance from it: b x + a x^2 through both.
             if left < 0.0 && right > 0.0 {
                 let a = (above / right - below / left) / (right - left);
@@ -236,7 +237,7 @@ impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
         })
     }
 
-    /// Parameter `i` over its interval, the others at their best.
+    /// Scan parameter `i` over its interval with the others at their best values.
     pub(crate) fn scan(
         &mut self,
         intervals: &[Axis],

@@ -217,7 +217,7 @@ impl Judgement {
             let error_db = self.plan_for_db(goal.bound_db.unwrap_or(0.0));
             let scene = dark::reason_at(self.spacing_cells);
             let why = format!(
-                "the former plans {:.1} dB, and the error at {} pixels is larger: {scene}",
+                "the planned error is {:.1} dB, and the error at {} compared pixels is larger: {scene}",
                 self.planned_db, self.num_sampled,
             );
             Reason::new(why)
@@ -228,11 +228,11 @@ impl Judgement {
 
     /// Record the error and the bound in the settings of an image. Return whether the bound is exceeded.
     pub fn note(&self, bound_db: Option<f64>, settings: &mut Settings) -> bool {
-        let mut tell = |key: &str, db: f64| settings.insert(key.to_owned(), db.into());
-        tell("planned_error_db", self.planned_db);
-        tell("sampled_error_db", self.measured_db);
+        let mut record = |key: &str, db: f64| settings.insert(key.to_owned(), db.into());
+        record("planned_error_db", self.planned_db);
+        record("sampled_error_db", self.measured_db);
         if self.outside_db.is_finite() {
-            tell("outside_error_db", self.outside_db);
+            record("outside_error_db", self.outside_db);
         }
         note_error(bound_db, self.predicted_db(), settings)
     }
@@ -271,7 +271,7 @@ pub(super) fn swept<F: ImageFormer + ?Sized>(
     let swept = sweep::residual(spec.collection, spec.grid);
     goal.check(20.0 * libm::log10(swept), || {
         Reason::new(
-            "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place",
+            "the antennas move during a pulse, and this former assumes one position for all its samples (stop-and-go)",
         )
         .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"])])
     })?;
@@ -324,7 +324,7 @@ pub fn comparison_cost(spec: &ImageSpec) -> StageCost {
 /// Error of an image from the records of all tiles and, where needed, from a second pass at pixels with the image's power. The second pass is
 /// skipped if the first settles that the bound is kept: the grid is bright, the compared pixels err no more than planned, and the planned error plus
 /// the contribution of scatterers outside the grid keeps the bound. Their whole planned error counts there, and must not exceed the prediction:
-/// besides echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
+/// in addition to echoes it contains errors close to the scatterer, such as those of the wavefront curvature of [`super::pfa`] at the edge of a grid that a main lobe
 /// overlaps. A second pass reads all pulses of `history` again. Every pixel of `image` is compared where it is small and would exceed the bound otherwise.
 ///
 /// # Errors

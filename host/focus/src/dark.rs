@@ -27,7 +27,7 @@ pub fn reason(spec: &ImageSpec) -> Reason {
 pub(super) fn reason_at(spacing_cells: f64) -> Reason {
     match spacing_cells >= COARSE_CELLS {
         true => Reason::new(format!(
-            "the grid is dark: its pixels are {spacing_cells:.1} resolution cells apart, and show scatterers between them by side lobes only"
+            "the grid is dark: its pixels are {spacing_cells:.1} resolution cells apart, and scatterers between them appear only by their side lobes"
         ))
         .helped_by(&[Remedy::FinerGrid]),
         false => Reason::new("the grid is dark: bright scatterers lie outside it")

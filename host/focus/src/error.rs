@@ -100,12 +100,12 @@ pub enum FormError {
         remedies: &'static [Remedy],
     },
     /// The choices of a plan belong to a different former, or do not fit the recording and grid.
-    #[error("the plan was not made by {former} for this recording and grid: {what}")]
+    #[error("the plan was not made by {former} for this recording and grid: {mismatch}")]
     Choices {
         /// Name of the former.
         former: &'static str,
         /// Description of the mismatch.
-        what: String,
+        mismatch: String,
     },
     /// The collection or the settings are unsuitable for this former.
     #[error("{0}")]
@@ -123,7 +123,7 @@ pub enum FormError {
     /// A pixel of the image is NaN or infinite.
     #[error(
         "pixel ({row}, {column}) of the image, at {position_m:?} m, is not a finite number: a position, a frequency \
-         or a sample of the recording is beyond what can be computed with; repair it"
+         or a sample of the recording is too large for the computation; repair it"
     )]
     NotFinite {
         /// Row of the pixel, from 0.
@@ -134,7 +134,7 @@ pub enum FormError {
         position_m: [f64; 3],
     },
     /// The former did not read all pulses, which is a defect of the former.
-    #[error("not all pulses were read: this is a fault of the former")]
+    #[error("not all pulses were read: this is a defect of the former")]
     PulsesLeftOut,
     /// The receiver of tiles failed.
     #[error(transparent)]

@@ -292,9 +292,9 @@ pub(crate) fn chosen<T: serde::de::DeserializeOwned>(
 }
 
 /// Error for choices that do not belong to this former and image.
-pub(crate) fn misfit(former: &'static str, what: &str) -> FormError {
+pub(crate) fn misfit(former: &'static str, mismatch: &str) -> FormError {
     FormError::Choices {
         former,
-        what: what.to_owned(),
+        mismatch: mismatch.to_owned(),
     }
 }

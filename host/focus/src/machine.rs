@@ -39,12 +39,12 @@ fn address_space(threads: usize) -> Option<u64> {
     let taken = kibibytes("/proc/self/status", "VmSize:").unwrap_or(0);
     // The allocator briefly maps twice the heap size: one more heap.
     let heaps = (threads + OTHER_THREADS).min(8 * cores()) + 1;
-    Some(beside_heaps(limit.saturating_sub(taken), heaps as u64))
+    Some(without_heaps(limit.saturating_sub(taken), heaps as u64))
 }
 
 /// Share of `free` address space available when up to `heaps` threads have a heap each. A thread gets its own heap while
 /// space remains, and shares the main heap afterwards. Half of the rest allows for fragmentation.
-fn beside_heaps(free: u64, heaps: u64) -> u64 {
+fn without_heaps(free: u64, heaps: u64) -> u64 {
     (free - HEAP_BYTES * heaps.min(free / HEAP_BYTES)) / 2
 }
 
@@ -71,8 +71,8 @@ mod tests {
     #[test]
     fn heaps_share_limited_address_space() {
         let mib = |n: u64| n << 20;
-        assert_eq!(beside_heaps(mib(40), 6), mib(20));
-        assert_eq!(beside_heaps(mib(270), 6), mib(7));
-        assert_eq!(beside_heaps(mib(584), 6), mib(100));
+        assert_eq!(without_heaps(mib(40), 6), mib(20));
+        assert_eq!(without_heaps(mib(270), 6), mib(7));
+        assert_eq!(without_heaps(mib(584), 6), mib(100));
     }
 }

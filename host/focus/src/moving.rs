@@ -70,8 +70,8 @@ impl<'a> Moving<'a> {
         require_times(history.collection())?;
         if !(velocity_m_s.length() < SPEED_OF_LIGHT_M_S && epoch_s.is_finite()) {
             return Err(FormError::unsuited(format!(
-                "a velocity of {velocity_m_s} m/s at {epoch_s} s is no motion: give finite numbers, and less \
-                 than the speed of light"
+                "target velocity {velocity_m_s} m/s at {epoch_s} s: expected finite numbers and a speed below the \
+                 speed of light"
             )));
         }
         let mut collection = history.collection().clone();
@@ -251,13 +251,13 @@ pub fn default_velocities(
     require_times(collection)?;
     let (Some(first), Some(last)) = (collection.pulses.first(), collection.pulses.last()) else {
         return Err(FormError::unsuited(
-            "the recording holds no pulses".to_owned(),
+            "the recording has no pulses".to_owned(),
         ));
     };
     let resolution_m_s = velocity_resolution_m_s(collection, position_m, first.time_s, direction);
     if !(resolution_m_s.is_finite() && resolution_m_s > 0.0) {
         return Err(FormError::unsuited(format!(
-            "{}: velocities along ({}, {}, {}) are not resolved at this place",
+            "{}: velocities along ({}, {}, {}) are not resolved at this position",
             collection.name, direction.x, direction.y, direction.z
         )));
     }
@@ -288,7 +288,7 @@ fn require_times(collection: &Collection) -> Result<(), FormError> {
         return Ok(());
     }
     Err(FormError::unsuited(format!(
-        "{}: the recording tells no times, so nothing in it can be said to move: focus it without a \
+        "{}: the recording has no pulse times, which a moving target needs: focus it without a \
          velocity",
         collection.name
     )))
@@ -322,7 +322,7 @@ mod tests {
         collection.timed = false;
         let untimed = subaperture_simulate::PointTargetHistory::new(collection, Vec::new(), None);
         let error = Moving::new(&untimed, DVec3::X, 0.0).err().unwrap();
-        assert!(error.to_string().contains("tells no times"), "{error}");
+        assert!(error.to_string().contains("has no pulse times"), "{error}");
         let error = Moving::new(&history, DVec3::NAN, 0.0).err().unwrap();
         assert!(error.to_string().contains("finite"), "{error}");
     }

@@ -93,10 +93,10 @@ pub struct Plan {
 #[non_exhaustive]
 pub enum PlanError {
     /// The text does not contain a valid plan.
-    #[error("this is no plan: {0}")]
+    #[error("not a valid plan: {0}")]
     Text(String),
     /// The plan has the schema of a different program version.
-    #[error("the plan is of the form '{found}', and {SCHEMA} is read: plan again")]
+    #[error("expected a plan with the schema {SCHEMA}, found '{found}': plan again")]
     Schema {
         /// Schema name in the text.
         found: String,
@@ -105,7 +105,7 @@ pub enum PlanError {
     #[error(transparent)]
     Former(#[from] formers::UnknownFormer),
     /// Unknown window name.
-    #[error("of the plan: {0}")]
+    #[error("window of the plan: {0}")]
     Window(#[from] subaperture_signal::window::WindowError),
     /// Invalid timing model.
     #[error(transparent)]
@@ -115,8 +115,8 @@ pub enum PlanError {
     Grid(#[from] subaperture_model::geometry::GridError),
     /// The plan was made for a different recording.
     #[error(
-        "the plan was made for a recording of {} pulses of {} samples, geometry {}, and this one has {} of {}, \
-         geometry {}",
+        "the plan was made for a recording of {} pulses of {} samples with geometry {}; this recording has {} of {} \
+         with geometry {}: plan again",
         planned.pulses, planned.samples, planned.geometry, found.pulses, found.samples, found.geometry
     )]
     Recording {
@@ -317,7 +317,7 @@ impl Plan {
             Some(fault) => Err(fault.into()),
 
             None if !plan.has_tiles() => Err(PlanError::Text(
-                "its tiles are empty, or larger than the image".to_owned(),
+                "expected tiles of at least one pixel and at most the size of the image".to_owned(),
             )),
             None => Ok(plan),
         }
@@ -388,7 +388,7 @@ impl Plan {
     }
 }
 
-/// Multiple of the former's grain that makes tiles neither numerous nor large.
+/// Multiple of the former's grain that gives tiles of moderate number and size.
 fn tile_size(grid: &ImageGrid, grain: PatchSize) -> PatchSize {
     let total = grid.rows.count.saturating_mul(grid.columns.count);
     let pixels = (total / TILES).clamp(MIN_TILE_PIXELS, TILE_PIXELS) as f64;

@@ -35,7 +35,7 @@ pub(super) fn path_phase_rad(collection: &Collection, grid: &ImageGrid) -> f64 {
     TAU * turns.fold(0.0, f64::max) * f64::EPSILON
 }
 
-/// Upper bound on the RMS phase, radians, over the aim's grid by which pulse frequencies differ from the first pulse's, for a former that uses
+/// Upper bound on the RMS phase, radians, over the grid of the task, of the difference of pulse frequencies from the first pulse's, for a former that uses
 /// one band.
 pub(super) fn band_phase_rad(spec: &ImageSpec) -> f64 {
     let (collection, grid) = (spec.collection, spec.grid);

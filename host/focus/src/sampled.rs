@@ -29,7 +29,7 @@ const SAMPLED_PIXELS: usize = 4 * LANES;
 /// Smallest bound, dB, that float32 accumulation of sample blocks can verify.
 const NARROW_DB: f64 = -80.0;
 
-/// Largest image, pixels, of which every pixel is compared.
+/// Largest number of pixels of an image that is compared pixel by pixel.
 const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
 
 /// Pulses that one thread adds at a time; the summation order is fixed.

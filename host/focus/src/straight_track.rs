@@ -52,9 +52,8 @@ impl StraightTrack {
         // A fit of coincident points leaves only rounding.
         let rounding_m = 1e-13 * (1.0 + centre_m.length());
         if spacing_m.is_nan() || spacing_m <= rounding_m {
-            let why = format!(
-                "the {num_pulses} pulses come from one place, and a straight track is needed"
-            );
+            let why =
+                format!("the {num_pulses} pulses are at one position, expected a straight track");
             let remedies = [Remedy::OtherFormer(&["bp"])];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
@@ -85,7 +84,7 @@ impl StraightTrack {
             return Ok(());
         }
         let why = format!(
-            "the track is not straight: its pulses lie {across_m:.3} m (RMS) off the nearest line and {along_m:.3} m along it, and at most a third is taken"
+            "the track is not straight: RMS deviation of the pulses from the nearest line {across_m:.3} m, expected at most a third of their RMS extent along it, {along_m:.3} m"
         );
         let remedies = [Remedy::OtherFormer(&["auto", "bp", "ffbp"])];
         Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))

@@ -83,18 +83,16 @@ pub const SCHEMA: &str = "subaperture-time-model-3";
 #[non_exhaustive]
 pub enum TimeModelError {
     /// The text does not contain a valid timing model.
-    #[error("this is no time model: {0}")]
+    #[error("not a valid time model: {0}")]
     Text(String),
     /// The model has the schema of a different program version.
-    #[error("the time model is of the form '{found}', and {SCHEMA} is read: measure it again")]
+    #[error("expected a time model with the schema {SCHEMA}, found '{found}': measure it again")]
     Schema {
         /// Schema name in the text.
         found: String,
     },
     /// A time is not finite or outside the valid range.
-    #[error(
-        "{entry} of the time model '{model}' is no time: a number of nanoseconds from 1e-6 to 1e12 is wanted"
-    )]
+    #[error("{entry} of the time model '{model}' is not a valid time: expected 1e-6 to 1e12 ns")]
     Time {
         /// Name of the model.
         model: String,
@@ -222,13 +220,13 @@ mod tests {
                 ..TimeModel::DEFAULT
             };
             let error = wrong.check().unwrap_err();
-            let told = "leaf_group_ns of the time model 'default' is no time";
-            assert!(error.to_string().contains(told), "{error}");
+            let expected = "leaf_group_ns of the time model 'default' is not a valid time";
+            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 
     #[test]
-    fn a_model_is_text() {
+    fn text_form_of_time_model_round_trips() {
         let model = TimeModel {
             name: "a small board".into(),
             point_ns: 0.1 + 0.2,
@@ -240,15 +238,15 @@ mod tests {
         let lines = text.lines().filter(|line| !line.contains("piece_ns"));
         let shorter = lines.collect::<Vec<_>>().join("\n");
         assert_eq!(TimeModel::from_text(&shorter), Ok(model));
-        for (from, to, told) in [
+        for (from, to, expected) in [
             ("model-3", "model-7", "model-7"),
             ("point_ns", "pint_ns", "pint_ns"),
             ("0.30000000000000004", "-1.0", "point_ns"),
             ("0.30000000000000004", "null", "null"),
-            ("{", "[", "no time model"),
+            ("{", "[", "not a valid time model"),
         ] {
             let error = TimeModel::from_text(&text.replace(from, to)).unwrap_err();
-            assert!(error.to_string().contains(told), "{error}");
+            assert!(error.to_string().contains(expected), "{error}");
         }
     }
 }

@@ -12,7 +12,7 @@ use glam::DVec2;
 use crate::model::{Array, Pose, Sighting};
 
 /// Standard deviations that must fit into half a turn to unwrap a channel.
-const SURE: f64 = 3.0;
+const UNWRAP_SIGMAS: f64 = 3.0;
 
 /// Position of a target from one pulse.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +38,7 @@ struct Bearing {
 
 impl Bearing {
     /// Sums over the unwrapped channels of their phase errors against the model and their levers.
-    fn new(told: impl Iterator<Item = (f64, f64)>) -> Self {
+    fn new(channels: impl Iterator<Item = (f64, f64)>) -> Self {
         let zero = Self {
             sum: 0.0,
             levers: 0.0,
@@ -46,7 +46,7 @@ impl Bearing {
             values: 0.0,
             products: 0.0,
         };
-        told.fold(zero, |sums, (error, lever)| Self {
+        channels.fold(zero, |sums, (error, lever)| Self {
             sum: sums.sum + 1.0,
             levers: sums.levers + lever,
             squares: sums.squares + lever * lever,
@@ -89,13 +89,13 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
     let mut phases_rad = sighting.phases_rad.clone();
     let turns = (phases_rad[second] - phases_rad[first]) / TAU;
     phases_rad[second] -= TAU * turns.round();
-    let mut told = vec![false; phases_rad.len()];
-    (told[first], told[second]) = (true, true);
+    let mut unwrapped = vec![false; phases_rad.len()];
+    (unwrapped[first], unwrapped[second]) = (true, true);
     let mut bearing_rad = libm::atan2(from.y, from.x);
     let k = array.rad_m();
     loop {
         let mut fit = None;
-        // The first step leaves the curvature's error, the second next to none.
+        // The error left by the curvature is negligible after the second step.
         for _ in 0..3 {
             let (sin, cos) = libm::sincos(bearing_rad);
             let u = DVec2::new(cos, sin);
@@ -106,8 +106,8 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
                 .zip(&phases_rad)
                 .map(|(path, phase)| (phase + k * path.length_m, -k * path.slope.dot(across)))
                 .collect();
-            let known = errors.iter().zip(&told).filter(|(_, told)| **told);
-            let bearing = Bearing::new(known.map(|(error, _)| *error));
+            let used = errors.iter().zip(&unwrapped).filter(|(_, used)| **used);
+            let bearing = Bearing::new(used.map(|(error, _)| *error));
             // At most about a beam width: levers are short near endfire.
             let step = bearing.step().clamp(-0.3, 0.3);
             bearing_rad += step;
@@ -119,10 +119,11 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
         let mean = bearing.levers / bearing.sum;
         let doubt = |lever: f64| {
             let by_angle = (lever - mean) * bearing_sigma_rad;
-            SURE * libm::sqrt(by_angle * by_angle + sigma * sigma * (1.0 + 1.0 / bearing.sum))
+            UNWRAP_SIGMAS
+                * libm::sqrt(by_angle * by_angle + sigma * sigma * (1.0 + 1.0 / bearing.sum))
         };
-        let next = (0..told.len())
-            .filter(|&c| !told[c])
+        let next = (0..unwrapped.len())
+            .filter(|&c| !unwrapped[c])
             .min_by(|&a, &b| doubt(errors[a].1).total_cmp(&doubt(errors[b].1)));
         let offset = bearing.offset(step);
         let mut unwrap = |c: usize| {
@@ -133,17 +134,17 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
         match next {
             Some(c) if doubt(errors[c].1) < PI => {
                 unwrap(c);
-                told[c] = true;
+                unwrapped[c] = true;
             }
             _ => {
-                let left = (0..told.len()).filter(|&c| !told[c]);
+                let left = (0..unwrapped.len()).filter(|&c| !unwrapped[c]);
                 left.for_each(&mut unwrap);
                 let (sin, cos) = libm::sincos(bearing_rad);
                 return Arrival {
                     at_m: centre_m + DVec2::new(cos, sin) * sighting.range_m,
                     bearing_sigma_rad,
                     phases_rad,
-                    doubtful: told.iter().filter(|told| !**told).count(),
+                    doubtful: unwrapped.iter().filter(|used| !**used).count(),
                 };
             }
         }
@@ -154,9 +155,9 @@ pub(crate) fn look(array: &Array, sighting: &Sighting) -> Arrival {
 mod tests {
     use super::*;
 
-    /// Wrapped exact distances; receivers up to eight wavelengths apart, unwrapped one after another.
+    /// Exact paths with wrapped phases; receivers up to eight wavelengths apart.
     #[test]
-    fn a_place_is_found_whose_far_channels_wrap() {
+    fn distant_channels_are_unwrapped_to_exact_position() {
         let wavelength_m = 0.004;
         let receivers = [0.0, 0.5, 1.5, 3.5, 8.0];
         let array = Array {
@@ -187,7 +188,7 @@ mod tests {
             };
             let arrival = look(&array, &sighting);
             assert_eq!(arrival.doubtful, 0);
-            // A range is half the mean path, less by (antenna spacing)^2 / (2 range) from the phase centre: 0.3 mm at 0.5 m.
+            // Half the mean path exceeds the range from the phase centre by (antenna spacing)^2 / (2 range): 0.3 mm at 0.5 m.
             let allowed = 2e-4 / place[1];
             assert!(
                 arrival.at_m.distance(at_m) < allowed,
@@ -205,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn doubtful_channels_are_reported() {
+    fn channel_with_ambiguous_turns_is_counted() {
         let wavelength_m = 0.004;
         let array = Array {
             transmitters_m: vec![DVec2::ZERO],

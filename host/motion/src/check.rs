@@ -9,16 +9,18 @@ use crate::model::{Array, Sighting};
 pub enum MotionError {
     /// The array has fewer than two receivers or no transmitter.
     #[error(
-        "direction of arrival needs a transmitter and two receivers, the array has {transmitters} and {receivers}"
+        "direction of arrival needs at least one transmitter and two receivers: the array has {transmitters} and {receivers}"
     )]
     Antennas {
-        /// Number of transmitters.
+        /// Number of transmitters of the array.
         transmitters: usize,
-        /// Number of receivers.
+        /// Number of receivers of the array.
         receivers: usize,
     },
     /// The wavelength or an antenna's position is invalid.
-    #[error("expected a finite {0} of the array, lengths above 0")]
+    #[error(
+        "array: expected finite antenna positions and a finite wavelength above 0, got an invalid {0}"
+    )]
     Array(&'static str),
     /// The nearest receivers are too far apart for an unambiguous direction of arrival.
     #[error(
@@ -30,20 +32,20 @@ pub enum MotionError {
         /// Half a wavelength, metres.
         half_m: f64,
     },
-    /// Invalid sighting.
-    #[error("target {target}: {what}")]
+    /// A sighting has an invalid value.
+    #[error("target {target}: {fault}")]
     Sighting {
         /// Number of the target.
         target: usize,
-        /// What was expected.
-        what: &'static str,
+        /// Expected value and the fault.
+        fault: &'static str,
     },
-    /// There is not one finite heading a pulse.
-    #[error("expected {pulses} finite headings, one a pulse, got {headings}")]
+    /// The number of headings differs from the number of pulses, or a heading is not finite.
+    #[error("expected one finite heading per pulse ({pulses}), got {headings} headings")]
     Headings {
-        /// Number of headings.
+        /// Number of headings given.
         headings: usize,
-        /// Number of pulses.
+        /// Number of pulses of the track.
         pulses: usize,
     },
     /// Times do not ascend.
@@ -76,7 +78,7 @@ pub(crate) fn array(array: &Array) -> Result<(), MotionError> {
     }
     let mut antennas = array.transmitters_m.iter().chain(&array.receivers_m);
     if !antennas.all(|at_m| at_m.is_finite()) {
-        return Err(MotionError::Array("antennas' place"));
+        return Err(MotionError::Array("antenna position"));
     }
     let (baseline_m, half_m) = (baseline.length(), 0.5 * array.wavelength_m);
     // Within a ten-thousandth: half a wavelength is often intended.
@@ -93,21 +95,21 @@ pub(crate) fn array(array: &Array) -> Result<(), MotionError> {
 pub(crate) fn sightings(array: &Array, sightings: &[Sighting]) -> Result<(), MotionError> {
     for (i, sighting) in sightings.iter().enumerate() {
         let target = sighting.target;
-        let is_known = |x: f64| x.is_finite() && x > 0.0;
-        let what = if sighting.phases_rad.len() != array.num_channels() {
+        let is_positive = |x: f64| x.is_finite() && x > 0.0;
+        let fault = if sighting.phases_rad.len() != array.num_channels() {
             "expected one phase a channel"
         } else if !sighting.phases_rad.iter().all(|x| x.is_finite()) {
             "expected finite phases"
-        } else if !is_known(sighting.range_m) {
+        } else if !is_positive(sighting.range_m) {
             "expected a finite range above 0"
-        } else if !is_known(sighting.range_sigma_m) || !is_known(sighting.phase_sigma_rad) {
+        } else if !is_positive(sighting.range_sigma_m) || !is_positive(sighting.phase_sigma_rad) {
             "expected finite standard deviations above 0"
         } else if sightings[..i].iter().any(|other| other.target == target) {
-            "it appears twice in the pulse"
+            "expected one sighting of a target in a pulse, got it twice"
         } else {
             continue;
         };
-        return Err(MotionError::Sighting { target, what });
+        return Err(MotionError::Sighting { target, fault });
     }
     Ok(())
 }

@@ -22,9 +22,9 @@ use crate::model::{Array, Pose, Sighting};
 use crate::series::Series;
 
 /// Least number of second differences to call phases random.
-const ENOUGH: usize = 30;
+const MIN_SECOND_DIFFERENCES: usize = 30;
 /// Standard deviations of chance.
-const CHANCE: f64 = 3.0;
+const CHANCE_SIGMAS: f64 = 3.0;
 /// Ratio of a channel's phase changes to those of the others, below which it stands still.
 const STILL: f64 = 0.2;
 /// Largest number of sightings that directions of arrival are checked with.
@@ -35,26 +35,26 @@ const MAX_SIGHTINGS: usize = 400;
 #[non_exhaustive]
 pub enum Finding {
     /// Pulses without a target.
-    #[error("{pulses} of {all} pulses see no target: they tell nothing")]
-    Nothing {
+    #[error("no target in {pulses} of {all} pulses: they do not contribute to the track")]
+    NoTarget {
         /// Number of pulses without a target.
         pulses: usize,
-        /// Number of pulses.
+        /// Number of all pulses.
         all: usize,
     },
     /// Pulses with one target.
     #[error(
-        "{pulses} of {all} pulses see one target: its range and radial speed can be trusted, neither a motion across its direction nor a turn is told"
+        "one target in {pulses} of {all} pulses: its range and radial speed can be trusted, motion across the line of sight and turns are not observable"
     )]
     OneTarget {
         /// Number of pulses with one target.
         pulses: usize,
-        /// Number of pulses.
+        /// Number of all pulses.
         all: usize,
     },
     /// Channel with random phases.
     #[error(
-        "phases of channel {channel} are random from pulse to pulse: it is dead. The others can be trusted"
+        "channel {channel} is dead: its phases are random from pulse to pulse. The other channels can be trusted"
     )]
     Dead {
         /// Number of the channel.
@@ -62,56 +62,56 @@ pub enum Finding {
     },
     /// All channels have random phases.
     #[error(
-        "phases of all channels are random from pulse to pulse: nothing is received, or the radar jumps by parts of a wavelength. Ranges can be trusted"
+        "all channels are dead: their phases are random from pulse to pulse, without echoes or because the radar moves by an unsteady part of a wavelength per pulse. Ranges can be trusted"
     )]
     AllDead,
     /// Channel whose phases do not change.
     #[error(
-        "phases of channel {channel} change by {changes_rad:.3} rad a pulse, those of the others by {others_rad:.3} rad: it is saturated, or stands still. The others can be trusted"
+        "channel {channel} is saturated or repeats its samples: its phases change by {changes_rad:.3} rad per pulse, those of the other channels by {others_rad:.3} rad. The other channels can be trusted"
     )]
     Still {
         /// Number of the channel.
         channel: usize,
         /// RMS change a pulse, radians.
         changes_rad: f64,
-        /// The same of the other channels, radians.
+        /// Median RMS change a pulse of the other channels, radians.
         others_rad: f64,
     },
     /// Two receivers are exchanged.
     #[error(
-        "receivers {} and {} are swapped: squared errors are {swapped:.1} times what they should be once they are exchanged, {as_told:.1} times as they are", receivers[0], receivers[1]
+        "receivers {} and {} are swapped: squared residuals are {as_described:.1} times their expectation, {swapped:.1} times with the two exchanged. Exchange them in the description of the array", receivers[0], receivers[1]
     )]
     Swapped {
         /// Numbers of the receivers.
         receivers: [usize; 2],
         /// Mean squared error over its expectation, for the array as described.
-        as_told: f64,
-        /// The same with the receivers exchanged.
+        as_described: f64,
+        /// Mean squared error over its expectation with the receivers exchanged.
         swapped: f64,
     },
     /// Receiver with a wrong position or phase.
     #[error(
-        "receiver {receiver} does not agree with the others: squared errors are {as_told:.1} times what they should be with it, {without:.1} times without. The others can be trusted"
+        "receiver {receiver} has a wrong position or phase: squared residuals are {as_described:.1} times their expectation with it, {without:.1} times without. The other receivers can be trusted"
     )]
     Off {
         /// Number of the receiver.
         receiver: usize,
         /// Mean squared error over its expectation with the receiver.
-        as_told: f64,
-        /// The same without.
+        as_described: f64,
+        /// Mean squared error over its expectation without the receiver.
         without: f64,
     },
     /// Channels disagree, and no single receiver explains it.
     #[error(
-        "channels do not agree with one angle of arrival: squared errors are {as_told:.1} times what they should be. Motion towards targets can be trusted, turns cannot"
+        "channels do not agree on one direction of arrival per target: squared residuals are {as_described:.1} times their expectation. Motion towards targets can be trusted, turns cannot"
     )]
     Disagree {
         /// Mean squared error over its expectation.
-        as_told: f64,
+        as_described: f64,
     },
     /// Motion between pulses exceeds the unambiguous phase.
     #[error(
-        "target {target} comes nearer by {turns} half wavelengths a pulse more than its phases tell, which wrap: pulses are too far apart. Ranges can be trusted"
+        "phases of target {target} wrap from pulse to pulse: its range decreases by {turns} half wavelengths per pulse more than the phases show. Ranges can be trusted; transmit pulses at shorter intervals"
     )]
     Wrapped {
         /// Number of the target.
@@ -138,7 +138,7 @@ pub fn examine(
     let seeing = |targets: usize| pulses.iter().filter(|pulse| pulse.len() == targets).count();
     let [none, one] = [seeing(0), seeing(1)];
     if none > 0 {
-        findings.push(Finding::Nothing { pulses: none, all });
+        findings.push(Finding::NoTarget { pulses: none, all });
     }
     if one > 0 {
         findings.push(Finding::OneTarget { pulses: one, all });
@@ -233,11 +233,11 @@ impl Channels {
 
     fn faults(&self, findings: &mut Vec<Finding>) {
         let seconds = self.second_differences;
-        if seconds < ENOUGH {
+        if seconds < MIN_SECOND_DIFFERENCES {
             return;
         }
         // A sighting enters three second differences: a third of their number is independent.
-        let chance = CHANCE / libm::sqrt(seconds as f64 / 3.0);
+        let chance = CHANCE_SIGMAS / libm::sqrt(seconds as f64 / 3.0);
         let is_random = |c: usize| self.steadiness[c] < chance;
         let count = self.steadiness.len();
         let random: Vec<usize> = (0..count).filter(|&c| is_random(c)).collect();
@@ -321,17 +321,17 @@ fn angles(array: &Array, pulses: &[Vec<Sighting>], findings: &mut Vec<Finding>) 
     }
     let every = all.len().div_ceil(MAX_SIGHTINGS);
     let some: Vec<&Sighting> = all.into_iter().step_by(every).collect();
-    let told: Vec<usize> = (0..receivers).collect();
-    let [as_told, free] = misfit(array, &some, &told);
+    let described: Vec<usize> = (0..receivers).collect();
+    let [as_described, free] = misfit(array, &some, &described);
     // Chance of a mean of squares, and model errors of the geometry.
     let fits = |[mean, free]: [f64; 2]| mean < 1.5 + 5.0 * libm::sqrt(2.0 / free);
-    if fits([as_told, free]) {
+    if fits([as_described, free]) {
         return;
     }
     let pairs = (0..receivers).flat_map(|i| (i + 1..receivers).map(move |j| [i, j]));
     let best = pairs
         .map(|[i, j]| {
-            let mut order = told.clone();
+            let mut order = described.clone();
             order.swap(i, j);
             ([i, j], misfit(array, &some, &order))
         })
@@ -341,7 +341,7 @@ fn angles(array: &Array, pulses: &[Vec<Sighting>], findings: &mut Vec<Finding>) 
     {
         findings.push(Finding::Swapped {
             receivers,
-            as_told,
+            as_described,
             swapped: swapped[0],
         });
         return;
@@ -349,17 +349,18 @@ fn angles(array: &Array, pulses: &[Vec<Sighting>], findings: &mut Vec<Finding>) 
     let left = (0..receivers).filter(|_| array.transmitters_m.len() * (receivers - 1) > 2);
     let best = left
         .map(|receiver| {
-            let order: Vec<usize> = told.iter().copied().filter(|&r| r != receiver).collect();
+            let order = described.iter().copied().filter(|&r| r != receiver);
+            let order: Vec<usize> = order.collect();
             (receiver, misfit(array, &some, &order))
         })
         .min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     findings.push(match best {
         Some((receiver, without)) if fits(without) => Finding::Off {
             receiver,
-            as_told,
+            as_described,
             without: without[0],
         },
-        _ => Finding::Disagree { as_told },
+        _ => Finding::Disagree { as_described },
     });
 }
 
@@ -368,7 +369,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn findings_state_trusted_components() {
+    fn findings_state_which_data_can_be_trusted() {
         let all = [
             Finding::OneTarget { pulses: 1, all: 2 },
             Finding::Dead { channel: 1 },
@@ -378,7 +379,7 @@ mod tests {
                 changes_rad: 0.0,
                 others_rad: 3.0,
             },
-            Finding::Disagree { as_told: 3.0 },
+            Finding::Disagree { as_described: 3.0 },
             Finding::Wrapped {
                 target: 1,
                 turns: 1,

@@ -9,7 +9,7 @@ use crate::model::{Array, Pose};
 pub struct Increment {
     /// Displacement of the array's origin in the array's frame at the former pulse, metres: x along the array, y along boresight.
     pub moved_m: DVec2,
-    /// Turn, radians, counterclockwise.
+    /// Change of heading, radians, counterclockwise.
     pub turn_rad: f64,
 }
 
@@ -18,9 +18,9 @@ pub struct Increment {
 pub enum Heading {
     /// Unknown: turns are estimated.
     #[default]
-    Found,
-    /// Known: given from outside, or constant as on a rail.
-    Held,
+    Estimated,
+    /// Known: measured by another sensor, or constant as on a rail.
+    Known,
 }
 
 /// Distance of a phase from its prediction, as a fraction of half a turn, beyond which its whole turns are in doubt.
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_square_closes() {
+    fn four_right_angle_steps_close_a_square() {
         let side = Increment {
             moved_m: DVec2::new(2.0, 1.0),
             turn_rad: std::f64::consts::FRAC_PI_2,
@@ -99,7 +99,7 @@ mod tests {
         let poses = chain([side; 4]);
         assert_eq!(poses.len(), 5);
         assert!(poses[4].at_m.length() < 1e-15 && poses[1].at_m == DVec2::new(2.0, 1.0));
-        // One side on, and seen from there.
+        // A point in the array's frame after the first side.
         let place = DVec2::new(3.0, -1.0);
         let seen = side.seen_after(place);
         assert!((poses[1].at_m + DVec2::Y.rotate(seen)).distance(place) < 1e-15);

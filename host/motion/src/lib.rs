@@ -22,7 +22,7 @@
 //! | 4 | 30 | 0.020 | 8.4 | 9.0 | 0.99 | -0.04 |
 //! | 4 | 40 | 0.0063 | 8.6 | 8.9 | 0.98 | -0.04 |
 //!
-//! [`diagnosis`] checks sightings before a track is estimated. [`movers`] finds moving targets and their velocities, [`live`] does so pulse by pulse. [`squint`] estimates how the array is mounted.
+//! [`diagnosis`] checks sightings before a track is estimated. [`movers`] finds moving targets and their velocities, [`live`] does so online. [`squint`] estimates the mounting angle of the array.
 //!
 //! [`targets`] finds targets in range profiles, follows them from pulse to pulse, and solves the track from their sightings.
 //!
@@ -58,4 +58,4 @@ pub use live::Live;
 pub use model::{Array, Pose, Sighting, Target};
 pub use pairwise::Pairwise;
 pub use robust::Robust;
-pub use tracker::{Residual, Step, Track, Tracker, track, track_numbered, track_turned};
+pub use tracker::{Residual, Step, Track, Tracker, track, track_numbered, track_with_headings};

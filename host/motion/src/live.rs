@@ -1,6 +1,6 @@
 //! Online track among moving targets.
 //!
-//! A [`Tracker`] takes every target for still. Here it is given standing targets only. After each segment of pulses, [`crate::movers`] finds which targets agree with one motion of the radar, and targets whose errors
+//! A [`Tracker`] assumes that every target stands still. Here it is given standing targets only. After each segment of pulses, [`crate::movers`] finds which targets agree with one motion of the radar, and targets whose errors
 //! exceed noise, in one segment or accumulated over many, are dropped. The segment is then repeated without them from the tracker's state before it, so that a target that moves from its first echo on leaves no trace.
 //! A target that is found late, being slow or having started to move, is marginalised out of the prior; its earlier influence on the others stays. New targets are not used until a whole segment has confirmed them,
 //! while three confirmed ones are seen.
@@ -14,15 +14,15 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::check::{self, MotionError};
 use crate::model::{Array, Pose, Sighting};
-use crate::movers::{Doubt, MIN_STRETCH, Mover, Record, stretch, velocity};
+use crate::movers::{Doubt, MIN_SEGMENT, Mover, Record, segment_changes, velocity};
 use crate::series::Series;
 use crate::tracker::{Step, Tracker};
 
-/// Largest number of pulses of which a velocity is estimated: the first poses of a track have uncertain headings and are left behind.
+/// Largest number of pulses from which a velocity is estimated: the first poses of a track have uncertain headings and drop out.
 pub const MAX_LOOKS: usize = 500;
 
-/// Number of confirmed standing targets with which new ones wait for confirmation.
-const ENOUGH: usize = 3;
+/// Number of confirmed standing targets from which on new targets wait for confirmation.
+const MIN_CONFIRMED: usize = 3;
 
 /// Online estimator of the radar's track from standing targets.
 pub struct Live {
@@ -30,17 +30,17 @@ pub struct Live {
     tracker: Tracker,
     /// State before the present segment.
     before: Tracker,
-    stretch: usize,
+    segment_length: usize,
     /// All sightings of the present segment.
     pulses: Vec<Vec<Sighting>>,
     /// Number of the segment's first pulse.
     first: usize,
-    told: BTreeMap<usize, Record>,
+    records: BTreeMap<usize, Record>,
     moving: BTreeSet<usize>,
     recent: VecDeque<Recent>,
 }
 
-/// Recent pulse.
+/// Recent pulse with its pose.
 struct Recent {
     time_s: f64,
     pose: Pose,
@@ -56,26 +56,26 @@ pub struct Look {
     /// Targets found to move at this pulse.
     pub dropped: Vec<usize>,
     /// Poses of the last pulses estimated without the dropped targets, this pulse's last; empty if none was dropped.
-    pub again: Vec<Pose>,
+    pub repeated: Vec<Pose>,
     /// Reason why a segment that ends with this pulse does not separate moving targets.
     pub doubt: Option<Doubt>,
 }
 
 impl Live {
-    /// Estimator with a fixed-lag window of `window` pulses, at least 2, and segments of `stretch` pulses, at least 8.
+    /// Estimator with a fixed-lag window of `window` pulses, at least 2, and segments of `segment_length` pulses, at least 8.
     ///
     /// # Errors
     /// As [`Tracker::new`].
-    pub fn new(array: Array, window: usize, stretch: usize) -> Result<Self, MotionError> {
+    pub fn new(array: Array, window: usize, segment_length: usize) -> Result<Self, MotionError> {
         let tracker = Tracker::new(array.clone(), window)?;
         Ok(Self {
             array,
             before: tracker.clone(),
             tracker,
-            stretch: stretch.max(MIN_STRETCH),
+            segment_length: segment_length.max(MIN_SEGMENT),
             pulses: Vec::new(),
             first: 0,
-            told: BTreeMap::new(),
+            records: BTreeMap::new(),
             moving: BTreeSet::new(),
             recent: VecDeque::new(),
         })
@@ -113,16 +113,16 @@ impl Live {
             self.recent.pop_front();
         }
         self.recent.push_back(recent);
-        self.understand(self.tracker.window().to_vec());
+        self.update_poses(self.tracker.window().to_vec());
         self.pulses.push(sightings.to_vec());
         let look = Look {
             step,
             dropped: Vec::new(),
-            again: Vec::new(),
+            repeated: Vec::new(),
             doubt: None,
         };
-        match self.pulses.len() == self.stretch {
-            true => Ok(self.judged(look)),
+        match self.pulses.len() == self.segment_length {
+            true => Ok(self.evaluate_segment(look)),
             false => Ok(look),
         }
     }
@@ -135,42 +135,42 @@ impl Live {
         let times_s: Vec<f64> = each.map(|one| one.time_s).collect();
         let all = Series::all(&self.array, &pulses);
         all.iter()
-            .filter(|series| series.looks.len() >= MIN_STRETCH)
+            .filter(|series| series.looks.len() >= MIN_SEGMENT)
             .filter_map(|series| velocity(&self.array, series, &poses, &times_s))
             .collect()
     }
 
     /// Sightings that are given to the tracker.
     fn standing(&self, sightings: &[Sighting]) -> Vec<Sighting> {
-        let known = |sighting: &&Sighting| {
-            self.told.contains_key(&sighting.target) && !self.moving.contains(&sighting.target)
+        let is_confirmed = |sighting: &&Sighting| {
+            self.records.contains_key(&sighting.target) && !self.moving.contains(&sighting.target)
         };
-        let told: Vec<Sighting> = sightings.iter().filter(known).cloned().collect();
-        if told.len() >= ENOUGH {
-            return told;
+        let confirmed: Vec<Sighting> = sightings.iter().filter(is_confirmed).cloned().collect();
+        if confirmed.len() >= MIN_CONFIRMED {
+            return confirmed;
         }
         let stands = |sighting: &&Sighting| !self.moving.contains(&sighting.target);
         sightings.iter().filter(stands).cloned().collect()
     }
 
     /// Update the poses of the last pulses.
-    fn understand(&mut self, poses: Vec<Pose>) {
+    fn update_poses(&mut self, poses: Vec<Pose>) {
         let last = self.recent.iter_mut().rev().zip(poses.into_iter().rev());
         last.for_each(|(recent, pose)| recent.pose = pose);
     }
 
     /// Evaluate a whole segment and begin the next.
-    fn judged(&mut self, mut look: Look) -> Look {
+    fn evaluate_segment(&mut self, mut look: Look) -> Look {
         let pulses = std::mem::take(&mut self.pulses);
-        let (changes, by) = stretch(&self.array, &pulses, self.first);
+        let (changes, by) = segment_changes(&self.array, &pulses, self.first);
         self.first += pulses.len();
         match by {
             Err(doubt) => look.doubt = Some(doubt),
             Ok(motion) => {
                 for change in &changes {
-                    let told = self.told.entry(change.name).or_default();
-                    told.add(change, motion);
-                    if told.moves() && self.moving.insert(change.name) {
+                    let record = self.records.entry(change.name).or_default();
+                    record.add(change, motion);
+                    if record.moves() && self.moving.insert(change.name) {
                         look.dropped.push(change.name);
                     }
                 }
@@ -179,17 +179,17 @@ impl Live {
         if look.dropped.is_empty() {
             return look;
         }
-        // From the last backwards: of a long segment the first pulses are forgotten.
+        // Last pulse first: `recent` does not reach back to the first pulses of a long segment.
         for (recent, pulse) in self.recent.iter_mut().rev().zip(pulses.iter().rev()) {
             let moves = |sighting: &&Sighting| self.moving.contains(&sighting.target);
             recent.sightings = pulse.iter().filter(moves).cloned().collect();
         }
-        if let Some((tracker, step, again)) = self.again(&pulses, &look.dropped) {
+        if let Some((tracker, step, repeated)) = self.repeat_segment(&pulses, &look.dropped) {
             self.tracker = tracker;
             look.step = step;
-            self.understand(again.clone());
-            self.understand(self.tracker.window().to_vec());
-            look.again = again;
+            self.update_poses(repeated.clone());
+            self.update_poses(self.tracker.window().to_vec());
+            look.repeated = repeated;
         } else {
             // The remaining targets do not determine the segment: keep the track and forget the dropped targets from here on.
             for target in &look.dropped {
@@ -200,7 +200,7 @@ impl Live {
     }
 
     /// Repeat the segment without the dropped targets: the tracker, its last step, and all poses. `None` if they do not determine the poses.
-    fn again(
+    fn repeat_segment(
         &self,
         pulses: &[Vec<Sighting>],
         dropped: &[usize],

@@ -32,10 +32,10 @@ pub struct Pose {
     pub heading_rad: f64,
 }
 
-/// Point target.
+/// Point target with the phase of its echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Target {
-    /// Position, metres.
+    /// Position in the frame of the poses, metres.
     pub at_m: DVec2,
     /// Mean phase of its echo at the reference pose, radians.
     pub phase_rad: f64,
@@ -85,7 +85,7 @@ impl Array {
         each.flat_map(|&t| self.receivers_m.iter().map(move |&r| [t, r]))
     }
 
-    /// Number of channels.
+    /// Number of channels, transmitters times receivers.
     pub fn num_channels(&self) -> usize {
         self.transmitters_m.len() * self.receivers_m.len()
     }
@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn derivatives_are_differences() {
+    fn model_derivatives_equal_central_differences() {
         let array = Array {
             transmitters_m: vec![DVec2::new(-0.03, 0.01), DVec2::new(0.1, 0.0)],
             receivers_m: vec![DVec2::ZERO, DVec2::new(0.002, 0.0), DVec2::new(0.0, 0.05)],
@@ -206,11 +206,11 @@ mod tests {
             let (after, before) = (moved(i, h), moved(i, -h));
             for (c, line) in lines.iter().enumerate() {
                 let derivative = (after[c].value - before[c].value) / (2.0 * h);
-                let told = [line.pose, line.target][i / 3].to_array()[i % 3];
+                let analytic = [line.pose, line.target][i / 3].to_array()[i % 3];
                 // Second differences and the rounding of a phase of 1e4 rad over a step of 1e-6.
                 assert!(
-                    (derivative - told).abs() < 1e-4 * told.abs().max(1.0),
-                    "{c} {i}: {derivative} {told}"
+                    (derivative - analytic).abs() < 1e-4 * analytic.abs().max(1.0),
+                    "{c} {i}: {derivative} {analytic}"
                 );
             }
         }

@@ -1,4 +1,4 @@
-//! MPGA between neighbouring pulses by two linear least squares (Chim 2018, 7.3 and 7.3.5). Least effort, and drift.
+//! MPGA between neighbouring pulses by two linear least squares (Chim 2018, 7.3 and 7.3.5). The cheapest method; its track drifts.
 //!
 //! For channels `i` of a pulse and `j` of the next, with `s_i = T + R` of channel `i` in the array's frame, the path shortens in the frame half-way between the pulses by
 //!
@@ -40,7 +40,7 @@ pub struct MotionEstimate {
     pub increment: Increment,
     /// Number of targets in both pulses.
     pub targets: usize,
-    /// Number of phases of which whole turns are in doubt.
+    /// Number of phases with ambiguous whole turns.
     pub doubtful: usize,
 }
 
@@ -171,8 +171,8 @@ fn solve(array: &Array, pairs: &[Pair], heading: Heading) -> Option<Increment> {
         }
     }
     let half_rad = match heading {
-        Heading::Found => libm::asin((across / arms).clamp(-1.0, 1.0)),
-        Heading::Held => 0.0,
+        Heading::Estimated => libm::asin((across / arms).clamp(-1.0, 1.0)),
+        Heading::Known => 0.0,
     };
     let (sin, cos) = libm::sincos(half_rad);
     // The turn moves the mean of all channels; the rest is motion of the origin. Then transform from half-way into the former frame.

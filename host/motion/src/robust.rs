@@ -15,13 +15,13 @@
 //! E S(P + e)  =  S(P) + 1/2 sum over a of d^2 S / d e_a^2,       e_a along the axes of Q, one standard deviation long
 //! ```
 //!
-//! and follows from differences at `P + e_a` and `P - e_a`. The estimator sets `S` less that mean to zero: the corrected score of errors in variables (Nakamura 1990). It includes the curvature of sines and
+//! and follows from differences at `P + e_a` and `P - e_a`. The estimator sets `S` minus that mean to zero: the corrected score of errors in variables (Nakamura 1990). It includes the curvature of sines and
 //! cosines. `P` follows from differences between channels, not from their mean, so that its errors are independent of most of `y`; turns follow from these differences too and share one part in `memory`.
 //!
 //! **Outliers** (a moving target, two targets in a range cell, a wrapped phase). A target whose `r^T V^-1 r` exceeds the 0.9999 quantile is weighted down, the more the farther it is off. `V` is the noise of two
 //! pulses and the effect of `Q` on `f`. Inliers have full weight, so that the covariance is that of least squares. Where the fit of all targets leaves an outlier, the iteration starts from the motion of that pair of
 //! targets with which most others agree: from the fit of all it would converge to the target whose direction is unique, right or wrong. Two pulses reveal outliers of several standard deviations only: at 15 dB
-//! a target that moves by 0.5 mm a pulse raised the error over 1 m from 3.6 to 19 mm. [`crate::movers::sort`] finds such targets over many pulses.
+//! a target that moves by 0.5 mm a pulse raised the error over 1 m from 3.6 to 19 mm. [`crate::movers::classify`] finds such targets over many pulses.
 //!
 //! **Covariance** of a single increment. Errors of increments are correlated: the phase noise of a pulse enters two increments with opposite signs, and the error of `P` enters `memory` increments with the same sign.
 //! The covariance of a sum is not the sum of covariances. Where targets are excluded now and then, noise does not cancel between increments, and the heading drifts.
@@ -47,7 +47,7 @@ const HELD: f64 = 1e16;
 
 /// Motion between two pulses.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct RobustEstimate {
     /// Motion from the former to the latter.
     pub increment: Increment,
     /// Covariance of x, y (metres) and turn (radians).
@@ -56,7 +56,7 @@ pub struct Found {
     pub weights: Vec<(usize, f64)>,
     /// Sum of squared residuals in standard deviations, and its expectation (measurements less unknowns).
     pub chi_square: [f64; 2],
-    /// Number of phases of which whole turns are in doubt.
+    /// Number of phases with ambiguous whole turns.
     pub doubtful: usize,
 }
 
@@ -113,8 +113,8 @@ impl Part {
     }
 }
 
-/// Quantile 0.9999 of the squared residual of so many numbers.
-fn usual(numbers: usize) -> f64 {
+/// Quantile 0.9999 of the squared residual of this many measurements.
+fn residual_limit(numbers: usize) -> f64 {
     let n = numbers as f64;
     n + 4.0 * libm::sqrt(2.0 * n) + 8.0
 }
@@ -210,7 +210,7 @@ impl Pair {
 }
 
 impl Robust {
-    /// Estimator whose target positions are averaged over `memory` pulses, at least 2. Around 100 is usual: the radar should move little against the ranges meanwhile.
+    /// Estimator whose target positions are averaged over `memory` pulses, at least 2. Around 100 is typical: the radar should move little against the ranges meanwhile.
     ///
     /// # Errors
     /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
@@ -232,7 +232,7 @@ impl Robust {
     ///
     /// # Errors
     /// [`MotionError::Sighting`]: the pulse is ignored. [`NoEstimate::Pose`]: positions are forgotten, and the next pulse will be compared with this one.
-    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<Found>, MotionError> {
+    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<RobustEstimate>, MotionError> {
         check::sightings(&self.array, sightings)?;
         let number = self.pulses;
         self.pulses += 1;
@@ -262,7 +262,7 @@ impl Robust {
     }
 
     /// Motion since the former pulse.
-    fn compare(&self, sightings: &[Sighting], number: usize) -> Result<Found, NoEstimate> {
+    fn compare(&self, sightings: &[Sighting], number: usize) -> Result<RobustEstimate, NoEstimate> {
         let mut doubtful = 0;
         let mut pairs = Vec::with_capacity(sightings.len());
         for sighting in sightings {
@@ -289,17 +289,17 @@ impl Robust {
                 variance: a * a + b * b,
             });
         }
-        let nothing = NoEstimate::Pose(number);
+        let no_pose = NoEstimate::Pose(number);
         if pairs.len() < 2 {
-            return Err(nothing);
+            return Err(no_pose);
         }
-        let limit = usual(self.array.num_channels());
+        let limit = residual_limit(self.array.num_channels());
         let parts = |motion: &Increment| {
             let each = pairs.iter().map(|pair| pair.part(&self.array, motion));
-            each.collect::<Option<Vec<Part>>>().ok_or(nothing)
+            each.collect::<Option<Vec<Part>>>().ok_or(no_pose)
         };
         let mut motion = self.last;
-        motion.step(self.start(&parts(&motion)?, limit).ok_or(nothing)?);
+        motion.step(self.start(&parts(&motion)?, limit).ok_or(no_pose)?);
         let mut last = None;
         for _ in 0..MAX_STEPS {
             let parts = parts(&motion)?;
@@ -307,7 +307,7 @@ impl Robust {
             let weights: Vec<f64> = parts.iter().map(weight).collect();
             let counted = || parts.iter().zip(&weights);
             let matrix = counted().map(|(part, weight)| part.matrix * *weight).sum();
-            let covariance = self.inverse(matrix).ok_or(nothing)?;
+            let covariance = self.inverse(matrix).ok_or(no_pose)?;
             let score: DVec3 = counted()
                 .map(|(part, weight)| part.unbiased * *weight)
                 .sum();
@@ -324,14 +324,14 @@ impl Robust {
         }
         let (covariance, weights, sum) = last.expect("there are steps");
         if !(motion.moved_m.is_finite() && motion.turn_rad.is_finite()) {
-            return Err(nothing);
+            return Err(no_pose);
         }
         let numbers = pairs.len() * self.array.num_channels();
         let unknowns = match self.heading {
-            Heading::Found => 3,
-            Heading::Held => 2,
+            Heading::Estimated => 3,
+            Heading::Known => 2,
         };
-        Ok(Found {
+        Ok(RobustEstimate {
             increment: motion,
             covariance,
             weights: pairs.iter().map(|pair| pair.name).zip(weights).collect(),
@@ -342,7 +342,7 @@ impl Robust {
 
     /// Inverse of the normal matrix of a motion.
     fn inverse(&self, mut matrix: DMat3) -> Option<DMat3> {
-        if self.heading == Heading::Held {
+        if self.heading == Heading::Known {
             matrix.z_axis.z += HELD;
         }
         // Symmetric, so that rows are columns.
@@ -422,21 +422,21 @@ impl Place {
             3.0 * libm::sqrt(squares.sum::<f64>() + 2.0 * sigma * sigma) < PI
         };
         let about = errors[0];
-        let told: Vec<(f64, DVec2)> = errors
+        let usable: Vec<(f64, DVec2)> = errors
             .iter()
             .map(|(error, slope)| (wrapped(error - about.0), *slope - about.1))
             .filter(|(_, slope)| sure(*slope))
             .collect();
-        let count = told.len() as f64;
-        let mean_error = told.iter().map(|(error, _)| error).sum::<f64>() / count;
-        let mean = told.iter().map(|(_, slope)| *slope).sum::<DVec2>() / count;
+        let count = usable.len() as f64;
+        let mean_error = usable.iter().map(|(error, _)| error).sum::<f64>() / count;
+        let mean = usable.iter().map(|(_, slope)| *slope).sum::<DVec2>() / count;
         let (mut matrix, mut right, mut square) = (DMat2::ZERO, DVec2::ZERO, 0.0);
         let mut add = |error: f64, slope: DVec2, weight: f64| {
             matrix += DMat2::from_cols(slope * slope.x, slope * slope.y) * weight;
             right += slope * (error * weight);
             square += error * error * weight;
         };
-        for (error, slope) in &told {
+        for (error, slope) in &usable {
             add(error - mean_error, *slope - mean, 1.0 / (sigma * sigma));
         }
         let range_off_m = sighting.range_m - 0.5 * mean_m;
@@ -448,7 +448,7 @@ impl Place {
         // Expected squared residual beyond noise and position error.
         let both = self.information + matrix;
         let expected = square - right.dot(both.inverse() * right);
-        let weight = (usual(told.len()) / expected).clamp(0.0, 1.0);
+        let weight = (residual_limit(usable.len()) / expected).clamp(0.0, 1.0);
         self.information += matrix * weight;
         let step = self.information.inverse() * (right * weight);
         if step.is_finite() {
@@ -465,7 +465,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_add_up_to_the_covariance() {
+    fn outer_products_of_axes_sum_to_covariance() {
         let information = DMat2::from_cols(DVec2::new(4.0, 1.0), DVec2::new(1.0, 9.0));
         let [a, b] = axes(information);
         let sum = DMat2::from_cols(a * a.x, a * a.y) + DMat2::from_cols(b * b.x, b * b.y);

@@ -97,7 +97,7 @@ impl<'a> Series<'a> {
         Self { name, looks }
     }
 
-    /// Whole turns a pulse by which the phase rate falls short of the range rate, and their standard deviation; infinite for fewer than three pulses.
+    /// Difference of range rate and phase rate, turns per pulse, and its standard deviation; infinite for fewer than three pulses.
     pub(crate) fn turns(&self, array: &Array) -> [f64; 2] {
         if self.looks.len() < 3 {
             return [0.0, f64::INFINITY];

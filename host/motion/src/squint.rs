@@ -8,8 +8,8 @@
 //! drift in range of C 7.5.1, whose radar moved along a rail:
 //!
 //! ```text
-//! told = turned(found, squint)       squint = atan2(sum w found x told, sum w found . told)       w = 1 / sigma^2
-//! sigma_squint^2 = 1 / sum w |found| |told|
+//! reference = turned(estimated, squint)       squint = atan2(sum w estimated x reference, sum w estimated . reference)       w = 1 / sigma^2
+//! sigma_squint^2 = 1 / sum w |estimated| |reference|
 //! ```
 //!
 //! by least squares over segments of the track. A track that has not moved by much more than its standard deviation is refused.
@@ -29,19 +29,19 @@ const WORST_RAD: f64 = 0.2;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leg {
     /// Motion along the array's axes ([`travelled`]), metres.
-    pub found_m: DVec2,
+    pub estimated_m: DVec2,
     /// Motion along the body's axes by another source, metres.
-    pub told_m: DVec2,
+    pub reference_m: DVec2,
     /// Standard deviation of their difference in either direction, metres.
     pub sigma_m: f64,
 }
 
-/// Estimated squint.
+/// Estimated squint with its accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Squint {
     /// Angle from the body's axis to the array's, radians, counterclockwise.
     pub squint_rad: f64,
-    /// Standard deviation, radians.
+    /// Standard deviation of the squint, radians.
     pub sigma_rad: f64,
     /// Sum of squared residuals in standard deviations, and its expectation: a larger sum means that the sources contradict each other.
     pub chi_square: [f64; 2],
@@ -53,25 +53,28 @@ pub struct Squint {
 pub enum SquintError {
     /// The motion is too short.
     #[error(
-        "squint needs more motion: over {travelled_m:.4} m the direction of travel has a standard deviation of {sigma_rad:.3} rad"
+        "squint needs more motion: over {travelled_m:.4} m the direction of travel has a standard deviation of {sigma_rad:.3} rad, expected at most {} rad",
+        WORST_RAD
     )]
     TooLittle {
-        /// Motion found, metres.
+        /// Estimated length of the track, metres.
         travelled_m: f64,
         /// Standard deviation of the squint, radians.
         sigma_rad: f64,
     },
     /// Invalid leg, by its number.
-    #[error("leg {0}: expected finite lengths and a standard deviation above 0")]
+    #[error(
+        "leg {0}: expected finite displacements in metres and a finite standard deviation above 0 m"
+    )]
     Leg(usize),
 }
 
 impl Leg {
-    /// Leg of a body that moves along its x axis, by as much as found.
-    pub fn along_axis(found_m: DVec2, sigma_m: f64) -> Self {
+    /// Leg of a body that moves along its x axis, by the estimated length.
+    pub fn along_axis(estimated_m: DVec2, sigma_m: f64) -> Self {
         Self {
-            found_m,
-            told_m: DVec2::new(found_m.length(), 0.0),
+            estimated_m,
+            reference_m: DVec2::new(estimated_m.length(), 0.0),
             sigma_m,
         }
     }
@@ -85,7 +88,7 @@ pub fn travelled(increments: impl IntoIterator<Item = Increment>) -> DVec2 {
         .sum()
 }
 
-/// Increments between poses.
+/// Increments between successive poses.
 pub fn increments(poses: &[Pose]) -> impl Iterator<Item = Increment> {
     let pairs = poses.windows(2);
     pairs.map(|pair| Increment::between(&pair[0], &pair[1]))
@@ -98,15 +101,16 @@ pub fn increments(poses: &[Pose]) -> impl Iterator<Item = Increment> {
 pub fn squint(legs: &[Leg]) -> Result<Squint, SquintError> {
     let (mut dot, mut cross, mut information, mut travelled_m) = (0.0, 0.0, 0.0, 0.0);
     for (n, leg) in legs.iter().enumerate() {
-        let is_known = leg.found_m.is_finite() && leg.told_m.is_finite() && leg.sigma_m.is_finite();
-        if !is_known || leg.sigma_m <= 0.0 {
+        let is_finite =
+            leg.estimated_m.is_finite() && leg.reference_m.is_finite() && leg.sigma_m.is_finite();
+        if !is_finite || leg.sigma_m <= 0.0 {
             return Err(SquintError::Leg(n));
         }
         let weight = 1.0 / (leg.sigma_m * leg.sigma_m);
-        dot += weight * leg.found_m.dot(leg.told_m);
-        cross += weight * leg.found_m.perp_dot(leg.told_m);
-        information += weight * leg.found_m.length() * leg.told_m.length();
-        travelled_m += leg.found_m.length();
+        dot += weight * leg.estimated_m.dot(leg.reference_m);
+        cross += weight * leg.estimated_m.perp_dot(leg.reference_m);
+        information += weight * leg.estimated_m.length() * leg.reference_m.length();
+        travelled_m += leg.estimated_m.length();
     }
     let sigma_rad = 1.0 / libm::sqrt(information);
     if sigma_rad.is_nan() || sigma_rad > WORST_RAD {
@@ -117,7 +121,7 @@ pub fn squint(legs: &[Leg]) -> Result<Squint, SquintError> {
     }
     let squint_rad = libm::atan2(cross, dot);
     let turn = unit(squint_rad);
-    let off = |leg: &Leg| (leg.told_m - turn.rotate(leg.found_m)).length() / leg.sigma_m;
+    let off = |leg: &Leg| (leg.reference_m - turn.rotate(leg.estimated_m)).length() / leg.sigma_m;
     Ok(Squint {
         squint_rad,
         sigma_rad,

@@ -8,8 +8,8 @@
 //! N A T A' + (W_k + W_(k+1)) / N
 //! ```
 //!
-//! The whole chain is then about as uncertain from its first pose to its last as the joint estimate, and parts of it are taken for less certain than they are: other sensors may bend it slowly, and its shape
-//! over short times stays that of the echoes.
+//! The whole chain is then about as uncertain from its first pose to its last as the joint estimate. Covariances of shorter parts are too large: other sensors may bend the track slowly, and its shape over short times
+//! stays that of the echoes.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
@@ -17,7 +17,7 @@ use crate::increment::Increment;
 use crate::joint::Covariances;
 use crate::model::Pose;
 
-/// Increments between poses, each with the covariance of x, y and turn that stands for independent errors.
+/// Increments between poses, each with the covariance of x, y and turn for use as independent errors.
 pub(crate) fn steps(poses: &[Pose], covariances: &Covariances) -> Vec<(Increment, DMat3)> {
     let count = poses.len().saturating_sub(1) as f64;
     let step = |(k, pair): (usize, &[Pose])| {
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slopes_are_differences() {
+    fn increment_derivatives_equal_central_differences() {
         let pose = |x, y, heading_rad| Pose {
             at_m: DVec2::new(x, y),
             heading_rad,

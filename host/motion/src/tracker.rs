@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2};
 
 use crate::check::{self, MotionError};
 use crate::increment::{Heading, Increment, WRAPPED};
-use crate::joint::{self, Covariances, Estimate, Known, NoEstimate};
+use crate::joint::{self, Covariances, Estimate, NoEstimate, Prior};
 use crate::model::{Array, Pose, Sighting, Target};
 use crate::steps::steps;
 use crate::wraps;
@@ -22,11 +22,11 @@ pub struct Tracker {
     pulses: VecDeque<Vec<Sighting>>,
     /// Number of the window's first pulse.
     first: usize,
-    prior: Known,
+    prior: Prior,
     /// Number of each target in the caller's count.
     names: Vec<usize>,
     /// Heading of the next pulse, where headings are known.
-    turned_rad: f64,
+    next_heading_rad: f64,
     /// Pulses from each pose of the window back to the pose before it, and from the next pose to the last.
     gaps: Vec<usize>,
     next_gap: usize,
@@ -41,10 +41,10 @@ pub struct Step {
     pub covariance: DMat3,
     /// Sum of squared residuals of the window in standard deviations, and about its expectation: measurements less unknowns.
     pub chi_square: [f64; 2],
-    /// Number of phases of which whole turns are in doubt.
+    /// Number of phases with ambiguous whole turns.
     pub doubtful: usize,
     /// Whether the least squares of the window converged.
-    pub settled: bool,
+    pub converged: bool,
 }
 
 /// Residual of a sighting of a [`Tracker`]'s last pulse: measured phases less those of the estimate.
@@ -71,27 +71,27 @@ impl Tracker {
             estimate: Estimate::default(),
             pulses: VecDeque::new(),
             first: 0,
-            prior: Known::default(),
+            prior: Prior::default(),
             names: Vec::new(),
-            turned_rad: 0.0,
+            next_heading_rad: 0.0,
             gaps: Vec::new(),
             next_gap: 1,
         })
     }
 
-    /// Smoother for known headings: 0, or those set by [`Self::turn_to`]. Headings are not estimated, which makes the rest more certain; their errors are not detected.
+    /// Smoother for known headings: 0, or those set by [`Self::set_heading`]. Headings are not estimated, so that positions are more certain; errors of the headings are not detected.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn held(array: Array, window: usize) -> Result<Self, MotionError> {
+    pub fn with_known_headings(array: Array, window: usize) -> Result<Self, MotionError> {
         let mut tracker = Self::new(array, window)?;
-        tracker.estimate.heading = Heading::Held;
+        tracker.estimate.heading = Heading::Known;
         Ok(tracker)
     }
 
     /// Set the heading of the next pulses, radians counterclockwise from the frame's x axis, where headings are known.
-    pub fn turn_to(&mut self, heading_rad: f64) {
-        self.turned_rad = heading_rad;
+    pub fn set_heading(&mut self, heading_rad: f64) {
+        self.next_heading_rad = heading_rad;
     }
 
     /// Targets with their numbers.
@@ -133,7 +133,7 @@ impl Tracker {
         pulse.iter().map(of).collect()
     }
 
-    /// Remove a target with its sightings in the window; its earlier influence stays in the marginalised prior. Returns `false` and changes nothing if it is unknown, or if a pulse of the window would keep fewer
+    /// Remove a target with its sightings in the window; its earlier influence stays in the marginalised prior. Returns `false` and changes no state if it is unknown, or if a pulse of the window would keep fewer
     /// than two targets.
     pub fn forget(&mut self, target: usize) -> bool {
         let Some(index) = self.names.iter().position(|name| *name == target) else {
@@ -188,9 +188,9 @@ impl Tracker {
 
     fn advance(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
         let mut expected = self.predicted();
-        let held = self.estimate.heading == Heading::Held;
-        if held {
-            expected.heading_rad = self.turned_rad;
+        let known_heading = self.estimate.heading == Heading::Known;
+        if known_heading {
+            expected.heading_rad = self.next_heading_rad;
         }
         let mut doubtful = 0;
         let mut own = Vec::with_capacity(sightings.len());
@@ -216,13 +216,13 @@ impl Tracker {
             0 => self.estimate.targets.len(),
             _ => 0,
         };
-        let found = (if held { 2 } else { 3 }) * pulses.len() + 3 * targets;
+        let found = (if known_heading { 2 } else { 3 }) * pulses.len() + 3 * targets;
         Ok(Step {
             pose: self.estimate.poses[pulses.len() - 1],
             covariance: covariances.pose(pulses.len() - 1),
-            chi_square: [solved.sum, beyond(pulses, found)],
+            chi_square: [solved.sum, degrees_of_freedom(pulses, found)],
             doubtful,
-            settled: solved.settled,
+            converged: solved.converged,
         })
     }
 
@@ -313,8 +313,8 @@ fn first_look(array: &Array, sighting: &Sighting, pose: &Pose) -> Target {
     target
 }
 
-/// Degrees of freedom: measurements less unknowns.
-fn beyond(pulses: &[Vec<Sighting>], found: usize) -> f64 {
+/// Degrees of freedom: measurements minus unknowns.
+fn degrees_of_freedom(pulses: &[Vec<Sighting>], found: usize) -> f64 {
     let sightings = pulses.iter().flatten();
     let measured: usize = sightings.map(|s| s.phases_rad.len() + 1).sum();
     measured.saturating_sub(found) as f64
@@ -325,24 +325,24 @@ fn beyond(pulses: &[Vec<Sighting>], found: usize) -> f64 {
 pub struct Track {
     /// Pose of each pulse.
     pub poses: Vec<Pose>,
-    /// Pose of each pulse as the smoother had it when the pulse came, in a slightly turned frame.
+    /// Pose of each pulse as estimated online, when the pulse was pushed, in a slightly rotated frame.
     pub live: Vec<Pose>,
     /// Covariances of x, y (metres) and heading (radians) of each pose, in the frame held by the first position and the first target.
     pub covariances: Vec<DMat3>,
-    /// Joint covariances of poses and targets; [`Covariances::laid`] gives those of the track's shape.
-    pub known: Covariances,
+    /// Joint covariances of poses and targets; [`Covariances::aligned`] returns those of the track's shape.
+    pub joint_covariances: Covariances,
     /// Sightings with unwrapped phases; targets by their position in `targets`.
-    pub understood: Vec<Vec<Sighting>>,
+    pub unwrapped_sightings: Vec<Vec<Sighting>>,
     /// Increments between poses in the axes of the former pose, with covariances of x, y and turn that stand for independent errors: the chain as a whole is as uncertain as the joint estimate, parts of it more.
     pub steps: Vec<(Increment, DMat3)>,
     /// Targets with their numbers.
     pub targets: Vec<(usize, Target)>,
     /// Sum of squared residuals in standard deviations, and its expectation: measurements less unknowns.
     pub chi_square: [f64; 2],
-    /// Number of phases of each pulse of which whole turns are in doubt.
+    /// Number of phases of each pulse with ambiguous whole turns.
     pub doubtful: Vec<usize>,
     /// Whether the least squares converged.
-    pub settled: bool,
+    pub converged: bool,
 }
 
 /// Estimate the track of a radar from its sightings: fixed-lag smoother with a window of `window` pulses, then least squares over all pulses.
@@ -358,7 +358,7 @@ pub fn track(
     track_numbered(array, pulses, &numbers, window)
 }
 
-/// The same for some pulses of a recording: `numbers` are theirs, strictly ascending, and all pulses of the recording are at equal intervals in time.
+/// [`track`] of a subset of a recording's pulses. `numbers` are the pulses' numbers in the recording, strictly ascending; all pulses of the recording are at equal intervals in time.
 ///
 /// # Errors
 /// [`MotionError`] with the pulse's position in `pulses`.
@@ -376,11 +376,11 @@ pub fn track_numbered(
     whole(tracker, pulses, numbers, |_| 0.0)
 }
 
-/// The same for known headings, one a pulse, radians counterclockwise from the frame's x axis; on a rail all are 0.
+/// [`track`] with known headings, one per pulse, radians counterclockwise from the frame's x axis; on a rail all are 0.
 ///
 /// # Errors
 /// As [`track`]; [`MotionError::Headings`].
-pub fn track_turned(
+pub fn track_with_headings(
     array: &Array,
     pulses: &[Vec<Sighting>],
     headings_rad: &[f64],
@@ -394,7 +394,8 @@ pub fn track_turned(
         };
         return Err((0, error));
     }
-    let tracker = Tracker::held(array.clone(), window).map_err(|error| (0, error))?;
+    let tracker =
+        Tracker::with_known_headings(array.clone(), window).map_err(|error| (0, error))?;
     let numbers: Vec<usize> = (0..pulses.len()).collect();
     whole(tracker, pulses, &numbers, |n| headings_rad[n])
 }
@@ -402,7 +403,7 @@ pub fn track_turned(
 /// Largest number of rounds of unwrapping against the joint estimate.
 const MAX_ROUNDS: usize = 4;
 
-/// All pulses by the fixed-lag smoother, then together.
+/// Track by the fixed-lag smoother, refined by joint least squares over all pulses.
 ///
 /// The smoother unwraps phases against a predicted pose. If the prediction was wrong for one target and right for the others, the joint estimate is near the right pose all the same, and that phase is off by a
 /// turn. Phases are therefore unwrapped against the joint estimate, and it is repeated until no phase changes.
@@ -418,50 +419,50 @@ fn whole(
         heading,
         ..Estimate::default()
     };
-    let mut understood = Vec::new();
+    let mut unwrapped_sightings = Vec::new();
     for (n, sightings) in pulses.iter().enumerate() {
-        tracker.turn_to(heading_rad(n));
+        tracker.set_heading(heading_rad(n));
         tracker.skip(n.checked_sub(1).map_or(0, |m| numbers[n] - numbers[m] - 1));
         let step = tracker.push(sightings).map_err(|error| (n, error))?;
         estimate.poses.push(step.pose);
-        understood.push(tracker.last().to_vec());
+        unwrapped_sightings.push(tracker.last().to_vec());
     }
     estimate.targets = tracker.targets().map(|(_, target)| target).collect();
     let live = estimate.poses.clone();
     let at_last = |error: NoEstimate| (pulses.len(), error.into());
-    let nothing = Known::default();
+    let no_prior = Prior::default();
     let mut solved =
-        joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(at_last)?;
+        joint::solve(array, &unwrapped_sightings, 0, &mut estimate, &no_prior).map_err(at_last)?;
     for _ in 0..MAX_ROUNDS {
         let (mut next, again) = (
             estimate.clone(),
-            wraps::rewrapped(array, &understood, &estimate),
+            wraps::rewrapped(array, &unwrapped_sightings, &estimate),
         );
-        if again == understood {
+        if again == unwrapped_sightings {
             break;
         }
-        match joint::solve(array, &again, 0, &mut next, &nothing) {
+        match joint::solve(array, &again, 0, &mut next, &no_prior) {
             Ok(better) if better.sum < solved.sum => {
-                (estimate, understood, solved) = (next, again, better);
+                (estimate, unwrapped_sightings, solved) = (next, again, better);
             }
             _ => break,
         }
     }
-    let covariances =
-        joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(at_last)?;
-    let of_pose = if heading == Heading::Held { 2 } else { 3 };
+    let covariances = joint::covariances(array, &unwrapped_sightings, 0, &estimate, &no_prior)
+        .map_err(at_last)?;
+    let of_pose = if heading == Heading::Known { 2 } else { 3 };
     let found = of_pose * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
     let names = tracker.targets().map(|(name, _)| name);
     Ok(Track {
-        doubtful: wraps::doubtful(array, &understood, numbers, &estimate),
+        doubtful: wraps::doubtful(array, &unwrapped_sightings, numbers, &estimate),
         targets: names.zip(estimate.targets.iter().copied()).collect(),
         steps: steps(&estimate.poses, &covariances),
         poses: estimate.poses,
         live,
         covariances: covariances.poses().collect(),
-        known: covariances,
-        chi_square: [solved.sum, beyond(&understood, found)],
-        understood,
-        settled: solved.settled,
+        joint_covariances: covariances,
+        chi_square: [solved.sum, degrees_of_freedom(&unwrapped_sightings, found)],
+        unwrapped_sightings,
+        converged: solved.converged,
     })
 }

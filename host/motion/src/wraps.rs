@@ -1,12 +1,12 @@
 //! Whole turns of phase of a track: unwrapping against an estimate, and which turns remain in doubt.
 //!
-//! A phase is known but for whole turns. At a pulse, turns `k_i` of targets `i` agree with another pose `delta` away, at the cost in squared standard deviations
+//! A phase is known modulo whole turns. At a pulse, turns `k_i` of targets `i` agree with another pose at the distance `delta`, at the cost in squared standard deviations
 //!
 //! ```text
 //! Q(k) = min over delta of  sum_i sum_c ((2 pi k_i - J_ic . delta) / sigma_i)^2 + sum_i (J_i . delta / sigma_range_i)^2
 //! ```
 //!
-//! `J` the derivatives of phases and ranges by the pose. Where `Q` of every `k` but 0 exceeds [`SURE`], ranges and the spread of directions exclude any other pose, however the radar moves. Elsewhere
+//! `J` the derivatives of phases and ranges by the pose. Where `Q` of every `k` but 0 exceeds [`EXCLUDED`], ranges and the spread of directions exclude any other pose, however the radar moves. Elsewhere
 //! an even motion decides: a second difference of phase of more than 0.6 of half a turn agrees almost as well with a motion that is half a wavelength off.
 
 use std::f64::consts::{PI, TAU};
@@ -19,18 +19,18 @@ use crate::increment::{Heading, WRAPPED};
 use crate::joint::Estimate;
 use crate::model::{Array, Line, Pose, Sighting};
 
-/// Squared standard deviations by which another pose is excluded: five of them.
-const SURE: f64 = 25.0;
+/// Value of `Q` from which another pose is excluded: five standard deviations, squared.
+const EXCLUDED: f64 = 25.0;
 /// RMS residual of a pulse's phases that another pose, half a wavelength off, leaves: targets in different directions share out their parts of a turn.
 const CONTRADICTS_RAD: f64 = 0.5;
-/// One pulse that contradicts its pose among so many is an outlier, more are a wrong track.
+/// A fraction of contradicting pulses of up to 1 / `MISFITS` are outliers, more are a wrong track.
 const MISFITS: usize = 100;
 /// Information of a heading that is held.
 const HELD: f64 = 1e12;
-/// Weight of all targets beside the two of which a candidate pose is found.
+/// Weight of all targets relative to the two that determine a candidate pose.
 const OTHERS: f64 = 1e-3;
 
-/// The pulses with every phase within half a turn of the estimate.
+/// Pulses with every phase unwrapped to within half a turn of the estimate.
 pub(crate) fn rewrapped(
     array: &Array,
     pulses: &[Vec<Sighting>],
@@ -55,7 +55,7 @@ pub(crate) fn rewrapped(
         .collect()
 }
 
-/// Of each pulse, the phases of which whole turns are in doubt.
+/// Number of phases with ambiguous whole turns in each pulse.
 pub(crate) fn doubtful(
     array: &Array,
     pulses: &[Vec<Sighting>],
@@ -80,7 +80,7 @@ pub(crate) fn doubtful(
             phases.filter(is_uneven).count()
         });
         let uneven: usize = uneven.sum();
-        match uneven > 0 && ambiguity(array, pulse, &poses[n], estimate) < SURE {
+        match uneven > 0 && ambiguity(array, pulse, &poses[n], estimate) < EXCLUDED {
             true => uneven,
             false => 0,
         }
@@ -94,7 +94,7 @@ pub(crate) fn doubtful(
     doubtful
 }
 
-/// Of each pulse whose phases contradict its pose, their number: RMS residuals of more than [`CONTRADICTS_RAD`] and three standard deviations. A whole turn or a target is wrong there.
+/// Number of phases of each pulse that contradicts its pose, by RMS residuals above [`CONTRADICTS_RAD`] and three standard deviations; 0 for other pulses. A whole turn or a target is wrong there.
 fn misfits(array: &Array, pulses: &[Vec<Sighting>], estimate: &Estimate) -> Vec<usize> {
     let of = |(pulse, pose): (&Vec<Sighting>, &Pose)| {
         let (mut square, mut variance, mut count) = (0.0, 0.0, 0);
@@ -154,7 +154,7 @@ impl Part {
 }
 
 fn solved(mut matrix: DMat3, heading: Heading, right: DVec3) -> Option<DVec3> {
-    if heading == Heading::Held {
+    if heading == Heading::Known {
         matrix.z_axis.z += HELD;
     }
     // Symmetric, so that rows are columns.
@@ -164,7 +164,7 @@ fn solved(mut matrix: DMat3, heading: Heading, right: DVec3) -> Option<DVec3> {
     Some(DVec3::from_array(step))
 }
 
-/// The least `Q` over turns: those of each two targets, by one at the most, and what follows of them for the others.
+/// Smallest `Q` over turns: up to one turn for each pair of targets, and the turns that follow for the others.
 fn ambiguity(array: &Array, pulse: &[Sighting], pose: &Pose, estimate: &Estimate) -> f64 {
     let heading = estimate.heading;
     let part = |sighting: &Sighting| {
@@ -188,7 +188,7 @@ fn ambiguity(array: &Array, pulse: &[Sighting], pose: &Pose, estimate: &Estimate
     for (i, a) in parts.iter().enumerate() {
         for (j, b) in parts.iter().enumerate().skip(i + 1) {
             let matrix = a.by_phases + b.by_phases + all * OTHERS;
-            // Turns the other way round cost as much.
+            // Turns of opposite sign have equal cost.
             for [of_a, of_b] in [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]] {
                 let right = (a.slope * of_a + b.slope * of_b) * TAU;
                 let Some(step) = solved(matrix, heading, right) else {

@@ -1,32 +1,32 @@
-//! Error ellipses of whole tracks against the errors of many seeds.
+//! Error ellipses of tracks, compared with the errors over many seeds.
 
 use super::*;
 use subaperture_motion::Track;
 use subaperture_motion::joint::Datum;
 
-/// 95 % of two-dimensional Gaussian errors lie within this squared distance in standard deviations.
+/// Quantile 0.95 of chi-square with two degrees of freedom.
 const NINETY_FIVE: f64 = 5.991_464_547;
 
-/// Errors of places after the best turn and shift upon the truth, in the track's own axes, metres.
-fn laid_errors_m(found: &[Pose], truth: &[Pose]) -> Vec<DVec2> {
-    let count = found.len() as f64;
+/// Errors of positions after least-squares alignment with the truth by rotation and translation, in the track's axes, metres.
+fn aligned_errors_m(estimated: &[Pose], truth: &[Pose]) -> Vec<DVec2> {
+    let count = estimated.len() as f64;
     let mean = |poses: &[Pose]| poses.iter().map(|pose| pose.at_m).sum::<DVec2>() / count;
-    let (a, b) = (mean(found), mean(truth));
+    let (a, b) = (mean(estimated), mean(truth));
     let (mut dot, mut cross) = (0.0, 0.0);
-    for (got, wanted) in found.iter().zip(truth) {
+    for (got, wanted) in estimated.iter().zip(truth) {
         dot += (got.at_m - a).dot(wanted.at_m - b);
         cross += (wanted.at_m - b).perp_dot(got.at_m - a);
     }
     let turn = DVec2::from_angle(cross.atan2(dot));
-    let each = found.iter().zip(truth);
+    let each = estimated.iter().zip(truth);
     each.map(|(got, wanted)| got.at_m - a - turn.rotate(wanted.at_m - b))
         .collect()
 }
 
-/// The share of poses within their 95 % ellipses, and the RMS error of the shape, metres.
+/// Share of poses within their 95 % ellipses, and RMS error of the aligned track, metres.
 fn covered(track: &Track, truth: &[Pose]) -> [f64; 2] {
-    let known = track.known.laid(&track.poses, Datum::Shape);
-    let errors = laid_errors_m(&track.poses, truth);
+    let known = track.joint_covariances.aligned(&track.poses, Datum::Shape);
+    let errors = aligned_errors_m(&track.poses, truth);
     let (mut within, mut square) = (0usize, 0.0);
     for (error, known) in errors.iter().zip(&known) {
         let c = known.own + known.by_targets;
@@ -38,7 +38,7 @@ fn covered(track: &Track, truth: &[Pose]) -> [f64; 2] {
     [within as f64 / count, (square / count).sqrt()]
 }
 
-/// The mean of the shares over seeds, and how it scatters: its standard deviation, by that of the shares.
+/// Mean over seeds of the share of covered poses, and the standard deviation of the mean.
 fn shares(receivers: usize, snr_db: f64, seeds: u64) -> [f64; 2] {
     let (poses, array) = (poses(1000)[..250].to_vec(), array(receivers));
     let noise = Noise::of_snr(snr_db);
@@ -54,34 +54,34 @@ fn shares(receivers: usize, snr_db: f64, seeds: u64) -> [f64; 2] {
     [mean, (square / (count * (count - 1.0))).sqrt()]
 }
 
-/// Errors of a track are few numbers, each common to many poses, so that shares scatter from seed to seed: the mean is held to 95 % within four of its standard
-/// deviations, and a hundredth, which scale errors of the second order are at 10 dB.
+/// Errors are correlated over many poses of a track, so that the covered share scatters from seed to seed. The mean must be 0.95 within four of its standard deviations plus 0.01 for second-order
+/// errors at 10 dB.
 #[test]
-fn ellipses_of_a_laid_track_cover_its_errors() {
+fn ellipses_of_aligned_track_cover_95_percent_of_errors() {
     for (receivers, snr_db) in [(2, 10.0), (2, 20.0), (3, 15.0), (4, 30.0)] {
         let [mean, sigma] = shares(receivers, snr_db, 12);
         println!(
             "{receivers} receivers, {snr_db} dB: {mean:.3} +- {sigma:.3} of poses in their ellipses"
         );
         assert!((mean - 0.95).abs() < 4.0 * sigma + 0.01, "{mean} {sigma}");
-        // Shares of one track scatter by a fifth at the most: over 12 seeds by 0.06.
+        // The covered share of one track scatters by at most 0.2: the mean of 12 seeds by 0.06.
         assert!(sigma < 0.08, "{sigma}");
     }
 }
 
-/// By plain sums over all pulses: what laying takes of errors does not depend on what the least squares hold.
+/// Aligned covariances are independent of the gauge that the least squares hold.
 #[test]
-fn a_laid_first_pose_has_no_error_left() {
+fn alignment_with_first_pose_leaves_first_pose_without_error() {
     let (poses, array, noise) = (poses(1000)[..60].to_vec(), array(2), Noise::of_snr(20.0));
     let track = track(&array, &seen(&array, &poses, &noise, 1), WINDOW).unwrap();
-    let known = track.known.laid(&track.poses, Datum::First);
+    let known = track.joint_covariances.aligned(&track.poses, Datum::First);
     let first = known[0].own + known[0].by_targets;
     let last = known[59].own + known[59].by_targets;
-    // A micrometre is what is held; the heading has none by definition.
+    // The first position is held to a micrometre; the aligned first heading has no error by definition.
     assert!(first.x_axis.x < 1e-11 && first.y_axis.y < 1e-11, "{first}");
     assert!(first.z_axis.z.abs() < 1e-12, "{first}");
     assert!(last.x_axis.x > 1e-10, "{last}");
-    // Turning about the first pose by the first heading's error brings the last one off across the way.
+    // The error of the first heading rotates the track about its first position and moves the last one across the track.
     let held = track.covariances[59];
     let turned = track.covariances[0].z_axis.z * track.poses[59].at_m.length_squared();
     assert!(

@@ -1,4 +1,4 @@
-//! Faults of receivers and scenes, each told by its name.
+//! Diagnosis of simulated faults of channels, receivers and scenes.
 
 use super::scene::{seen, still};
 use super::*;
@@ -16,7 +16,7 @@ fn pulses(array: &Array, snr_db: f64) -> Vec<Vec<Sighting>> {
     )
 }
 
-/// One phase of each sighting, by its pulse, made another.
+/// Pulses with the phases of each sighting changed by `change`, which gets the pulse's number.
 fn with(
     pulses: &[Vec<Sighting>],
     mut change: impl FnMut(usize, &mut Vec<f64>),
@@ -31,7 +31,7 @@ fn with(
 }
 
 #[test]
-fn nothing_is_found_where_nothing_is_wrong() {
+fn faultless_sightings_have_no_findings() {
     for receivers in [2, 3, 4, 8] {
         for snr_db in [15.0, 30.0, 40.0] {
             let array = array(receivers);
@@ -107,7 +107,7 @@ fn swapped_receivers_are_reported() {
             );
         }
     }
-    // Transmitters, too, each with all receivers.
+    // The same receivers swapped for both of two transmitters.
     let mut array = array(4);
     array
         .transmitters_m
@@ -140,7 +140,7 @@ fn receiver_phase_offset_is_reported() {
             "{off}: {found:?}"
         );
     }
-    // Each of another, and nobody is to blame.
+    // A different offset at each receiver: no single one explains the errors.
     let array = array(5);
     let pulses = with(&pulses(&array, 25.0), |_, phases| {
         let other = [0.0, 0.9, -0.8, 0.6, -1.1];
@@ -155,7 +155,7 @@ fn receiver_phase_offset_is_reported() {
 
 #[test]
 fn excessive_motion_per_pulse_is_reported() {
-    // Towards the targets by 1.6 mm a pulse, of a wavelength of 3.9 mm: nearer by a half wavelength than the nearest whole turn says.
+    // 1.6 mm per pulse towards the targets at a wavelength of 3.9 mm: half a wavelength more than the wrapped phase shows.
     let array = array(2);
     for (by_m, turns) in [(1.6e-3, 1), (-1.6e-3, -1), (3.9e-3, 2)] {
         let pose = |n: usize| Pose {
@@ -175,7 +175,7 @@ fn excessive_motion_per_pulse_is_reported() {
         assert_eq!(found.len(), 4, "{found:?}");
         for finding in found {
             assert!(
-                matches!(finding, Finding::Wrapped { turns: told, .. } if told == turns),
+                matches!(finding, Finding::Wrapped { turns: found, .. } if found == turns),
                 "{by_m} {finding}"
             );
         }
@@ -192,7 +192,7 @@ fn too_few_targets_are_reported() {
     assert_eq!(
         examine(&array, &pulses),
         Ok(vec![
-            Finding::Nothing {
+            Finding::NoTarget {
                 pulses: 1,
                 all: 100
             },

@@ -1,18 +1,18 @@
-//! Headings that are known, not found.
+//! Tracks with known headings.
 
 use super::*;
 use glam::DMat2;
-use subaperture_motion::{Tracker, track_turned};
+use subaperture_motion::{Tracker, track_with_headings};
 
 const PULSES: usize = 200;
 
-/// Squares of the last pose's errors over their covariance, of all pulses together and live, and how many numbers each of them is of.
+/// Chi-square of the last pose's error over seeds, of the batch and of the online track, and its degrees of freedom.
 fn squares(receivers: usize, snr_db: f64, seeds: u64) -> [f64; 3] {
     let (poses, array) = (&poses(1000)[..PULSES], array(receivers));
     let noise = Noise::of_snr(snr_db);
     let headings_rad: Vec<f64> = poses.iter().map(|pose| pose.heading_rad).collect();
     let last = &poses[PULSES - 1];
-    // The frame is that of the headings: nothing has to be turned.
+    // The frame is that of the headings: errors need no rotation.
     let square = |pose: &Pose, covariance: &glam::DMat3| {
         assert_eq!(pose.heading_rad, last.heading_rad);
         let error = pose.at_m - last.at_m;
@@ -22,18 +22,18 @@ fn squares(receivers: usize, snr_db: f64, seeds: u64) -> [f64; 3] {
     let mut sums = [0.0; 2];
     for seed in 0..seeds {
         let pulses = seen(&array, poses, &noise, seed);
-        let held = track_turned(&array, &pulses, &headings_rad, WINDOW).unwrap();
-        assert!(held.settled, "{seed}");
-        let [chi, free] = held.chi_square;
+        let batch = track_with_headings(&array, &pulses, &headings_rad, WINDOW).unwrap();
+        assert!(batch.converged, "{seed}");
+        let [chi, free] = batch.chi_square;
         assert!(
             (chi - free).abs() < 5.0 * (2.0 * free).sqrt(),
             "{chi} {free}"
         );
-        sums[0] += square(&held.poses[PULSES - 1], &held.covariances[PULSES - 1]);
-        let mut tracker = Tracker::held(array.clone(), WINDOW).unwrap();
+        sums[0] += square(&batch.poses[PULSES - 1], &batch.covariances[PULSES - 1]);
+        let mut tracker = Tracker::with_known_headings(array.clone(), WINDOW).unwrap();
         let mut live = None;
         for (pulse, heading_rad) in pulses.iter().zip(&headings_rad) {
-            tracker.turn_to(*heading_rad);
+            tracker.set_heading(*heading_rad);
             live = Some(tracker.push(pulse).unwrap());
         }
         let live = live.unwrap();
@@ -44,9 +44,9 @@ fn squares(receivers: usize, snr_db: f64, seeds: u64) -> [f64; 3] {
     [sums[0], sums[1], count]
 }
 
-/// Each sum is of squares of as many independent normal numbers: within four times its standard deviation, the root of twice their number.
+/// Chi-square must be within four standard deviations of its degrees of freedom `n`; its standard deviation is `sqrt(2 n)`.
 #[test]
-fn covariances_are_right_where_headings_are_known() {
+fn errors_with_known_headings_agree_with_covariance() {
     for (receivers, snr_db) in [(2, 15.0), (4, 30.0)] {
         let [batch, live, count] = squares(receivers, snr_db, 16);
         for sum in [batch, live] {
@@ -59,11 +59,11 @@ fn covariances_are_right_where_headings_are_known() {
 }
 
 #[test]
-fn headings_have_to_be_as_many_as_pulses() {
+fn missing_or_non_finite_heading_is_refused() {
     let (poses, array, noise) = (poses(1000)[..20].to_vec(), array(2), Noise::of_snr(30.0));
     let pulses = seen(&array, &poses, &noise, 1);
     for headings in [vec![0.0; 19], vec![f64::NAN; 20]] {
-        let refused = track_turned(&array, &pulses, &headings, WINDOW).unwrap_err();
+        let refused = track_with_headings(&array, &pulses, &headings, WINDOW).unwrap_err();
         assert!(
             matches!(refused, (0, MotionError::Headings { .. })),
             "{refused:?}"

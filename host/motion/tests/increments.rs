@@ -1,13 +1,13 @@
-//! Increments from one pulse to the next, chained.
+//! Tracks chained from increments between neighbouring pulses.
 
 use super::*;
 use subaperture_motion::{Heading, Increment, Pairwise, Robust, chain};
 
-/// Pulses over which places are forgotten.
+/// Memory of [`Robust`], pulses.
 const MEMORY: usize = 100;
 
 fn pairwise(array: &Array, pulses: &[Vec<Sighting>]) -> Vec<Increment> {
-    let mut pairwise = Pairwise::new(array.clone(), Heading::Found).unwrap();
+    let mut pairwise = Pairwise::new(array.clone(), Heading::Estimated).unwrap();
     let each = pulses.iter();
     each.filter_map(|pulse| pairwise.push(pulse).unwrap())
         .map(|moved| moved.increment)
@@ -15,14 +15,14 @@ fn pairwise(array: &Array, pulses: &[Vec<Sighting>]) -> Vec<Increment> {
 }
 
 fn robust(array: &Array, pulses: &[Vec<Sighting>]) -> Vec<Increment> {
-    let mut robust = Robust::new(array.clone(), Heading::Found, MEMORY).unwrap();
+    let mut robust = Robust::new(array.clone(), Heading::Estimated, MEMORY).unwrap();
     let each = pulses.iter();
     each.filter_map(|pulse| robust.push(pulse).unwrap())
         .map(|found| found.increment)
         .collect()
 }
 
-/// Errors of the last pose's distance from the first, one a seed.
+/// Errors of the last pose's distance from the first, one per seed.
 struct Ends {
     errors_m: Vec<f64>,
     bound_m: f64,
@@ -71,14 +71,14 @@ fn ends(name: &str, method: Method, receivers: usize, snr_db: f64, seeds: u64) -
     ends
 }
 
-/// A mean of so many errors is off by less than three standard deviations of its own, but in one case of 400: seeds are fixed.
+/// The mean error is within three of its standard deviations of 0.
 #[track_caller]
 fn check_unbiased(ends: &Ends) {
     let own_m = ends.spread_m() / (ends.errors_m.len() as f64).sqrt();
     assert!(ends.mean_m().abs() < 3.0 * own_m, "{}", ends.mean_m());
 }
 
-/// The thesis finds 2 mm at the end of a metre (C 7.5.1); where angles err more, its track is too short, by more than chance.
+/// The thesis has an error of 2 mm after 1 m (C 7.5.1). At low SNR, errors of the angles shorten its track significantly.
 #[track_caller]
 fn check_thesis(receivers: usize, snr_db: f64, ends: &Ends) {
     let own_m = ends.spread_m() / (ends.errors_m.len() as f64).sqrt();
@@ -100,32 +100,32 @@ fn check_methods(snrs_db: &[f64], seeds: u64) {
             check_unbiased(&robust);
             robust
         });
-        // An array that is three times as long tells angles three times as well as their two ends do, and the two within help: 3.2 times.
+        // An array of three times the length has a third of the angle error; with the two inner receivers, 1 / 3.2.
         assert!(four.rms_m() < two.rms_m() / 2.0, "{snr_db} dB");
     }
 }
 
 #[test]
-fn increments_drift_as_their_angles_err() {
+fn robust_increments_are_unbiased_and_pairwise_ones_short_at_low_snr() {
     check_methods(&[15.0, 30.0], 8);
 }
 
 #[test]
 #[ignore = "minutes: cargo xtask long"]
-fn increments_of_fifty_seeds() {
+fn increments_of_fifty_seeds_have_expected_drift() {
     check_methods(&[15.0, 20.0, 25.0, 30.0, 35.0, 40.0], 50);
 }
 
-/// What is told of an increment's error is what it has: squares in standard deviations have a mean of one.
+/// Squared errors of increments over their variances have mean 1.
 #[test]
-fn covariances_are_those_of_the_errors() {
+fn increment_errors_agree_with_covariance() {
     for snr_db in [20.0, 35.0] {
         let (poses, array, noise) = (poses(1000), array(3), Noise::of_snr(snr_db));
         let mut squares = [0.0; 3];
         let mut fit = [0.0; 2];
         let mut count = 0.0;
         for seed in 0..4 {
-            let mut robust = Robust::new(array.clone(), Heading::Found, MEMORY).unwrap();
+            let mut robust = Robust::new(array.clone(), Heading::Estimated, MEMORY).unwrap();
             for (n, pulse) in seen(&array, &poses, &noise, seed).iter().enumerate() {
                 let Some(found) = robust.push(pulse).unwrap() else {
                     continue;
@@ -145,8 +145,8 @@ fn covariances_are_those_of_the_errors() {
         }
         let ratios = squares.map(|square| square / count);
         println!("{snr_db} dB: {ratios:.3?}, fit {:.3}", fit[0] / fit[1]);
-        // 4000 squares, of which neighbours share a pulse: 5 standard deviations are 0.16. Errors of places last for the memory, which leaves 40 of them
-        // their own, and are half of the variance at most: 5 standard deviations of that are 0.5 * 5 * sqrt(2 / 40 / 4).
+        // 4000 squares, correlated between neighbours by their common pulse: 5 standard deviations are 0.16. Errors of target positions are correlated over the memory, so that 40
+        // are independent, and are at most half of the variance: 5 standard deviations of them are 0.5 * 5 * sqrt(2 / 40 / 4).
         for ratio in ratios {
             assert!((ratio - 1.0).abs() < 0.16 + 0.28, "{ratios:?}");
         }
@@ -154,17 +154,17 @@ fn covariances_are_those_of_the_errors() {
     }
 }
 
-/// Of phases without noise increments follow to what the model leaves out.
+/// Without noise, the error of increments is that of the range model.
 #[test]
-fn without_noise_increments_are_the_motion() {
-    let nothing = Noise {
+fn increments_without_noise_equal_true_motion() {
+    let almost_none = Noise {
         phase_rad: 1e-9,
         range_m: 1e-9,
     };
     let (poses, array) = (poses(1000)[..200].to_vec(), array(4));
-    let pulses = seen(&array, &poses, &nothing, 0);
-    // Ranges start at the middle of the antennas, which is wrong by their spread over twice the range: 1e-4 / 4 m, of 2 m. The same share of the motion, 1 mm a pulse, is
-    // 1.3e-8 m, which angles between targets make three times worse.
+    let pulses = seen(&array, &poses, &almost_none, 0);
+    // Ranges are measured from the phase centre, an error of (antenna spacing)^2 / (2 range): 1e-4 / 4 m at 2 m. The same fraction of the motion, 1 mm per pulse, is
+    // 1.3e-8 m, which the small angles between targets enlarge by three.
     for (method, allowed_m) in [(pairwise as Method, 4e-8), (robust, 4e-8)] {
         let found = method(&array, &pulses);
         for (n, increment) in found.iter().enumerate() {
@@ -179,7 +179,7 @@ fn without_noise_increments_are_the_motion() {
     }
 }
 
-/// One target's phases are off in one pulse of seven, as if something else were in its range bin.
+/// One target's phases are off in every seventh pulse, as by interference in its range cell.
 #[test]
 fn outliers_do_not_change_increments() {
     let (poses, array, noise) = (poses(1000), array(2), Noise::of_snr(30.0));
@@ -193,31 +193,31 @@ fn outliers_do_not_change_increments() {
                 .iter_mut()
                 .for_each(|phase| *phase += 1.5);
         }
-        let mut robust = Robust::new(array.clone(), Heading::Found, MEMORY).unwrap();
+        let mut robust = Robust::new(array.clone(), Heading::Estimated, MEMORY).unwrap();
         let (mut found, mut down) = (Vec::new(), 0);
         assert_eq!(robust.push(&pulses[0]), Ok(None));
         for (n, pulse) in pulses.iter().enumerate().skip(1) {
             let step = robust.push(pulse).unwrap().unwrap();
-            // It is off in this pulse, or was in the one before.
-            let soiled = matches!(n % 7, 3 | 4);
+            // The phases are off in this pulse or in the one before.
+            let disturbed = matches!(n % 7, 3 | 4);
             for (name, weight) in &step.weights {
-                match soiled && *name == 2 {
+                match disturbed && *name == 2 {
                     true => assert!(*weight < 0.01, "{n}: {weight}"),
                     false => down += usize::from(*weight < 1.0),
                 }
             }
             found.push(step.increment);
         }
-        // Of 4000 one in ten thousand may look as if it did not belong.
+        // Weights fall below 1 for one inlier in ten thousand, and there are 4000 sightings.
         assert!(down < 5, "{down}");
         let track = chain(found);
         square += (track[999].at_m.length() - truth_m).powi(2) / 6.0;
     }
-    // A target less in two of seven increments, and phases' noise that does not cancel where one is left out: not three times the 0.8 mm without.
+    // Two of seven increments have one target less, and phase noise does not cancel where it is left out: less than three times the 0.8 mm without outliers.
     assert!(square.sqrt() < 2.4e-3, "{}", square.sqrt());
 }
 
-/// On a rail: the heading is not lost.
+/// On a rail, a known heading does not drift.
 #[test]
 fn known_heading_improves_the_increments() {
     let (array, noise) = (array(2), Noise::of_snr(30.0));
@@ -229,7 +229,7 @@ fn known_heading_improves_the_increments() {
     let mut across_m = [0.0; 2];
     for seed in 0..4 {
         let pulses = seen(&array, &poses, &noise, seed);
-        for (i, heading) in [Heading::Found, Heading::Held].into_iter().enumerate() {
+        for (i, heading) in [Heading::Estimated, Heading::Known].into_iter().enumerate() {
             let mut a = Pairwise::new(array.clone(), heading).unwrap();
             let mut b = Robust::new(array.clone(), heading, MEMORY).unwrap();
             let mut found = [Vec::new(), Vec::new()];
@@ -257,26 +257,26 @@ fn unobservable_increments_are_refused() {
         all.truncate(targets);
         all
     };
-    let mut a = Pairwise::new(array.clone(), Heading::Found).unwrap();
-    let mut b = Robust::new(array.clone(), Heading::Found, MEMORY).unwrap();
+    let mut a = Pairwise::new(array.clone(), Heading::Estimated).unwrap();
+    let mut b = Robust::new(array.clone(), Heading::Estimated, MEMORY).unwrap();
     for n in 0..10 {
-        // Nothing in the fourth, one target in the seventh.
+        // No target in the fourth pulse, one in the seventh.
         let seen = pulse(n, [4, 4, 4, 0, 4, 4, 1, 4, 4, 4][n]);
-        let told = [
+        let results = [
             a.push(&seen).map(|moved| moved.is_some()),
             b.push(&seen).map(|found| found.is_some()),
         ];
-        for told in told {
-            match (n, told) {
-                (0, told) => assert_eq!(told, Ok(false)),
-                (3 | 4 | 6 | 7, told) => {
-                    let text = told.unwrap_err().to_string();
+        for result in results {
+            match (n, result) {
+                (0, result) => assert_eq!(result, Ok(false)),
+                (3 | 4 | 6 | 7, result) => {
+                    let text = result.unwrap_err().to_string();
                     assert!(
                         text.contains(&format!("pulse {n} has too few targets")),
                         "{text}"
                     );
                 }
-                (_, told) => assert_eq!(told, Ok(true), "{n}"),
+                (_, result) => assert_eq!(result, Ok(true), "{n}"),
             }
         }
     }
@@ -290,12 +290,12 @@ fn unobservable_increments_are_refused() {
         b.push(&wrong),
         Err(MotionError::Sighting { target: 1, .. })
     ));
-    // As if it had not been.
+    // The refused pulse is ignored.
     let next = pulse(10, 4);
     assert!(a.push(&next).unwrap().is_some() && b.push(&next).unwrap().is_some());
 }
 
-/// Targets in one direction do not tell a motion across it.
+/// Motion across the line of sight is not observable from targets in one direction.
 #[test]
 fn targets_in_one_direction_are_refused() {
     let array = array(2);
@@ -312,7 +312,7 @@ fn targets_in_one_direction_are_refused() {
         all[1] = Sighting { target: 1, ..copy };
         a.push(&all)
     };
-    let mut a = Pairwise::new(array.clone(), Heading::Found).unwrap();
+    let mut a = Pairwise::new(array.clone(), Heading::Estimated).unwrap();
     push(0, &mut a).unwrap();
     assert!(matches!(push(1, &mut a), Err(MotionError::NoEstimate(_))));
 }

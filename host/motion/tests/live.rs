@@ -1,12 +1,12 @@
-//! Targets that move, while a radar is followed at a kilohertz.
+//! Online tracks among moving targets, at 1000 pulses per second.
 
-use super::movers::{MOVER, RATE_HZ, STRETCH, flat, moving};
+use super::movers::{MOVER, RATE_HZ, SEGMENT, flat, moving};
 use super::scene::{Reflector, seen, still};
 use super::*;
 use subaperture_motion::Live;
 use subaperture_motion::live::Look;
 
-/// A radar followed live, its poses as they were known in the end, and what was said of targets by which pulse.
+/// Online estimator after all pulses, its final poses, and each dropped target with the pulse at which it was dropped.
 struct Followed {
     live: Live,
     poses: Vec<Pose>,
@@ -14,13 +14,13 @@ struct Followed {
 }
 
 fn follow(array: &Array, pulses: &[Vec<Sighting>]) -> Followed {
-    let mut live = Live::new(array.clone(), WINDOW, STRETCH).unwrap();
+    let mut live = Live::new(array.clone(), WINDOW, SEGMENT).unwrap();
     let (mut poses, mut dropped) = (Vec::new(), Vec::new());
     for (n, pulse) in pulses.iter().enumerate() {
         let look: Look = live.push(n as f64 / RATE_HZ, pulse).unwrap();
         poses.push(look.step.pose);
-        let first = poses.len() - look.again.len();
-        poses.splice(first.., look.again);
+        let first = poses.len() - look.repeated.len();
+        poses.splice(first.., look.repeated);
         dropped.extend(look.dropped.into_iter().map(|target| (target, n)));
     }
     Followed {
@@ -30,7 +30,7 @@ fn follow(array: &Array, pulses: &[Vec<Sighting>]) -> Followed {
     }
 }
 
-/// By how much a velocity is off, over what it is; the frame is turned by what the first sight of the first target was off.
+/// Relative error of the mover's velocity. The frame is rotated by the error of the first direction of the first target.
 fn off(followed: &Followed, truth: [f64; 2]) -> f64 {
     let [(_, first), ..] = followed.live.tracker().targets().collect::<Vec<_>>()[..] else {
         panic!("no target")
@@ -44,7 +44,7 @@ fn off(followed: &Followed, truth: [f64; 2]) -> f64 {
 }
 
 #[test]
-fn the_live_track_does_not_suffer_from_a_mover() {
+fn mover_does_not_increase_error_of_online_track() {
     const SEEDS: u64 = 6;
     for (receivers, snr_db) in [(2, 30.0), (4, 20.0)] {
         let (poses, array, noise) = (poses(1000), array(receivers), Noise::of_snr(snr_db));
@@ -57,7 +57,7 @@ fn the_live_track_does_not_suffer_from_a_mover() {
             for (i, reflectors) in [&still, &all].into_iter().enumerate() {
                 let pulses = seen(&array, &poses, flat, reflectors, &noise, seed);
                 let followed = follow(&array, &pulses);
-                let expected = [(4, STRETCH - 1)];
+                let expected = [(4, SEGMENT - 1)];
                 assert_eq!(followed.dropped, expected[..i], "{seed}");
                 squares[i] += (followed.poses[999].at_m.length() - truth_m).powi(2);
                 if i == 1 {
@@ -77,9 +77,9 @@ fn the_live_track_does_not_suffer_from_a_mover() {
     }
 }
 
-/// A target that appears in pulse 100, in the first quarter of the fourth stretch, is found to move at the end of that and never used; one that stood and begins to move is dropped within two stretches.
+/// A mover that appears in pulse 100, in the first quarter of the fourth segment, is dropped at the end of that segment and never used. A target that starts to move is dropped within two segments.
 #[test]
-fn late_targets_and_late_movers_are_dropped() {
+fn late_mover_is_never_used_and_starting_mover_is_dropped() {
     let (poses, array, noise) = (poses(1000)[..400].to_vec(), array(2), Noise::of_snr(30.0));
     let mut all = still(&PLACES_M);
     all.push(moving(MOVER.0, MOVER.1));
@@ -89,14 +89,14 @@ fn late_targets_and_late_movers_are_dropped() {
         pulse.truncate(4);
     }
     let followed = follow(&array, &late);
-    assert_eq!(followed.dropped, [(4, 4 * STRETCH - 1)]);
+    assert_eq!(followed.dropped, [(4, 4 * SEGMENT - 1)]);
     assert!(off(&followed, MOVER.1) < 0.05);
-    // As if it had not been there, to the bit.
+    // Bit-identical to the track without the mover.
     let mut without = pulses.clone();
     without.iter_mut().for_each(|pulse| pulse.truncate(4));
     let alone = follow(&array, &without);
     assert_eq!(followed.poses, alone.poses);
-    // Still up to pulse 150; the fifth of five.
+    // The fifth target stands still up to pulse 150.
     let mut stood = all.clone();
     stood[4] = Reflector {
         step_m: [0.0; 2],
@@ -121,7 +121,7 @@ fn late_targets_and_late_movers_are_dropped() {
             3,
         );
         let first = &mut pulse[4];
-        // Its phase goes on from where it stood: the same constant, the same noise's size, another draw.
+        // Its phase continues from the standing target's: add the difference of the noise-free phases.
         let clean = seen(
             &array,
             &poses[n..=n],
@@ -146,8 +146,8 @@ fn late_targets_and_late_movers_are_dropped() {
     let [(4, pulse)] = followed.dropped[..] else {
         panic!("{:?}", followed.dropped)
     };
-    assert!((150..150 + 2 * STRETCH).contains(&pulse), "{pulse}");
-    // What it bent is what a stretch of it could: within a millimetre of the truth and of the track without it.
+    assert!((150..150 + 2 * SEGMENT).contains(&pulse), "{pulse}");
+    // Its influence before it was dropped moves the track by less than 1 mm.
     let off_m = followed.poses[399].at_m.distance(alone.poses[399].at_m);
     println!(
         "began to move, dropped in pulse {pulse}; {:.3} mm off the track without it",
@@ -157,13 +157,13 @@ fn late_targets_and_late_movers_are_dropped() {
 }
 
 #[test]
-fn two_targets_leave_it_in_doubt_and_time_goes_on() {
+fn two_targets_are_in_doubt_and_time_must_ascend() {
     let (poses, array, noise) = (poses(1000)[..40].to_vec(), array(2), Noise::of_snr(30.0));
     let pulses = seen(&array, &poses, flat, &still(&PLACES_M[..2]), &noise, 1);
-    let mut live = Live::new(array.clone(), WINDOW, STRETCH).unwrap();
+    let mut live = Live::new(array.clone(), WINDOW, SEGMENT).unwrap();
     for (n, pulse) in pulses.iter().enumerate() {
         let look = live.push(n as f64, pulse).unwrap();
-        assert_eq!(look.doubt.is_some(), n == STRETCH - 1, "{n}");
+        assert_eq!(look.doubt.is_some(), n == SEGMENT - 1, "{n}");
     }
     let refused = live.push(39.0, &pulses[0]).unwrap_err();
     assert!(matches!(refused, MotionError::Time { .. }), "{refused}");

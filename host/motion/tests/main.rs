@@ -1,4 +1,4 @@
-//! Tracks found from simulated phases, against the truth and against what can be known.
+//! Tracks estimated from simulated phases, compared with the truth and with the Cramer-Rao bound.
 
 mod coverage;
 mod diagnosis;
@@ -15,11 +15,11 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use subaperture_motion::joint::{Estimate, Known, covariances};
+use subaperture_motion::joint::{Estimate, Prior, covariances};
 use subaperture_motion::{Array, MotionError, Pose, Sighting, Target, Tracker, track};
 
 const WAVELENGTH_M: f64 = 299_792_458.0 / 77e9;
-/// Of a bandwidth of 1 GHz.
+/// Range resolution at a bandwidth of 1 GHz.
 const RANGE_BIN_M: f64 = 0.15;
 
 /// One transmitter and receivers half a wavelength apart.
@@ -35,7 +35,7 @@ fn array(receivers: usize) -> Array {
 /// Four reflectors at 2 to 5 m (Chim 2018, 7.5).
 const PLACES_M: [[f64; 2]; 4] = [[-0.8, 2.2], [0.3, 3.1], [1.6, 3.6], [-1.1, 4.7]];
 
-/// As they are told: by their phases where they were seen first. At path 0 they have as many radians as their number.
+/// Targets with their phases at the first pose. The phase at path 0 is the target's number in radians.
 fn targets(array: &Array) -> Vec<Target> {
     let each = PLACES_M.iter().enumerate();
     each.map(|(i, place)| {
@@ -53,7 +53,7 @@ fn targets(array: &Array) -> Vec<Target> {
     .collect()
 }
 
-/// A metre along x in so many pulses, swaying by 3 mm, the heading by a hundredth.
+/// Track of 1 m along x in `count` pulses, with sway of 3 mm across and 0.01 rad in heading.
 fn poses(count: usize) -> Vec<Pose> {
     let pose = |n: usize| {
         let u = n as f64 / (count - 1) as f64;
@@ -66,7 +66,7 @@ fn poses(count: usize) -> Vec<Pose> {
     (0..count).map(pose).collect()
 }
 
-/// Independent of the model under test: plain distances.
+/// Path length from plain distances, independent of the model under test.
 fn path_m(array: &Array, channel: [usize; 2], pose: &Pose, at_m: DVec2) -> f64 {
     let antenna = |a: DVec2| pose.at_m + DVec2::from_angle(pose.heading_rad).rotate(a);
     let [t, r] = channel;
@@ -85,7 +85,7 @@ struct Noise {
 }
 
 impl Noise {
-    /// Of a signal so much above noise in each channel.
+    /// Noise for this SNR in each channel, dB.
     fn of_snr(db: f64) -> Self {
         let amplitude = 10f64.powf(db / 20.0);
         Self {
@@ -123,7 +123,7 @@ fn sightings(array: &Array, pose: &Pose, noise: &Noise, random: &mut ChaCha8Rng)
     .collect()
 }
 
-/// All pulses of a track.
+/// Sightings of all pulses of a track.
 fn seen(array: &Array, poses: &[Pose], noise: &Noise, seed: u64) -> Vec<Vec<Sighting>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let each = poses.iter();
@@ -131,8 +131,8 @@ fn seen(array: &Array, poses: &[Pose], noise: &Noise, seed: u64) -> Vec<Vec<Sigh
         .collect()
 }
 
-/// What does not depend on how the frame is turned: how far the last pose lies from the first, and its heading from the direction of the
-/// first target; off the truth by so much.
+/// Errors of the last pose's distance from the first (metres) and of its heading relative to the direction of the first target (radians):
+/// both are independent of the frame's rotation.
 fn errors(last: &Pose, target_m: DVec2, truth: &Pose) -> [f64; 2] {
     let of = |pose: &Pose, at_m: DVec2| [pose.at_m.length(), pose.heading_rad - at_m.to_angle()];
     let (got, wanted) = (
@@ -142,7 +142,7 @@ fn errors(last: &Pose, target_m: DVec2, truth: &Pose) -> [f64; 2] {
     [got[0] - wanted[0], got[1] - wanted[1]]
 }
 
-/// The same as the model says it, without noise.
+/// Sightings with the model's values, without noise.
 fn without_noise(array: &Array, poses: &[Pose], noise: &Noise) -> Vec<Vec<Sighting>> {
     let mut pulses = seen(array, poses, noise, 0);
     for (all, pose) in pulses.iter_mut().zip(poses) {
@@ -156,7 +156,7 @@ fn without_noise(array: &Array, poses: &[Pose], noise: &Noise) -> Vec<Vec<Sighti
     pulses
 }
 
-/// Standard deviations of the distance of the last pose and of its heading that no unbiased estimator beats, the direction of the first target given.
+/// Cramer-Rao bounds of the last pose's distance (metres) and heading (radians), given the direction of the first target.
 fn bound(array: &Array, poses: &[Pose], noise: &Noise) -> [f64; 2] {
     let truth = Estimate {
         poses: poses.to_vec(),
@@ -164,16 +164,16 @@ fn bound(array: &Array, poses: &[Pose], noise: &Noise) -> [f64; 2] {
         ..Estimate::default()
     };
     let pulses = without_noise(array, poses, noise);
-    let all = covariances(array, &pulses, 0, &truth, &Known::default()).unwrap();
+    let all = covariances(array, &pulses, 0, &truth, &Prior::default()).unwrap();
     let last = all.pose(poses.len() - 1);
     let along = poses[poses.len() - 1].at_m.normalize().extend(0.0);
     [along.dot(last * along).sqrt(), last.z_axis.z.sqrt()]
 }
 
-/// Pulses that are looked at again.
+/// Window of the fixed-lag smoother, pulses.
 const WINDOW: usize = 10;
 
-/// RMS errors over seeds, in parts of what can be known: of the whole track and live.
+/// RMS errors over seeds relative to the Cramer-Rao bound: of the batch track, then of the online track.
 fn ratios(receivers: usize, snr_db: f64, seeds: u64) -> [[f64; 2]; 2] {
     let (poses, array, noise) = (poses(1000), array(receivers), Noise::of_snr(snr_db));
     let truth = &poses[poses.len() - 1];
@@ -182,11 +182,11 @@ fn ratios(receivers: usize, snr_db: f64, seeds: u64) -> [[f64; 2]; 2] {
     for seed in 0..seeds {
         let pulses = seen(&array, &poses, &noise, seed);
         let track = track(&array, &pulses, WINDOW).unwrap();
-        assert!(track.settled, "{seed}");
-        // Noise of 15 dB may look like a phase that wrapped.
+        assert!(track.converged, "{seed}");
+        // At 15 dB, noise may look like a wrapped phase.
         let doubtful = track.doubtful.iter().filter(|&&n| n > 0).count();
         assert!(doubtful <= usize::from(snr_db < 20.0), "{seed}: {doubtful}");
-        // As many squares as degrees of freedom, give or take five standard deviations.
+        // Chi-square within five standard deviations of its degrees of freedom.
         let [sum, free] = track.chi_square;
         assert!(
             (sum - free).abs() < 5.0 * (2.0 * free).sqrt(),
@@ -201,7 +201,7 @@ fn ratios(receivers: usize, snr_db: f64, seeds: u64) -> [[f64; 2]; 2] {
     }
     let ratios = squares.map(|squares| [0, 1].map(|i| squares[i].sqrt() / bound[i]));
     println!(
-        "{receivers} receivers, {snr_db} dB: bound {:.4} mm along, {:.4} deg of heading; found {:.2?} times that, live {:.2?}",
+        "{receivers} receivers, {snr_db} dB: bound {:.4} mm along, {:.4} deg of heading; batch errors {:.2?} times that, online {:.2?}",
         1e3 * bound[0],
         bound[1].to_degrees(),
         ratios[0],
@@ -222,26 +222,26 @@ fn check(receivers: usize, snrs_db: &[f64], seeds: u64) {
 }
 
 #[test]
-fn two_receivers_give_the_observable_components() {
+fn track_of_two_receivers_reaches_cramer_rao_bound() {
     check(2, &[15.0, 30.0], 8);
 }
 
 #[test]
-fn four_receivers_give_the_observable_components() {
+fn track_of_four_receivers_reaches_cramer_rao_bound() {
     check(4, &[15.0, 30.0], 8);
 }
 
 #[test]
 #[ignore = "minutes: cargo xtask long"]
-fn tracks_of_fifty_seeds() {
+fn tracks_of_fifty_seeds_reach_cramer_rao_bound() {
     for receivers in [2, 4] {
         check(receivers, &[15.0, 20.0, 25.0, 30.0, 35.0, 40.0], 50);
     }
 }
 
-/// By differences of plain distances, and elimination of all unknowns at once.
+/// The reference is the inverse of the full normal matrix, from central differences of plain distances.
 #[test]
-fn covariances_are_those_of_the_whole_system() {
+fn covariances_equal_inverse_of_full_normal_matrix() {
     let array = array(3);
     let poses: Vec<Pose> = poses(40).into_iter().step_by(10).collect();
     let noise = Noise::of_snr(20.0);
@@ -255,7 +255,7 @@ fn covariances_are_those_of_the_whole_system() {
         targets: targets(&array),
         ..Estimate::default()
     };
-    // Errors beyond what counts as they are would count for less.
+    // Without noise, so that Huber weights are 1.
     let exact: Vec<Vec<Sighting>> = pulses
         .iter()
         .zip(&poses)
@@ -272,11 +272,11 @@ fn covariances_are_those_of_the_whole_system() {
             .collect()
         })
         .collect();
-    let got = covariances(&array, &exact, 0, &truth, &Known::default()).unwrap();
+    let got = covariances(&array, &exact, 0, &truth, &Prior::default()).unwrap();
 
     let unknowns = 3 * poses.len() + 3 * truth.targets.len();
     let numbers = |x: &[f64]| {
-        // What is held, to a micrometre: the first place, and the first target across its direction.
+        // Held to a micrometre: the first position, and the first target across its direction.
         let across = truth.targets[0].at_m.perp().normalize();
         let target = DVec2::from_slice(&x[3 * poses.len()..]);
         let mut all = vec![x[0] / 1e-6, x[1] / 1e-6, across.dot(target) / 1e-6];
@@ -315,7 +315,7 @@ fn covariances_are_those_of_the_whole_system() {
             differences.map(|(a, b)| (a - b) / (2.0 * step)).collect()
         })
         .collect();
-    // Gauss and Jordan, the largest pivot first, on the matrix beside one.
+    // Gauss-Jordan elimination with partial pivoting on the matrix augmented by the identity.
     let mut rows: Vec<Vec<f64>> = (0..unknowns)
         .map(|i| {
             let product = |j: usize| columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum();
@@ -344,10 +344,10 @@ fn covariances_are_those_of_the_whole_system() {
                 let [a, b] = [i, j].map(|i| 3 * n + i);
                 let expected = rows[a][unknowns + b];
                 let scale = (rows[a][unknowns + a] * rows[b][unknowns + b]).sqrt();
-                let told = got.col(j)[i];
+                let actual = got.col(j)[i];
                 assert!(
-                    (told - expected).abs() < 1e-3 * scale,
-                    "{n} {i} {j}: {told} {expected}"
+                    (actual - expected).abs() < 1e-3 * scale,
+                    "{n} {i} {j}: {actual} {expected}"
                 );
             }
         }
@@ -360,7 +360,7 @@ fn unobservable_motion_is_refused() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let array = array(2);
     let poses = poses(1000)[..100].to_vec();
-    // One target does not tell a pose.
+    // One target does not determine a pose.
     let mut tracker = Tracker::new(array.clone(), 5).unwrap();
     let one = |n: usize, random: &mut ChaCha8Rng| {
         let mut all = sightings(&array, &poses[n], &noise, random);
@@ -370,7 +370,7 @@ fn unobservable_motion_is_refused() {
     tracker.push(&one(0, &mut random)).unwrap();
     let refused = tracker.push(&one(1, &mut random)).unwrap_err();
     assert!(refused.to_string().contains("too few targets"), "{refused}");
-    // The pulse is forgotten: the next ones are followed.
+    // A refused pulse is skipped: the track continues with the next ones.
     let mut tracker = Tracker::new(array.clone(), 5).unwrap();
     for (n, pose) in poses.iter().enumerate() {
         if n % 10 == 7 {
@@ -393,7 +393,7 @@ fn unobservable_motion_is_refused() {
     assert!(last.at_m.distance(poses[99].at_m) < 0.01, "{last:?}");
 
     let mut all = sightings(&array, &poses[0], &noise, &mut random);
-    for (wrong, told) in [
+    for (wrong, text) in [
         (
             Sighting {
                 range_m: f64::NAN,
@@ -426,7 +426,7 @@ fn unobservable_motion_is_refused() {
     ] {
         all[0] = wrong;
         let refused = tracker.push(&all).unwrap_err().to_string();
-        assert!(refused.contains(told), "{refused}");
+        assert!(refused.contains(text), "{refused}");
     }
     let far = Array {
         receivers_m: vec![DVec2::ZERO, DVec2::new(WAVELENGTH_M, 0.0)],
@@ -436,15 +436,15 @@ fn unobservable_motion_is_refused() {
         Tracker::new(far, 5),
         Err(MotionError::Baseline { .. })
     ));
-    let lone = Array {
+    let one_receiver = Array {
         receivers_m: vec![DVec2::ZERO],
         ..array.clone()
     };
-    let deaf = Array {
+    let no_transmitter = Array {
         transmitters_m: Vec::new(),
         ..array.clone()
     };
-    for (array, antennas) in [(lone, [1, 1]), (deaf, [0, 2])] {
+    for (array, antennas) in [(one_receiver, [1, 1]), (no_transmitter, [0, 2])] {
         let Err(MotionError::Antennas {
             transmitters,
             receivers,
@@ -464,19 +464,19 @@ fn unobservable_motion_is_refused() {
             Err(MotionError::Array("wavelength"))
         ));
     }
-    let nowhere = Array {
+    let not_finite = Array {
         transmitters_m: vec![DVec2::new(0.0, f64::NAN)],
         ..array
     };
     assert!(matches!(
-        Tracker::new(nowhere, 5),
+        Tracker::new(not_finite, 5),
         Err(MotionError::Array(_))
     ));
 }
 
-/// Whatever is wrong with one target's phases, the track follows the others.
+/// One target's phases are off by 1.5 rad in every seventh pulse.
 #[test]
-fn a_target_that_errs_is_weighed_down() {
+fn outliers_of_one_target_do_not_bend_track() {
     let (array, poses) = (array(4), poses(1000));
     let noise = Noise::of_snr(30.0);
     let mut random = ChaCha8Rng::seed_from_u64(5);

@@ -1,10 +1,10 @@
-//! A simulator for scenes that are not still, not flat or not well received: plain distances in space.
+//! Simulator of sightings in three dimensions, with moving reflectors and heights, from plain distances.
 
 use super::{ChaCha8Rng, Noise, Rng, SeedableRng, TAU, gaussian};
 use glam::DVec2;
 use subaperture_motion::{Array, Pose, Sighting};
 
-/// A reflector: where it is at the first pulse, how far it goes a pulse, and how high it is above the plane.
+/// Reflector: position at the first pulse, motion per pulse, and height above the plane, in metres.
 #[derive(Clone, Copy)]
 pub(super) struct Reflector {
     pub(super) at_m: [f64; 2],
@@ -21,7 +21,7 @@ pub(super) fn still(places: &[[f64; 2]]) -> Vec<Reflector> {
     places.iter().map(at).collect()
 }
 
-/// What a radar sees whose own height above the plane is given pulse by pulse.
+/// Sightings of a radar at the height `height_m(pulse)` above the plane.
 pub(super) fn seen(
     array: &Array,
     poses: &[Pose],
@@ -30,7 +30,7 @@ pub(super) fn seen(
     noise: &Noise,
     seed: u64,
 ) -> Vec<Vec<Sighting>> {
-    // Each reflector's noise is its own, whatever others there are.
+    // A generator for each reflector: its noise is independent of the other reflectors.
     let own = |target: usize| ChaCha8Rng::seed_from_u64(1000 * seed + target as u64);
     let mut random: Vec<ChaCha8Rng> = (0..reflectors.len()).map(own).collect();
     let starts: Vec<f64> = random

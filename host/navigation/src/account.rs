@@ -22,13 +22,13 @@ pub enum Clock {
 /// Kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Wrong {
-    /// Truncated message.
+    /// Message that is truncated.
     Cut,
     /// Message with a wrong checksum.
     Checksum,
     /// Message with an impossible value, and a right checksum or none.
     Value,
-    /// Record that is not later than the one before of its kind. It is left out; nothing is damaged.
+    /// Record that is not later than the one before of its kind. It is omitted, but not damaged.
     Disorder,
 }
 
@@ -42,14 +42,14 @@ pub struct Fault {
     /// Kind of the fault.
     pub wrong: Wrong,
     /// Description, with the text or value read.
-    pub what: String,
+    pub description: String,
 }
 
 impl std::fmt::Display for Fault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.line {
-            Some(line) => write!(f, "line {line}: {}", self.what),
-            None => write!(f, "byte {}: {}", self.byte, self.what),
+            Some(line) => write!(f, "line {line}: {}", self.description),
+            None => write!(f, "byte {}: {}", self.byte, self.description),
         }
     }
 }
@@ -65,7 +65,7 @@ pub struct ReadReport {
     pub others: BTreeMap<String, u64>,
     /// Number of faults of each kind.
     pub wrong: BTreeMap<Wrong, u64>,
-    /// The first faults.
+    /// First 20 faults with their texts.
     pub faults: Vec<Fault>,
     /// Number of bytes outside valid messages.
     pub lost_bytes: u64,
@@ -73,9 +73,9 @@ pub struct ReadReport {
     pub bytes: u64,
     /// Time scale of the records.
     pub clock: Clock,
-    /// Seconds by which GPS time is ahead of UTC: as the log states, or from the table that converted UTC to GPS time.
+    /// GPS time minus UTC, seconds: as the log states, or from the table that converted UTC to GPS time.
     pub leap_seconds_s: Option<i32>,
-    /// Remarks for the reader.
+    /// Remarks for the user.
     pub notes: BTreeSet<String>,
     /// Possible errors of the records: assumptions and contradictions. Always show these to the user.
     pub doubts: BTreeSet<String>,
@@ -113,20 +113,20 @@ impl ReadReport {
         self.faults.extend(other.faults.into_iter().take(room));
     }
 
-    pub(crate) fn doubt(&mut self, what: &str) {
-        if !self.doubts.contains(what) {
-            self.doubts.insert(what.to_owned());
+    pub(crate) fn doubt(&mut self, text: &str) {
+        if !self.doubts.contains(text) {
+            self.doubts.insert(text.to_owned());
         }
     }
 
-    pub(crate) fn note(&mut self, what: &str) {
-        if !self.notes.contains(what) {
-            self.notes.insert(what.to_owned());
+    pub(crate) fn note(&mut self, text: &str) {
+        if !self.notes.contains(text) {
+            self.notes.insert(text.to_owned());
         }
     }
 }
 
-/// Count one more of a name.
+/// Increment the count of a name.
 pub(crate) fn count(counts: &mut BTreeMap<String, u64>, name: &str) {
     match counts.get_mut(name) {
         Some(count) => *count += 1,
@@ -134,7 +134,7 @@ pub(crate) fn count(counts: &mut BTreeMap<String, u64>, name: &str) {
     }
 }
 
-fn listed<'a>(counts: impl Iterator<Item = (&'a String, &'a u64)>) -> String {
+fn list<'a>(counts: impl Iterator<Item = (&'a String, &'a u64)>) -> String {
     let each: Vec<String> = counts
         .map(|(name, count)| format!("{count} {name}"))
         .collect();
@@ -144,21 +144,25 @@ fn listed<'a>(counts: impl Iterator<Item = (&'a String, &'a u64)>) -> String {
     }
 }
 
-/// Lines of text.
+/// Report in several lines of text.
 impl std::fmt::Display for ReadReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "read: {}", listed(self.read.iter()))?;
+        write!(f, "read: {}", list(self.read.iter()))?;
         if !self.unsolved.is_empty() {
-            write!(f, "\nwithout a solution: {}", listed(self.unsolved.iter()))?;
+            write!(f, "\nwithout a solution: {}", list(self.unsolved.iter()))?;
         }
         if !self.others.is_empty() {
-            write!(f, "\nof other kinds: {}", listed(self.others.iter()))?;
+            write!(
+                f,
+                "\nother messages, not read: {}",
+                list(self.others.iter())
+            )?;
         }
         let of = |wrong| self.wrong.get(&wrong).copied().unwrap_or(0);
         if self.faulty() > 0 {
             write!(
                 f,
-                "\nwrong: {} cut, {} with a wrong checksum, {} with values that cannot be, {} with times that do not ascend",
+                "\nfaults: {} truncated messages, {} with a wrong checksum, {} with impossible values, {} records with times that do not ascend",
                 of(Wrong::Cut),
                 of(Wrong::Checksum),
                 of(Wrong::Value),
@@ -168,16 +172,16 @@ impl std::fmt::Display for ReadReport {
         if self.lost_bytes > 0 {
             write!(
                 f,
-                "\n{} of {} bytes belong to no sound message",
+                "\n{} of {} bytes are outside valid messages",
                 self.lost_bytes, self.bytes
             )?;
         }
-        let told = self.faults.len() as u64;
+        let listed_faults = self.faults.len() as u64;
         for fault in &self.faults {
             write!(f, "\n  {fault}")?;
         }
-        if self.faulty() > told {
-            write!(f, "\n  and {} more", self.faulty() - told)?;
+        if self.faulty() > listed_faults {
+            write!(f, "\n  and {} more", self.faulty() - listed_faults)?;
         }
         for note in self.doubts.iter().chain(&self.notes) {
             write!(f, "\n{note}")?;

@@ -1,20 +1,20 @@
 //! Comma-separated values whose header names units.
 //!
-//! The first line that is no comment (`#`) names the columns, in any order; a name and its unit are written `time_s`, `time [s]` or `time (s)`:
+//! The first line that is not a comment (`#`) names the columns, in any order, with their units: `time_s`, `time [s]` or `time (s)`.
 //!
-//! | column | is | unit, for example |
+//! | column | quantity | unit, for example |
 //! |---|---|---|
-//! | `time` | seconds of a clock of the log's own; needed | `s`, `ms`, `us` |
-//! | `latitude`, `longitude` (or `lat`, `lon`) | place on the Earth (WGS 84) | `deg`, `rad` |
-//! | `height` (or `altitude`) | above the ellipsoid | `m`, `km` |
-//! | `x`, `y`, `z` (or `east`, `north`, `up`) | place in axes of its own, instead | `m`, `cm`, `mm` |
+//! | `time` | time of the log's own clock; required | `s`, `ms`, `us` |
+//! | `latitude`, `longitude` (or `lat`, `lon`) | position on the Earth (WGS 84) | `deg`, `rad` |
+//! | `height` (or `altitude`) | height above the ellipsoid | `m`, `km` |
+//! | `x`, `y`, `z` (or `east`, `north`, `up`) | position in local axes, instead | `m`, `cm`, `mm` |
 //! | `velocity_x`, `velocity_y`, `velocity_z` (or `_east`, `_north`, `_up`) | velocity | `m_s`, `km_h`, `m/s` in brackets |
-//! | `roll`, `pitch`, `yaw` | turns about x forward, y left, z up, right-handed, as of all tracks here: pitch lowers the nose, yaw goes from x (east) to y (north) | `deg`, `rad` |
-//! | `roll`, `pitch`, `heading` (or `azimuth`) | as navigators have it: pitch raises the nose, heading is clockwise from north | `deg`, `rad` |
-//! | `sigma_` and any of these | its standard deviation | as of that |
+//! | `roll`, `pitch`, `yaw` | right-handed rotations about x forward, y left, z up, as for all tracks: positive pitch is nose down, yaw from x (east) to y (north) | `deg`, `rad` |
+//! | `roll`, `pitch`, `heading` (or `azimuth`) | navigation angles: positive pitch is nose up, heading clockwise from north | `deg`, `rad` |
+//! | `sigma_` before any of these | standard deviation | as the quantity |
 //!
-//! Units are all those of their dimension (`units`). Columns of other names are passed over, and told. Rows that lack a value or have one that is no
-//! number are counted, never fatal. Seconds of the day or of the GPS week that begin again go on in the next one ([`ReadReport::doubts`]).
+//! Any unit of the dimension is read (`units`). Other columns are ignored and reported. Rows with a missing or invalid value are counted and left out. If seconds of the day or of the GPS week start again, times continue in the
+//! next day or week ([`ReadReport::doubts`]).
 
 use std::io::{self, BufRead, Read};
 
@@ -27,15 +27,15 @@ use crate::account::{Clock, Fault, ReadReport, Wrong, count};
 use crate::time::{DAY_S, WEEK_S};
 use crate::{Attitude, GpsTime, Kind, Place, Record};
 
-/// Bytes a line may have.
+/// Largest length of a line, bytes.
 const LONGEST_LINE: u64 = 4096;
 
-/// Farthest that a place may lie from the origin, metres, and longest a time, seconds.
-const FARTHEST: f64 = 1e9;
+/// Largest absolute value of a number in SI units.
+const LARGEST: f64 = 1e9;
 
-/// What a column is.
+/// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum What {
+enum Quantity {
     Time,
     Latitude,
     Longitude,
@@ -52,13 +52,13 @@ enum What {
     Heading,
 }
 
-use What::{
+use Quantity::{
     Heading, Height, Latitude, Longitude, Pitch, Roll, Time, VelocityX, VelocityY, VelocityZ, X, Y,
     Yaw, Z,
 };
 
-/// Names of columns; those that begin as others do come first.
-const NAMES: [(&str, What, Dimension); 27] = [
+/// Names of columns. A name comes before its own prefixes, as the first match counts.
+const NAMES: [(&str, Quantity, Dimension); 27] = [
     ("time", Time, Dimension::Time),
     ("latitude", Latitude, Dimension::Angle),
     ("longitude", Longitude, Dimension::Angle),
@@ -88,23 +88,25 @@ const NAMES: [(&str, What, Dimension); 27] = [
     ("azimuth", Heading, Dimension::Angle),
 ];
 
-/// A column that is read.
+/// Column that is read.
 struct Column {
+    /// Index in a row.
     at: usize,
-    what: What,
+    quantity: Quantity,
+    /// Whether it is the standard deviation of the quantity.
     sigma: bool,
-    /// Its unit in SI units.
+    /// Unit of the values, in SI units.
     unit: f64,
 }
 
-/// Columns that are read, and how many there are.
+/// Columns that are read, the number of all columns, and the names of the others.
 pub(crate) struct Header {
     columns: Vec<Column>,
     count: usize,
     others: Vec<String>,
 }
 
-/// A name and its unit, which may be empty.
+/// Split a column's title into its name and its unit, which may be empty.
 fn parts(cell: &str) -> (String, String) {
     let lower = cell.to_ascii_lowercase();
     for (open, close) in [('[', ']'), ('(', ')')] {
@@ -123,7 +125,7 @@ fn parts(cell: &str) -> (String, String) {
     match found {
         Some(unit) => {
             let length = lower.len() - unit.len() - usize::from(!unit.is_empty());
-            // Letters of units are as they were written: the case of ASCII keeps their places.
+            // Units are case-sensitive; lowering ASCII letters keeps byte positions.
             let written = cell[cell.len() - unit.len()..].replace('_', "/");
             (lower[..length].to_owned(), written)
         }
@@ -132,7 +134,7 @@ fn parts(cell: &str) -> (String, String) {
 }
 
 impl Header {
-    /// Of a line; an error says what is missing.
+    /// Parse the header line. The error names the missing or wrong column.
     pub(crate) fn parse(line: &str) -> Result<Self, String> {
         let cells: Vec<&str> = line
             .trim_start_matches('\u{feff}')
@@ -150,32 +152,40 @@ impl Header {
                 Some(plain) => (plain, true),
                 None => (&*name, false),
             };
-            let Some(&(_, what, dimension)) = NAMES.iter().find(|(known, ..)| *known == plain)
+            let Some(&(_, quantity, dimension)) = NAMES.iter().find(|(known, ..)| *known == plain)
             else {
                 header.others.push((*cell).to_owned());
                 continue;
             };
             let unit = dimension
                 .parse(&format!("1 {unit}"))
-                .map_err(|why| format!("column '{cell}': {why}"))?;
-            if header.find(what, sigma).is_some() {
-                return Err(format!("column '{cell}': this is said twice"));
+                .map_err(|error| format!("column '{cell}': {error}"))?;
+            if header.find(quantity, sigma).is_some() {
+                return Err(format!(
+                    "column '{cell}': expected one column of this quantity, found two"
+                ));
             }
             header.columns.push(Column {
                 at,
-                what,
+                quantity,
                 sigma,
                 unit,
             });
         }
-        let has = |what| header.find(what, false).is_some();
-        let all = |whats: &[What], names: &str| match whats.iter().filter(|&&w| has(w)).count() {
+        let has = |quantity| header.find(quantity, false).is_some();
+        let all = |quantities: &[Quantity], names: &str| match quantities
+            .iter()
+            .filter(|&&w| has(w))
+            .count()
+        {
             0 => Ok(false),
-            n if n == whats.len() => Ok(true),
-            _ => Err(format!("give all of {names}, or none")),
+            n if n == quantities.len() => Ok(true),
+            _ => Err(format!(
+                "expected columns of all of {names}, found only some"
+            )),
         };
         if !has(Time) {
-            return Err("no column of time, such as time_s".to_owned());
+            return Err("expected a column of time, such as time_s, found none".to_owned());
         }
         let earth = all(
             &[Latitude, Longitude, Height],
@@ -184,41 +194,43 @@ impl Header {
         let local = all(&[X, Y, Z], "x, y and z")?;
         if earth == local {
             return Err(match earth {
-                true => "places are given twice: on the Earth, and as x, y and z",
-                false => "no place: give latitude, longitude and height, or x, y and z, each with its unit",
+                true => "expected positions on the Earth or as x, y and z, found both",
+                false => "no position: expected columns of latitude, longitude and height, or x, y and z, each with its unit",
             }
             .to_owned());
         }
         all(
             &[VelocityX, VelocityY, VelocityZ],
-            "three parts of the velocity",
+            "the three components of the velocity",
         )?;
         if has(Yaw) && has(Heading) {
-            return Err("give yaw or heading, not both".to_owned());
+            return Err("expected a column of yaw or heading, not both".to_owned());
         }
         if all(&[Roll, Pitch], "roll and pitch")? && !has(Yaw) && !has(Heading) {
-            return Err("roll and pitch without yaw or heading".to_owned());
+            return Err(
+                "expected a column of yaw or heading with roll and pitch, found neither".to_owned(),
+            );
         }
         Ok(header)
     }
 
-    fn find(&self, what: What, sigma: bool) -> Option<&Column> {
+    fn find(&self, quantity: Quantity, sigma: bool) -> Option<&Column> {
         let mut columns = self.columns.iter();
-        columns.find(|column| column.what == what && column.sigma == sigma)
+        columns.find(|column| column.quantity == quantity && column.sigma == sigma)
     }
 
     fn record(&self, row: &str, byte: u64) -> Result<Record, String> {
         let cells: Vec<&str> = row.split(',').map(str::trim).collect();
         if cells.len() != self.count {
             return Err(format!(
-                "{} values; the header names {} columns",
+                "{} values, expected {} as in the header",
                 cells.len(),
                 self.count
             ));
         }
-        // A value that is empty is not known.
-        let value = |what, sigma| -> Result<Option<f64>, String> {
-            let Some(column) = self.find(what, sigma) else {
+        // An empty cell is a missing value.
+        let value = |quantity, sigma| -> Result<Option<f64>, String> {
+            let Some(column) = self.find(quantity, sigma) else {
                 return Ok(None);
             };
             let cell = cells[column.at];
@@ -226,21 +238,24 @@ impl Header {
                 return Ok(None);
             }
             let number = cell.parse::<f64>().map(|number| number * column.unit).ok();
-            let least = if sigma { 0.0 } else { -FARTHEST };
-            match number.filter(|number| (least..=FARTHEST).contains(number)) {
+            let least = if sigma { 0.0 } else { -LARGEST };
+            match number.filter(|number| (least..=LARGEST).contains(number)) {
                 Some(number) => Ok(Some(number)),
-                None => Err(format!("value {} is '{cell}'", column.at + 1)),
+                None => Err(format!(
+                    "value {} is '{cell}', expected a finite number within +-1e9 in SI units, a standard deviation of at least 0",
+                    column.at + 1
+                )),
             }
         };
-        let three = |whats: [What; 3], sigma| -> Result<Option<DVec3>, String> {
+        let three = |axes: [Quantity; 3], sigma| -> Result<Option<DVec3>, String> {
             let [a, b, c] = [
-                value(whats[0], sigma)?,
-                value(whats[1], sigma)?,
-                value(whats[2], sigma)?,
+                value(axes[0], sigma)?,
+                value(axes[1], sigma)?,
+                value(axes[2], sigma)?,
             ];
             Ok(a.zip(b).zip(c).map(|((a, b), c)| DVec3::new(a, b, c)))
         };
-        let time = value(Time, false)?.ok_or("no time")?;
+        let time = value(Time, false)?.ok_or("expected a time, found an empty value")?;
         let mut record = Record::at(
             byte,
             Kind::Csv,
@@ -257,7 +272,7 @@ impl Header {
         record.place_sigma_m = three([X, Y, Z], true)?;
         record.velocity_m_s = three([VelocityX, VelocityY, VelocityZ], false)?;
         record.velocity_sigma_m_s = three([VelocityX, VelocityY, VelocityZ], true)?;
-        let degrees = |what, sigma| value(what, sigma).map(|v| v.map(f64::to_degrees));
+        let degrees = |quantity, sigma| value(quantity, sigma).map(|v| v.map(f64::to_degrees));
         let (yaw, heading) = (degrees(Yaw, false)?, degrees(Heading, false)?);
         let (roll_deg, pitch_deg) = (degrees(Roll, false)?, degrees(Pitch, false)?);
         record.attitude = match (yaw, heading) {
@@ -283,10 +298,10 @@ impl Header {
     }
 }
 
-/// From longitude and latitude, radians, and height.
+/// Position from longitude and latitude in radians and height in metres.
 fn geodetic(place: DVec3) -> Result<Geodetic, String> {
     let (longitude_deg, latitude_deg) = (place.x.to_degrees(), place.y.to_degrees());
-    // Of a place at a pole or the date line an eighth digit may be rounded up.
+    // The eighth decimal may have been rounded up at a pole or the date line.
     let (longest, highest) = (180.0 + 1e-8, 90.0 + 1e-8);
     match longitude_deg.abs() <= longest && latitude_deg.abs() <= highest {
         true => Ok(Geodetic {
@@ -295,12 +310,12 @@ fn geodetic(place: DVec3) -> Result<Geodetic, String> {
             height_m: place.z,
         }),
         false => Err(format!(
-            "latitude {latitude_deg} deg, longitude {longitude_deg} deg"
+            "latitude {latitude_deg} deg, longitude {longitude_deg} deg: expected -90 to 90 deg and -180 to 180 deg"
         )),
     }
 }
 
-/// A clock whose seconds may be of the day or of the GPS week.
+/// Unwrapping of seconds of the day or of the GPS week.
 #[derive(Default)]
 struct Wrapping {
     last_s: Option<f64>,
@@ -308,10 +323,10 @@ struct Wrapping {
 }
 
 impl Wrapping {
-    /// Seconds near the end of a day or week, and near the beginning of one.
+    /// Largest distance of a restart from the end and the start of a day or week, seconds.
     const NEAR_S: f64 = 600.0;
 
-    /// Makes a time go on where seconds begin again; says so then.
+    /// Add the days or weeks passed to a time. Returns a remark where seconds start again.
     fn follow(&mut self, seconds: &mut f64) -> Option<&'static str> {
         let last_s = self.last_s.replace(*seconds);
         let began = (0.0..Self::NEAR_S).contains(seconds);
@@ -319,14 +334,14 @@ impl Wrapping {
             let near = length_s - Self::NEAR_S..length_s + 1.0;
             began && last_s.is_some_and(|last_s| near.contains(&last_s))
         };
-        let (length_s, what) = match (ended(WEEK_S), ended(DAY_S)) {
+        let (length_s, remark) = match (ended(WEEK_S), ended(DAY_S)) {
             (true, _) => (
                 WEEK_S,
-                "times fall at 604800 s: they are taken for seconds of the GPS week, and go on in the next one",
+                "times restart at 604800 s: read as seconds of the GPS week, continued in the next week",
             ),
             (_, true) => (
                 DAY_S,
-                "times fall at 86400 s: they are taken for seconds of the day, and go on in the next one",
+                "times restart at 86400 s: read as seconds of the day, continued in the next day",
             ),
             _ => {
                 *seconds += self.added_s;
@@ -335,7 +350,7 @@ impl Wrapping {
         };
         self.added_s += length_s;
         *seconds += self.added_s;
-        Some(what)
+        Some(remark)
     }
 }
 
@@ -345,13 +360,13 @@ pub(crate) fn is_idle(line: &str) -> bool {
     text.is_empty() || text.starts_with('#')
 }
 
-/// Why a file of values was not read.
+/// Reason why a CSV file is refused.
 pub(crate) enum Refused {
     Io(io::Error),
     Header(String),
 }
 
-/// Hands every record of a stream to `take`.
+/// Pass every record of a stream to `take`.
 pub(crate) fn each(
     mut stream: impl BufRead,
     take: &mut dyn FnMut(Record),
@@ -373,46 +388,45 @@ pub(crate) fn each(
         let byte = account.bytes;
         account.bytes += count_bytes;
         let text = std::str::from_utf8(&bytes);
-        let said = match (text, &header) {
+        let record = match (text, &header) {
             _ if count_bytes == LONGEST_LINE && bytes.last() != Some(&b'\n') => {
-                Err(format!("{LONGEST_LINE} bytes or more"))
+                Err(format!("expected a line of less than {LONGEST_LINE} bytes"))
             }
-            (Err(_), _) => Err("not text".to_owned()),
+            (Err(_), _) => Err("expected UTF-8 text".to_owned()),
             (Ok(text), _) if is_idle(text) => continue,
             (Ok(text), None) => {
                 let parsed = Header::parse(text).map_err(Refused::Header)?;
                 if !parsed.others.is_empty() {
-                    account.note(&format!(
-                        "columns passed over: {}",
-                        parsed.others.join(", ")
-                    ));
+                    account.note(&format!("columns ignored: {}", parsed.others.join(", ")));
                 }
                 header = Some(parsed);
                 continue;
             }
             (Ok(text), Some(header)) => header.record(text, byte),
         };
-        match said {
+        match record {
             Ok(mut record) => {
                 count(&mut account.read, Kind::Csv.name());
-                if let Some(what) = clock.follow(&mut record.time.seconds) {
-                    account.doubt(what);
+                if let Some(remark) = clock.follow(&mut record.time.seconds) {
+                    account.doubt(remark);
                 }
                 take(record);
             }
-            Err(what) => {
+            Err(description) => {
                 account.lost_bytes += count_bytes;
                 account.fault(Fault {
                     byte,
                     line: Some(line),
                     wrong: Wrong::Value,
-                    what,
+                    description,
                 });
             }
         }
     }
     match header {
         Some(_) => Ok(account),
-        None => Err(Refused::Header("no line that names columns".to_owned())),
+        None => Err(Refused::Header(
+            "expected a line with the names of columns, found none".to_owned(),
+        )),
     }
 }

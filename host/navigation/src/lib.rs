@@ -8,12 +8,12 @@
 //! | format | records read |
 //! |---|---|
 //! | NovAtel OEM7, ASCII, abbreviated ASCII or binary, long or short headers, CRC checked where there is one | `INSPVA(S)`, `INSPVAX`, `BESTPOS`, `BESTVEL`, `MARKPOS`, `MARKTIME` |
-//! | NMEA 0183, checksum checked where talkers write one | `GGA`, `RMC`, `ZDA`, `GST`, `VTG`, `HDT`, as one record a moment |
+//! | NMEA 0183, checksum checked where talkers write one | `GGA`, `RMC`, `ZDA`, `GST`, `VTG`, `HDT`, one record per time |
 //! | SBET | all records |
 //! | comma-separated values, units in their header | time, place, velocity, attitude, standard deviations |
 //!
-//! NovAtel and NMEA messages may alternate in one file. **Damage** is counted and reported ([`ReadReport`]) and never fatal while a record is left; [`Log::coverage`] lists the times lost with it. [`ReadReport::doubts`] lists assumptions
-//! about the records, and positions where no vehicle can be.
+//! NovAtel and NMEA messages may alternate in one file. **Damage** is counted and reported ([`ReadReport`]); it is an error only if no record is left. [`Log::coverage`] lists the gaps that it causes. [`ReadReport::doubts`] lists
+//! assumptions about the records, and positions that no vehicle can have.
 //!
 //! **Conventions.** Positions are on the Earth (WGS 84, ellipsoidal heights) or in local axes of the log ([`Place`]). Velocities are along east, north and up. Attitudes are roll, pitch and azimuth ([`Attitude`]); [`Record::fix`]
 //! converts them to those of tracks. Times are GPS weeks and seconds ([`GpsTime`]), converted from UTC by the leap seconds that the [`ReadReport`] states.

@@ -17,7 +17,7 @@ const GAP: f64 = 1.5;
 /// Largest count of missing records: whole numbers of float64 end there.
 const MAX_MISSING: f64 = 9e15;
 
-/// Position steps up to this length are no jumps, metres.
+/// Largest position step that is not a jump, metres.
 const FLOOR_M: f64 = 1.0;
 
 /// Largest number of record pairs on which velocities are compared with positions.
@@ -48,7 +48,7 @@ pub struct Gap {
 pub struct Coverage {
     /// Kind of the records.
     pub kind: Kind,
-    /// Number of records.
+    /// Number of records of this kind.
     pub records: usize,
     /// Numbers of records with a position, a velocity and an attitude.
     pub with: [usize; 3],
@@ -90,11 +90,11 @@ impl Log {
     fn new(records: Vec<Record>, account: ReadReport) -> Self {
         let mut log = Self { records, account };
         for kind in Kind::ALL {
-            if let Some(what) = log.strays_named(kind) {
-                log.account.doubt(&what);
+            if let Some(text) = log.describe_strays(kind) {
+                log.account.doubt(&text);
             }
-            if let Some(what) = log.misfit(kind) {
-                log.account.doubt(&what);
+            if let Some(text) = log.misfit(kind) {
+                log.account.doubt(&text);
             }
         }
         log
@@ -170,7 +170,7 @@ impl Log {
 
     /// Records of one kind as fixes, with times counted from `start`.
     ///
-    /// Attitudes are kept if all records have one. Positions where no vehicle can be ([`strays`]) are left out.
+    /// Attitudes are kept if all records have one. Positions that no vehicle can have ([`strays`]) are left out.
     ///
     /// # Errors
     /// [`TrackError`] if there is no record of this kind with a position, or only one of positions and frame is on the Earth.
@@ -191,17 +191,17 @@ impl Log {
         if fixes.is_empty() {
             return Err(TrackError(match (placed().next(), frame) {
                 (None, _) => format!(
-                    "the log has no {} record with a place among {}",
+                    "expected {} records with a position, found none among {} records",
                     kind.name(),
                     self.records.len()
                 ),
                 (Some(_), SceneFrame::Local) => {
-                    "the log has places on the Earth, but the scene's frame is a local one; give the scene's origin by latitude, \
+                    "the log has positions on the Earth, but the scene's frame is local: give the scene's origin by latitude, \
                      longitude and height"
                         .to_owned()
                 }
                 (Some(_), SceneFrame::Earth { .. }) => {
-                    "the log has places in axes of its own, but the scene's frame is on the Earth".to_owned()
+                    "the log has positions in local axes, but the scene's frame is on the Earth: use a log with latitude, longitude and height".to_owned()
                 }
             }));
         }
@@ -213,7 +213,7 @@ impl Log {
         Ok(fixes)
     }
 
-    /// Indices of the records of a kind at a position where no vehicle can be, ascending.
+    /// Indices of the records of a kind at a position that no vehicle can have, ascending.
     fn strays(&self, kind: Kind) -> Vec<usize> {
         let Some(frame) = self.frame() else {
             return Vec::new();
@@ -239,11 +239,11 @@ impl Log {
     }
 
     /// Description of these records.
-    fn strays_named(&self, kind: Kind) -> Option<String> {
+    fn describe_strays(&self, kind: Kind) -> Option<String> {
         let strays = self.strays(kind);
         let first = strays.first()?;
         Some(format!(
-            "{} of {} places of {} are where no vehicle can be, the first at {}: its track is without them",
+            "{} of {} positions of {} are impossible for a vehicle, the first at {}: they are left out of the track",
             strays.len(),
             self.of(kind)
                 .filter(|record| record.place.is_some())
@@ -283,7 +283,7 @@ impl Log {
         let (apart, speed) = (*apart.get(apart.len() / 2)?, *speeds.get(speeds.len() / 2)?);
         (apart > 0.2 + 0.3 * speed).then(|| {
             format!(
-                "velocities of {} do not fit its positions: they are {apart:.2} m/s from how those move, at {speed:.2} m/s \
+                "velocities of {} do not fit its positions: they differ from the change of position by {apart:.2} m/s at a speed of {speed:.2} m/s \
                  (medians)",
                 kind.name()
             )

@@ -59,29 +59,28 @@ pub enum NavigationError {
     Io {
         /// Path of the file.
         path: PathBuf,
-        /// Cause.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// The first line names no format.
-    #[error("{path}: {what}")]
+    /// The first line is not a valid header.
+    #[error("{path}: {reason}")]
     Header {
         /// Path of the file.
         path: PathBuf,
-        /// What was expected and what was found.
-        what: String,
+        /// Expected and found columns.
+        reason: String,
     },
-    /// The file holds no valid record.
+    /// The file has no valid record.
     #[error("{path}: no record of NovAtel (INSPVA, INSPVAX, BESTPOS, MARKPOS, MARKTIME), NMEA, SBET or CSV in {bytes} bytes\n{account}", bytes = account.bytes)]
-    Nothing {
+    NoRecords {
         /// Path of the file.
         path: PathBuf,
-        /// What was found instead.
+        /// Account of the file's content.
         account: Box<ReadReport>,
     },
 }
 
-/// Pass every record of a file to `take`, in the file's order, and return the account. Records of a kind ascend in time; others are counted and left out. Memory does not grow with the file.
-/// counted and left out. Memory does not grow with the file.
+/// Pass every record of a file to `take`, in the file's order, and return the account. Records of a kind ascend in time; others are counted and left out. Memory is independent of the file's size.
 ///
 /// # Errors
 /// [`NavigationError`]. Damage is no error while a record is left.
@@ -98,7 +97,7 @@ pub fn each(
 }
 
 /// Whether the position is the default of receivers without a solution.
-fn is_nowhere(record: &Record) -> bool {
+fn is_at_origin(record: &Record) -> bool {
     match record.place {
         Some(Place::Earth(place)) => place.latitude_deg == 0.0 && place.longitude_deg == 0.0,
         _ => false,
@@ -127,10 +126,10 @@ pub fn each_from(
     let mut last = [None::<GpsTime>; Kind::ALL.len()];
     let mut disorder = ReadReport::default();
     let mut count = 0u64;
-    let mut nowhere = 0u64;
+    let mut at_origin = 0u64;
     let mut in_order = |mut record: Record| {
-        if is_nowhere(&record) {
-            nowhere += 1;
+        if is_at_origin(&record) {
+            at_origin += 1;
             record.place = None;
         }
         let last = &mut last[record.kind as usize];
@@ -139,12 +138,12 @@ pub fn each_from(
                 byte: record.byte,
                 line: None,
                 wrong: Wrong::Disorder,
-                what: match record.time.since(before) {
+                description: match record.time.since(before) {
                     step_s if step_s > 0.0 => format!(
-                        "{} at {before} and {step_s:e} s later: closer than {MIN_STEP_S:e} s",
+                        "{} at {before} and {step_s:e} s later: expected at least {MIN_STEP_S:e} s",
                         record.kind.name()
                     ),
-                    0.0 => format!("{} at {before} a second time", record.kind.name()),
+                    0.0 => format!("{} at {before} twice", record.kind.name()),
                     _ => format!("{} at {} after {before}", record.kind.name(), record.time),
                 },
             }),
@@ -158,22 +157,22 @@ pub fn each_from(
     let mut account = match format {
         Format::Messages => messages::each(whole, options, &mut in_order).map_err(refused)?,
         Format::Sbet => sbet::each(whole, options, &mut in_order).map_err(refused)?,
-        Format::Csv => csv::each(whole, &mut in_order).map_err(|why| match why {
+        Format::Csv => csv::each(whole, &mut in_order).map_err(|error| match error {
             Refused::Io(source) => refused(source),
-            Refused::Header(what) => NavigationError::Header {
+            Refused::Header(reason) => NavigationError::Header {
                 path: path.to_owned(),
-                what,
+                reason,
             },
         })?,
     };
     account.add(disorder);
-    if nowhere > 0 {
+    if at_origin > 0 {
         account.doubt(&format!(
-            "{nowhere} records are at latitude 0, longitude 0, which stands for a place that is not known: their places are left out"
+            "{at_origin} records are at latitude 0, longitude 0, the default of receivers without a position: their positions are left out"
         ));
     }
     match count {
-        0 => Err(NavigationError::Nothing {
+        0 => Err(NavigationError::NoRecords {
             path: path.to_owned(),
             account: Box::new(account),
         }),

@@ -16,7 +16,7 @@ pub enum Kind {
     Inspvax,
     /// NovAtel `BESTPOS`: best position of the receiver.
     Bestpos,
-    /// NovAtel `BESTVEL`: best velocity of the receiver, at the moment of which it is.
+    /// NovAtel `BESTVEL`: best velocity of the receiver, at its time minus its latency.
     Bestvel,
     /// NovAtel `MARKPOS`: position at an event mark.
     Markpos,
@@ -113,7 +113,7 @@ pub struct Record {
     pub byte: u64,
     /// Message from which the record was made.
     pub kind: Kind,
-    /// Time.
+    /// Time of the record.
     pub time: GpsTime,
     /// Position; `None` for an event's time or a heading alone.
     pub place: Option<Place>,
@@ -123,7 +123,7 @@ pub struct Record {
     pub velocity_m_s: Option<DVec3>,
     /// Standard deviation of the velocity, m/s.
     pub velocity_sigma_m_s: Option<DVec3>,
-    /// Attitude.
+    /// Attitude of the vehicle, if recorded.
     pub attitude: Option<Attitude>,
     /// Standard deviations of roll, pitch and azimuth, degrees.
     pub attitude_sigma_deg: Option<[f64; 3]>,
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn attitudes_point_where_the_compass_says() {
+    fn attitude_converts_azimuth_pitch_and_roll() {
         let body = |roll_deg, pitch_deg, azimuth_deg| {
             Attitude {
                 roll_deg: Some(roll_deg),
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fix_lies_in_the_scenes_frame() {
+    fn fix_is_converted_to_scene_frame() {
         // On the equator at 90 deg east, axes turned: x north, y west.
         let origin = Geodetic {
             latitude_deg: 0.0,

@@ -1,8 +1,8 @@
-//! Applanix' smoothed best estimate of trajectory: a file of records of 17 numbers, and nothing else.
+//! Smoothed best estimate of trajectory (SBET, Applanix): a file of records of 17 numbers, without a header.
 //!
-//! | number | is | unit |
+//! | number | quantity | unit |
 //! |---|---|---|
-//! | 0 | time | seconds of the GPS week, which is not named; going on past its end, or from 0 again |
+//! | 0 | time | seconds of an unstated GPS week; beyond its end they continue or restart from 0 |
 //! | 1, 2 | latitude, longitude | radians |
 //! | 3 | height above the ellipsoid | metres |
 //! | 4, 5, 6 | velocity along x and y of the wander frame, and up | metres a second |
@@ -10,12 +10,11 @@
 //! | 10 | wander angle | radians |
 //! | 11 to 13, 14 to 16 | acceleration and rates of the body | not read |
 //!
-//! all of 8 bytes, little-endian. The wander frame is north and east turned by the wander angle against the clock: true heading is heading less
-//! wander angle, and velocities turn alike. Whether the file was written so shows in its positions: [`crate::Log`] says when velocities do not fit
-//! them.
+//! all float64, little-endian. The wander frame is north and east rotated counterclockwise by the wander angle: true heading is heading minus wander
+//! angle, and velocities rotate in the same sense. [`crate::Log`] reports velocities that contradict the positions, as in a file with the other sign.
 //!
-//! There is no header and no checksum: a record counts if its numbers are finite and such as can be (and time goes on by less than
-//! [`LONGEST_STEP_S`]). After one that does not, the next two in a row that do, at any byte, are where the file goes on.
+//! There is no checksum: a record is valid if its numbers are finite and plausible and its time is at most [`LONGEST_STEP_S`] after the previous one.
+//! After an invalid record, reading continues at the next two plausible records in a row, at any byte.
 
 use std::io::{self, BufRead};
 
@@ -28,16 +27,16 @@ use crate::account::{Clock, Fault, ReadReport, Wrong, count};
 use crate::time::WEEK_S;
 use crate::{Attitude, GpsTime, Kind, Options, Place, Record};
 
-/// Bytes of a record.
+/// Size of a record, bytes.
 pub(crate) const RECORD: usize = 17 * 8;
 
-/// Seconds from one record to the next, at most.
+/// Largest time from one record to the next, seconds.
 const LONGEST_STEP_S: f64 = 3600.0;
 
-/// Seconds between two records after something that is none.
+/// Largest time between the two records at which reading continues after damage, seconds.
 const CLOSE_S: f64 = 1.0;
 
-/// The numbers of a record that are read, if they can be.
+/// First 11 numbers of a record, if all are plausible.
 pub(crate) fn plausible(bytes: &[u8]) -> Option<[f64; 11]> {
     let number = |n: usize| {
         bytes
@@ -72,14 +71,14 @@ pub(crate) fn plausible(bytes: &[u8]) -> Option<[f64; 11]> {
         && pitch.abs() <= FRAC_PI_2 + 1e-9
         && heading.abs() <= 2.0 * PI
         && wander.abs() <= 2.0 * PI
-        // What is tiny and not 0 is another number's bytes.
+        // Denormal values come from misaligned bytes.
         && [time, latitude, longitude].iter().all(|v| *v == 0.0 || v.abs() > 1e-300);
     sound.then_some([
         time, latitude, longitude, height, vx, vy, vz, roll, pitch, heading, wander,
     ])
 }
 
-/// Whether a file that begins so may be one: two records, soon after one another, or one that is all.
+/// Whether a file with these first bytes may be an SBET: two plausible records in a row, or a single one.
 pub(crate) fn begins(head: &[u8]) -> bool {
     match (plausible(head), head.get(RECORD..)) {
         (Some(_), Some([])) => true,
@@ -90,7 +89,7 @@ pub(crate) fn begins(head: &[u8]) -> bool {
     }
 }
 
-/// Weeks to add to `time_s` so that it comes after `before_s`, by `longest_s` at most: 0, or 1 where the seconds of the week began again.
+/// Weeks to add to `time_s` so that it is at most `longest_s` after `before_s`: 0, or 1 where the seconds of the week restart.
 fn follows(before_s: f64, time_s: f64, longest_s: f64) -> Option<u32> {
     [0, 1].into_iter().find(|&weeks| {
         let step_s = time_s + f64::from(weeks) * WEEK_S - before_s;
@@ -98,7 +97,7 @@ fn follows(before_s: f64, time_s: f64, longest_s: f64) -> Option<u32> {
     })
 }
 
-/// Hands every record of a stream to `take`.
+/// Pass every record of a stream to `take`.
 pub(crate) fn each(
     mut stream: impl BufRead,
     options: &Options,
@@ -133,8 +132,9 @@ pub(crate) fn each(
         if rest.len() < RECORD {
             account.lost_bytes += rest.len() as u64;
             if !rest.is_empty() && !lost {
-                let what = format!("the last {} of {RECORD} bytes of a record", rest.len());
-                account.fault(fault(account.bytes, Wrong::Cut, what));
+                let description =
+                    format!("expected {RECORD} bytes of a record, found {}", rest.len());
+                account.fault(fault(account.bytes, Wrong::Cut, description));
             }
             account.bytes += rest.len() as u64;
             return Ok(account);
@@ -143,7 +143,7 @@ pub(crate) fn each(
             false => {
                 last_s.is_none_or(|last_s| follows(last_s, numbers[0], LONGEST_STEP_S).is_some())
             }
-            // Back in step: this one is followed by another, or the last.
+            // Resume at a record that is followed by another, or is the last.
             true => match rest.get(RECORD..2 * RECORD) {
                 Some(next) => plausible(next)
                     .is_some_and(|next| follows(numbers[0], next[0], CLOSE_S).is_some()),
@@ -152,17 +152,17 @@ pub(crate) fn each(
         });
         let Some(numbers) = numbers else {
             if !lost {
-                let what = match plausible(rest) {
+                let description = match plausible(rest) {
                     Some(numbers) => {
                         format!(
-                            "time is {} s after {} s",
+                            "time is {} s after {} s, expected a later time within an hour",
                             numbers[0],
                             last_s.unwrap_or_default()
                         )
                     }
-                    None => "numbers that no record has".to_owned(),
+                    None => "expected the numbers of a record, found implausible ones".to_owned(),
                 };
-                account.fault(fault(account.bytes, Wrong::Value, what));
+                account.fault(fault(account.bytes, Wrong::Value, description));
             }
             lost = true;
             from += 1;
@@ -171,12 +171,10 @@ pub(crate) fn each(
             continue;
         };
         lost = false;
-        // After damage, too, a week ended if its seconds fell by more than half of one.
+        // A new week starts where seconds decrease by more than half a week, also after damage.
         if last_s.is_some_and(|last_s: f64| last_s - numbers[0] > WEEK_S / 2.0) {
             weeks = weeks.saturating_add(1);
-            account.note(
-                "seconds of the GPS week begin again: records after that are of the next week",
-            );
+            account.note("seconds of the GPS week restart: later records are in the next week");
         }
         last_s = Some(numbers[0]);
         count(&mut account.read, Kind::Sbet.name());
@@ -186,12 +184,12 @@ pub(crate) fn each(
     }
 }
 
-fn fault(byte: u64, wrong: Wrong, what: String) -> Fault {
+fn fault(byte: u64, wrong: Wrong, description: String) -> Fault {
     Fault {
         byte,
         line: None,
         wrong,
-        what,
+        description,
     }
 }
 
@@ -211,7 +209,7 @@ fn record(byte: u64, numbers: &[f64; 11], week: Option<u32>, ended: u32) -> Reco
     ] = numbers;
     let (sin, cos) = libm::sincos(wander);
     let time = time + f64::from(ended) * WEEK_S;
-    // Seconds of an unknown week go on past its end.
+    // Seconds of an unknown week continue past its end.
     let seconds = match week {
         None => time,
         Some(_) => time.rem_euclid(WEEK_S),

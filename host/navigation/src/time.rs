@@ -7,7 +7,7 @@ pub(crate) const DAY_S: f64 = 86_400.0;
 /// First day of GPS weeks, 6 January 1980, in days since 1 January 1970.
 const FIRST_DAY: i64 = 3657;
 
-/// Dates (year, month, day) from which GPS time is ahead of UTC by one second more: the leap seconds since 1980. The last is of 2017; none has been announced since.
+/// Dates (year, month, day) of leap seconds since 1980: from each on, GPS time is ahead of UTC by one more second. The last is of 2017; none has been announced since.
 const LEAPS: [(i64, i64, i64); 18] = [
     (1981, 7, 1),
     (1982, 7, 1),
@@ -29,7 +29,7 @@ const LEAPS: [(i64, i64, i64); 18] = [
     (2017, 1, 1),
 ];
 
-/// GPS time.
+/// GPS time as week and seconds.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub struct GpsTime {
     /// Weeks since 6 January 1980.
@@ -53,7 +53,7 @@ impl GpsTime {
         Self::of_utc(day, seconds, leap_seconds(day))
     }
 
-    /// From a UTC day, seconds of that day, and the leap seconds by which GPS is ahead; `None` before 1980 or after some millions of weeks.
+    /// From a UTC day, seconds of that day, and the leap seconds (GPS time minus UTC); `None` before 1980 or after some millions of weeks.
     pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
         let days = day - FIRST_DAY;
         let in_week = (days.rem_euclid(7) as f64) * DAY_S + seconds + f64::from(leap_s);
@@ -98,7 +98,7 @@ pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
     Some(y * 365 + leaps + of_year - 719_468)
 }
 
-/// Seconds by which GPS time is ahead of UTC on a day (days since 1 January 1970).
+/// GPS time minus UTC, seconds, on a day (days since 1 January 1970).
 pub(crate) fn leap_seconds(day: i64) -> i32 {
     let since = LEAPS
         .iter()
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_are_gps_weeks() {
+    fn utc_dates_convert_to_gps_weeks() {
         // 24 November 2014, 20:29:50 UTC, was week 1820, 160206 s, with 16 leap seconds: a receiver's own TIME record.
         let day = day_number(2014, 11, 24).unwrap();
         assert_eq!(leap_seconds(day), 16);
@@ -123,14 +123,14 @@ mod tests {
         let time = GpsTime::of_utc(saturday, 86_399.5, 16).unwrap();
         assert_eq!((time.week, time.seconds), (1821, 15.5));
         assert_eq!(GpsTime::of_utc(FIRST_DAY - 7, 0.0, 0), None);
-        // That moment as a recording has it: 1416860990 s since 1970, and half a second.
+        // The same time as Unix time, 1416860990 s since 1970, plus half a second.
         let time = GpsTime::of_unix_ns(1_416_860_990_500_000_000).unwrap();
         assert_eq!((time.week, time.seconds), (1820, 160_206.5));
         assert_eq!(GpsTime::of_unix_ns(0), None);
     }
 
     #[test]
-    fn days_are_counted_and_leap_seconds_known() {
+    fn day_numbers_and_leap_seconds_agree_with_calendar() {
         assert_eq!(day_number(1970, 1, 1), Some(0));
         assert_eq!(day_number(1980, 1, 6), Some(FIRST_DAY));
         assert_eq!(
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn differences_span_weeks() {
+    fn time_differences_span_weeks() {
         let at = |week, seconds| GpsTime { week, seconds };
         assert_eq!(at(101, 1.0).since(at(100, 604_799.5)), 1.5);
     }

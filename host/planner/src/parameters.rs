@@ -116,7 +116,7 @@ impl Parameters {
     }
 
     fn check(&self) -> Result<(), ParameterError> {
-        let refuse = |what: String| Err(ParameterError(what));
+        let refuse = |text: String| Err(ParameterError(text));
         for (name, value) in [
             ("carrier", self.carrier_hz),
             ("bandwidth", self.bandwidth_hz),

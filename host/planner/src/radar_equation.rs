@@ -84,7 +84,7 @@ pub struct Sensitivity {
     pub noise_equivalent_sigma0_db: Option<f64>,
 }
 
-/// Illumination of the scene: inputs of the sensitivity besides the link budget.
+/// Illumination of the scene: further inputs of the sensitivity in addition to the link budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Illumination {
     /// Wavelength, metres.

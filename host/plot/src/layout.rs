@@ -63,7 +63,7 @@ pub(super) struct Sheet<'a> {
     pub(super) colours: Colours,
     /// Colour of NaN.
     pub(super) absent: [u8; 3],
-    /// Levels by which the room for colour bar labels is planned.
+    /// Levels that determine the space for colour bar labels.
     pub(super) typical: Levels,
     /// Key of colours that do not represent levels.
     pub(super) key: Vec<(String, [u8; 3])>,

@@ -374,7 +374,7 @@ mod tests {
             .window(&[first.0..first.0 + 1, first.1..first.1 + 1])
             .unwrap();
         assert!((whole.pixels[0].norm() - 1.0).abs() < 0.05);
-        // The whole aperture with a margin loses nothing.
+        // The whole aperture with a margin keeps the image unchanged.
         assert!((level([-0.2, 1.2], first) + 20.0 * 1.4f64.log10()).abs() < 0.3);
         let halves = [[0.0, 0.5], [0.5, 1.0]].map(|part| [level(part, first), level(part, second)]);
         let own = halves[0][0].max(halves[1][0]);

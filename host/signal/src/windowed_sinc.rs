@@ -6,7 +6,7 @@
 //! s(t) = sum_i h(t - i) s(i),   h(t) = sinc(t) I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta),  |t| < W / 2
 //! ```
 //!
-//! Unlike [`super::kaiser_bessel`], this needs no deapodisation: maps from other sources are used as they are, at the
+//! Unlike [`super::kaiser_bessel`], this needs no deapodisation: maps from other sources are used unchanged, at the
 //! cost of some more taps. `beta` is Kaiser's for a filter of `W` samples with a transition from `band` to `1 - band`
 //! cycles per sample (J. F. Kaiser 1974; Oppenheim and Schafer, section 7.5): `A = 8 + 2.285 * 2 pi (1 - 2 band) W` dB,
 //! `beta = 0.1102 (A - 8.7)`.

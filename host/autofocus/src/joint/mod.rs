@@ -1,25 +1,25 @@
 //! Joint least-squares estimation of antenna displacements, point positions and point phases in exact geometry.
 //!
-//! The measurement is the phase of a history, compensated to a place `q_i` by the recorded antennas. Its model, if the point lies at
-//! `q_i + p_i` and the antennas were displaced by `x(n)`,
+//! The measurement is the phase of a history, compensated to an assumed position `q_i` by the recorded antennas. Its model, for a point at
+//! `q_i + p_i` and antennas displaced by `x(n)`, is
 //!
 //! ```text
 //! arg h_i(n) = c_i - k (path(q_i + p_i, antennas + x(n)) - path(q_i, antennas))
 //! ```
 //!
-//! whose slopes are `k s` by `x` and `-k s` by `p`, `s = u_t + u_r`, anew in every step of Gauss and Newton. There is a Gaussian prior on
-//! `x(n)` and `p_i`, of zero mean unless another mean of `x(n)` is given. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
+//! with the derivatives `k s` by `x` and `-k s` by `p`, `s = u_t + u_r`, recomputed in every Gauss-Newton step. `x(n)` and `p_i` have Gaussian
+//! priors, of zero mean unless another mean of `x(n)` is given. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
 //!
 //! ```text
 //! | X_n  Y_n | | x(n) |   | g_n |         sum_n (Z_n - Y_n^T X_n^-1 Y_n) y = sum_n (h_n - Y_n^T X_n^-1 g_n)
 //! | Y_n' Z_n | |  y   | = | h_n |
 //! ```
 //!
-//! so that the remaining system has as many unknowns as there are histories and places (`y`), for any number of pulses.
+//! so that the remaining unknowns are those of the histories and positions (`y`), for any number of pulses.
 //!
-//! Residual phases are followed from pulse to pulse at first, over whole turns: a place that is some resolution cells off turns them by that
-//! many. Then they are taken modulo a turn, so that a turn lost in noise does not stay. Outliers count less (Cauchy's weight), so that a bin with two scatterers, or a point that moves, does not pull; the noise is
-//! at least the median of the history's residuals.
+//! Residual phases are first unwrapped from pulse to pulse, as a position error of some resolution cells rotates them by as many turns. Later
+//! they are wrapped, so that a turn lost in noise does not persist. Outliers have less weight (Cauchy's function), such as a bin with two scatterers
+//! or a moving point; the noise is at least the median of the history's residuals.
 
 mod turn;
 
@@ -68,7 +68,7 @@ const MIN_VARIANCE: f64 = 1e-4;
 /// Residuals, in standard deviations, at which a weight is halved (Cauchy's, 95 % efficient).
 const HALVED_AT: f64 = 2.385;
 
-/// Prior spread of the points' places, in range cells.
+/// Prior standard deviation of the points' positions, in range cells.
 pub(crate) const PLACE_CELLS: f64 = 0.5;
 
 /// Robust passes over the steps of a pulse.
@@ -118,7 +118,7 @@ pub(crate) fn steps(
     let mut all = vec![at];
     for n in 1..turns {
         let at_m = flat(axes, at);
-        // The phase that this pulse would be ahead by, and how it grows with a step; C (6.11).
+        // Phase difference to the previous pulse, and its derivative by a step; C (6.11).
         let turned: Vec<([f64; 2], f64)> = rows
             .iter()
             .map(|row| {
@@ -159,9 +159,9 @@ pub(crate) fn steps(
     all
 }
 
-/// Refines displacements by Gauss-Newton steps. `points` is the number of points; the priors are the spreads of displacements and of places, metres.
-/// Returns the mean loss of the points' peak power, a part of it where it is small: `2 - 2 cos` of the phases that are left, and
-/// `(pi r / cell)^2 / 3` of a sinc in range by the range shifts `r` of the places.
+/// Refine displacements by Gauss-Newton steps. `points` is the number of points; the priors are the standard deviations of displacements and positions, metres.
+/// Returns the mean relative loss of the points' peak power: `2 - 2 cos` of the residual phases, plus
+/// `(pi r / cell)^2 / 3` of a sinc in range for the range shifts `r` of the positions.
 pub(crate) fn refine(
     rows: &[Sighted],
     axes: [DVec3; 2],
@@ -172,7 +172,7 @@ pub(crate) fn refine(
     let turns = solved.displacements.len();
     let size = rows.len() + 2 * points;
     let mut places = vec![[0.0; 2]; points];
-    // Each history's phase, the displacements so far taken away.
+    // Phase of each history after correction by the present displacements.
     let constant = |row: &Sighted, found: &[[f64; 2]]| {
         let each = row.values.iter().zip(found).enumerate();
         let sum: Complex64 = each
@@ -217,7 +217,7 @@ pub(crate) fn refine(
             turn.eliminate(rows, &mut matrix, &mut right, size);
             kept.push(turn);
         }
-        // Priors hold every unknown.
+        // The priors make the system regular.
         let factor = Factor::new(size, &matrix, 0.0);
         let Some(y) = factor.and_then(|factor| factor.solved(&right)) else {
             break;
@@ -268,7 +268,7 @@ mod tests {
         [-2.1, 3.7],
     ];
 
-    /// Where the antenna is thought to be, and how far it is from there: 3 mm of sway, two waves.
+    /// Recorded position of the antenna and its true displacement: sway of 3 mm, two periods.
     fn track(n: usize) -> ([f64; 2], [f64; 2]) {
         let u = n as f64 / TURNS as f64;
         let sway = |waves: f64| 3e-3 * (std::f64::consts::TAU * waves * u + waves).sin();
@@ -294,7 +294,7 @@ mod tests {
         (0..TURNS).map(pulse).collect()
     }
 
-    /// Echoes of points that lie off the places taken for them by `off_m`, in noise of `noise` of their power.
+    /// Echoes of points at `off_m` from their assumed positions, with noise of the relative power `noise`.
     fn rows<'a>(pulses: &'a [Pulse], off_m: f64, noise: f64) -> Vec<Sighted<'a>> {
         let mut state = 5;
         let k = std::f64::consts::TAU / WAVELENGTH_M;
@@ -335,8 +335,8 @@ mod tests {
     }
 
     #[test]
-    fn a_track_is_found_though_places_are_off_by_wavelengths() {
-        // 1 cm off turns phases by up to 2 k x 1 cm x 0.4 rad of turning lines of sight, two turns.
+    fn track_is_recovered_from_points_off_by_wavelengths() {
+        // 1 cm of position error rotates phases by up to 2 k x 1 cm x 0.4 rad of rotation of the line of sight, two turns.
         let pulses = pulses();
         let displacements = found(&rows(&pulses, 0.01, 1e-4));
         let flat = |v: [f64; 2]| super::flat(AXES, v);
@@ -350,13 +350,13 @@ mod tests {
             .map(|(a, b)| a.distance_squared(*b));
         let rms_m = (squares.sum::<f64>() / TURNS as f64).sqrt();
         println!("{:.1} um rms off", 1e6 * rms_m);
-        // A twentieth of a wavelength, of 3 mm of sway. The remaining error changes phases by less than their noise at the estimated
-        // places: noise of 0.01 rad and the prior on places decide about it.
+        // A twentieth of a wavelength, at a sway of 3 mm. The remaining error changes phases by less than their noise at the estimated
+        // positions: it depends on the noise of 0.01 rad and the prior of the positions.
         assert!(rms_m < WAVELENGTH_M / 20.0, "{rms_m}");
     }
 
     #[test]
-    fn displacements_differ_from_the_truth_as_little_as_can_be() {
+    fn displacement_errors_reach_cramer_rao_bound() {
         let pulses = pulses();
         let rows = rows(&pulses, 0.0, 1e-2);
         let displacements = found(&rows);
@@ -364,8 +364,8 @@ mod tests {
             let (_, moved) = track(n);
             [0, 1].map(|i| displacements[n][i] - moved[i])
         };
-        // Neighbours share the errors of places and constants; their difference has twice the variance of one, which is
-        // no less than the inverse of the information of its phases.
+        // Errors of positions and constants are common to neighbours; the difference of two displacements has twice the variance of
+        // one, whose bound is the inverse of the information of its phases.
         let (mut sum, mut bound) = (0.0, 0.0);
         for n in 1..TURNS {
             let (a, b) = (error(n - 1), error(n));

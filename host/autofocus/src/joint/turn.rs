@@ -6,7 +6,7 @@ use subaperture_signal::phase::cis;
 use super::{Sighted, cauchy};
 use crate::correction::unwrapped;
 
-/// Residual phases of a history, radians, and their slopes by displacement.
+/// Residual phases of a history, radians, and their derivatives by displacement.
 pub(super) struct Residuals {
     left_rad: Vec<f64>,
     slopes: Vec<[f64; 2]>,
@@ -37,7 +37,7 @@ impl Residuals {
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or(0.0)
         };
-        // Whole turns of all of it are the constant's.
+        // Whole turns common to the history belong to its constant.
         let turns = median(&mut left_rad.clone()) / std::f64::consts::TAU;
         left_rad
             .iter_mut()
@@ -61,7 +61,7 @@ impl Residuals {
     }
 }
 
-/// The normal equations of a turn.
+/// Normal equations of a turn.
 pub(super) struct Turn {
     /// `X^-1`, symmetric: xx, xy, yy.
     inverse: [f64; 3],
@@ -152,7 +152,7 @@ impl Turn {
         }
     }
 
-    /// The displacement's step once all else is known.
+    /// Step of the displacement, given the steps of the other unknowns.
     pub(super) fn step(&self, y: &[f64]) -> [f64; 2] {
         let along = |mixed: &[f64]| -> f64 { mixed.iter().zip(y).map(|(a, b)| a * b).sum() };
         self.solve([

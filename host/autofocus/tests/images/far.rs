@@ -1,4 +1,4 @@
-//! A small scene far away, where phase errors are alike for all of it.
+//! A small far scene, in which phase errors are common to all points.
 
 use glam::DVec3;
 use subaperture_autofocus::{
@@ -62,7 +62,7 @@ fn white_errors_of_two_radians_are_removed() {
         .iter_mut()
         .for_each(|phase| *phase = 2.0 * random.gauss());
     let history = disturbed.echoes(&points, &mut Random(1));
-    // The brightest of the points, followed where a slope of the phases shifts the image.
+    // Peak of the brightest point, searched nearby as a slope of the phases shifts the image.
     let brightest = points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap().0;
     let at = |history: &dyn PhaseHistory| peak_db(history, brightest, 1.5, [0.05, 0.05]);
     let best_db = at(&perfect);
@@ -76,7 +76,7 @@ fn white_errors_of_two_radians_are_removed() {
         println!(
             "{estimator}: perfect {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}"
         );
-        // Such errors leave exp(-2^2) of the power, -17 dB, and scattered power, -27 dB.
+        // Errors of 2 rad rms leave exp(-2^2) of the power, -17 dB, and scattered power of -27 dB.
         assert!(before_db < best_db - 8.0);
         assert!(
             after_db > best_db - 0.1,
@@ -86,7 +86,7 @@ fn white_errors_of_two_radians_are_removed() {
 }
 
 #[test]
-fn a_quadratic_error_drifts_looks_apart() {
+fn map_drift_recovers_quadratic_phase() {
     let points = scene(&mut Random(7));
     let grid: ImageGrid = GRID.parse().unwrap();
     let mut disturbed = radar();
@@ -100,7 +100,7 @@ fn a_quadratic_error_drifts_looks_apart() {
     let Some(Correction::Phase { error_rad }) = &found.correction else {
         panic!("no phase correction");
     };
-    // The quadratic term, by its own sums over the phases: orthogonal to constant and slope.
+    // Quadratic term of the phases, orthogonal to constant and slope.
     let (mut sum, mut norm) = (0.0, 0.0);
     for (n, phase) in error_rad.iter().enumerate() {
         let u = 2.0 * (n as f64 + 0.5) / count - 1.0;
@@ -115,10 +115,10 @@ fn a_quadratic_error_drifts_looks_apart() {
         level_db(&found.image_after),
         level_db(&perfect)
     );
-    // A look's cell is 1 m, and a shift of a hundredth of that a term of 0.03 rad; half a radian at the ends of the aperture costs
-    // 0.1 dB of a point (a variance of 0.5^2 x 4 / 45).
+    // The resolution of a look is 1 m, and a shift of a hundredth of that is a term of 0.03 rad. 0.5 rad at the ends of the aperture lowers
+    // a point by 0.1 dB (a variance of 0.5^2 x 4 / 45).
     assert!((term - 15.0).abs() < 0.5, "{term}");
-    // Points between pixels, of a quarter of a metre in cells of half a metre.
+    // Points lie between pixels of 0.25 m, at a resolution of 0.5 m.
     assert!(level_db(&found.image_after) > level_db(&perfect) - 0.5);
 }
 
@@ -133,10 +133,10 @@ fn focused_image_is_not_changed() {
     ] {
         let found = sharpened(&history, &grid, method, 3);
         let gained = found.before.entropy - found.after.entropy;
-        // Never worse; phases fitted to noise gain less than a hundredth of a nat.
+        // The image is never worse; phases fitted to noise gain less than 0.01 nats.
         assert!((0.0..0.01).contains(&gained), "{}: {gained}", method.name());
     }
-    // Too short recordings, too little memory and invalid corrections are errors.
+    // Short recordings, insufficient memory and invalid corrections are refused.
     let short = Stretch::new(&history, 0..5);
     let subject = Subject {
         history: &short,
@@ -150,7 +150,7 @@ fn focused_image_is_not_changed() {
     let error = sharpen(&subject, &PhaseGradient::default(), Stopping::default()).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "pga needs 8 pulses at the least; the recording has 5"
+        "pga needs at least 8 pulses, the recording has 5"
     );
     let tight = Subject {
         history: &history,

@@ -1,6 +1,6 @@
-//! Tracks of far scenes: placed along the line of sight, and judged by a t test on held-out data and a test against slips.
+//! Tracks of far scenes: projected on the line of sight, with a t test on held-out data and a test against slips.
 //!
-//! In a far scene a displacement along the line of sight is a phase that all points share. The cases of `scenes.rs` are read as such displacements.
+//! In a far scene a displacement along the line of sight is a phase common to all points. The phases of `scenes.rs` are converted to such displacements.
 
 use glam::DVec3;
 use subaperture_autofocus::{
@@ -73,7 +73,7 @@ fn small(scene: Scene, kind: Kind) -> Case {
 }
 
 #[test]
-fn far_tracks_by_points_are_kept_and_better() {
+fn far_tracks_from_points_are_accepted_and_reduce_error() {
     let case = small(Scene::Points, Kind::Quadratic);
     for method in [
         &by_sharpness() as &dyn Method,
@@ -81,7 +81,7 @@ fn far_tracks_by_points_are_kept_and_better() {
     ] {
         let ([before, after, _], found) = track(case, method, 6);
         assert_eq!(found.outcome, Outcome::Sharper);
-        // A fortieth of a wavelength of 30 mm, of 7 mm.
+        // A fortieth of the wavelength of 30 mm, from an error of 7 mm.
         assert!(before > 7.0 && after < 0.75, "{before} {after}");
         let held_out = found.held_out.unwrap();
         assert!(held_out.far && held_out.p_value < 0.01);
@@ -100,7 +100,7 @@ fn far_tracks_by_points_are_kept_and_better() {
 
 #[test]
 fn far_track_with_half_wavelength_slips_is_refused() {
-    // Changes of more than half a turn between pulses at the aperture's ends.
+    // The phase changes by more than half a turn between pulses at the aperture's ends.
     let case = small(Scene::Points, Kind::Polynomial);
     let steps = disturbed(case).error_rad;
     let largest = steps
@@ -109,7 +109,7 @@ fn far_track_with_half_wavelength_slips_is_refused() {
         .fold(0.0, f64::max);
     assert!(largest > std::f64::consts::PI, "{largest}");
     let ([before, after, _], found) = track(case, &ModifiedPhaseGradient::default(), 6);
-    // Held-out range cells are sharper: phases are right but for whole turns.
+    // Held-out range cells are sharper: phases are correct except for whole turns.
     let held_out = found.held_out.unwrap();
     assert!(held_out.after.entropy < held_out.before.entropy - 0.5);
     assert!(held_out.largest_step_rad > held_out.max_step_rad);
@@ -119,7 +119,7 @@ fn far_track_with_half_wavelength_slips_is_refused() {
 
 #[test]
 fn far_track_of_partly_focused_image_is_refused() {
-    // The image gets sharper where it was estimated, and a turn is lost.
+    // The image is sharper in the cells used for estimation, and a turn is lost.
     let case = Case {
         seed: 2,
         ..small(Scene::Points, Kind::Walk)
@@ -137,7 +137,7 @@ fn far_track_of_partly_focused_image_is_refused() {
 }
 
 #[test]
-fn far_track_by_noise_is_refused() {
+fn far_track_from_noise_is_refused() {
     let case = Case {
         snr_db: -40.0,
         ..small(Scene::Speckle, Kind::Quadratic)
@@ -152,7 +152,7 @@ fn far_track_by_noise_is_refused() {
     }
 }
 
-/// All scenes, errors and methods; `SUBAPERTURE_SEEDS` of each from `SUBAPERTURE_FIRST` on. Prints a Markdown table.
+/// All scenes, errors and methods, with `SUBAPERTURE_SEEDS` seeds from `SUBAPERTURE_FIRST`. Prints a Markdown table.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn table_of_far_tracks() {

@@ -1,4 +1,4 @@
-//! A real recording with errors put into it.
+//! A real recording with added errors.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ fn reflector_db(history: &dyn PhaseHistory) -> f64 {
 }
 
 #[test]
-fn white_errors_of_two_radians_are_taken_away() {
+fn white_errors_of_two_radians_are_removed_from_gotcha() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = GRID.parse().unwrap();
     let mut random = Random(11);
@@ -50,7 +50,7 @@ fn white_errors_of_two_radians_are_taken_away() {
 }
 
 #[test]
-fn a_random_walk_of_the_track_is_recovered() {
+fn random_walk_of_gotcha_track_is_corrected() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = GRID.parse().unwrap();
     let mut random = Random(3);

@@ -1,4 +1,4 @@
-//! Autofocus on echoes simulated here, by formulas of their own, and on real recordings where they are at hand.
+//! Autofocus on simulated echoes, independent of the code under test, and on real recordings where available.
 
 mod far;
 mod far_tracks;
@@ -44,23 +44,23 @@ impl Random {
     }
 }
 
-/// A radar on a track, seen by its echoes.
+/// Simulated radar on a track.
 struct Radar {
     start_hz: f64,
     step_hz: f64,
     samples: usize,
-    /// Where it is thought to be.
+    /// Recorded positions of the antennas, metres.
     recorded_m: Vec<DVec3>,
     /// True positions of the antennas, metres.
     true_m: Vec<DVec3>,
     /// Phase error of every pulse, radians.
     phases_rad: Vec<f64>,
-    /// Noise of a sample, rms.
+    /// Rms noise of a sample.
     noise: f64,
 }
 
 impl Radar {
-    /// The echoes of points of some amplitude, phases not referred to any range.
+    /// Recording of points with these amplitudes, without range compensation.
     fn echoes(&self, points: &[(DVec3, f64)], random: &mut Random) -> InMemory {
         let mut samples = Vec::with_capacity(self.samples * self.true_m.len());
         for (at_m, &phase) in self.true_m.iter().zip(&self.phases_rad) {
@@ -153,7 +153,7 @@ fn sharpened(
         found.outcome,
         found.held_out
     );
-    // By a sum of the test's own.
+    // Entropy by an independent sum.
     let entropies = [&found.image_before, &found.image_after].map(entropy);
     assert!(entropies[1] <= entropies[0], "{entropies:?}");
     assert_eq!(found.correction.is_some(), entropies[1] < entropies[0]);
@@ -181,7 +181,7 @@ fn corrected<'a>(history: &'a dyn PhaseHistory, found: &Sharpened) -> Corrected<
     Corrected::new(history, found.correction.as_ref().unwrap_or(&none)).unwrap()
 }
 
-/// Highest power within `half_m` of a place along x and y, dB, on pixels of `step_m`.
+/// Highest power within `half_m` of a position along x and y, dB, on pixels of `step_m`.
 fn peak_db(history: &dyn PhaseHistory, place_m: DVec3, half_m: f64, step_m: [f64; 2]) -> f64 {
     let axis = |middle: f64, step: f64| {
         let half = (half_m / step).ceil();

@@ -1,6 +1,6 @@
-//! The room of C 6.6: a radar of 77 GHz on a rail of 1 m, reflectors at 2 to 6 m under wide angles, a track that is not known.
-//! The thesis gives two of the four reflectors' places in its text, (0.6, 3) and (0.1, 4), and its results as pictures only: "little sign of improvement ... even worse in some areas" of stock PGA, sharp reflectors of the modified one after
-//! some three rounds. Here all is measured against the image on the true track.
+//! The room of C 6.6: a radar at 77 GHz on a rail of 1 m, reflectors at 2 to 6 m over wide angles, and an unknown track.
+//! The thesis gives the positions of two of the four reflectors in its text, (0.6, 3) and (0.1, 4), and its results as pictures only: "little sign of improvement ... even worse in some areas" for stock PGA, and sharp reflectors for
+//! the modified one after about three rounds. Here results are compared with the image on the true track.
 
 use glam::DVec3;
 use subaperture_autofocus::{Correction, ModifiedPhaseGradient, Outcome, PhaseGradient, Sharpened};
@@ -16,13 +16,13 @@ const REFLECTORS_M: [DVec3; 4] = [
     DVec3::new(1.6, 5.6, 0.0),
 ];
 
-/// 77 to 80 GHz; 800 pulses over 1 m along x. The track errs smoothly along both axes, `rms_m` each.
+/// Radar at 77 to 80 GHz with 800 pulses over 1 m along x, and smooth track errors of `rms_m` along both axes.
 fn radar(rms_m: f64, random: &mut Random) -> Radar {
     let count = 800;
     let recorded_m: Vec<DVec3> = (0..count)
         .map(|n| DVec3::new(f64::from(n) / f64::from(count - 1), 0.0, 0.0))
         .collect();
-    // Five waves of random phase, 1 to 5 over the aperture, alike in power.
+    // Five sinusoids of random phase and equal power, with 1 to 5 periods over the aperture.
     let mut smooth = || -> Vec<f64> {
         let phases: Vec<f64> = (0..5)
             .map(|_| std::f64::consts::TAU * random.uniform())
@@ -82,11 +82,11 @@ fn modified_pga_focuses_reflectors_that_pga_leaves_blurred() {
         println!(
             "{place_m}: true track {best:.2} dB, before {before:.2}, stock {stock:.2}, modified {modified:.2}"
         );
-        // Each reflector is as on the true track, and better than by one phase for all.
+        // Each reflector equals that on the true track, and is better than with one phase for all.
         assert!(modified > best - 0.5 && modified > stock, "{place_m}");
         losses.push(best - stock);
     }
-    // One phase for all suits one direction, and leaves the others blurred.
+    // One phase for all focuses one direction only.
     assert!(losses.iter().any(|&loss| loss > 6.0), "{losses:?}");
     assert!(modified.after.entropy < stock.after.entropy - 0.5);
     assert!(
@@ -115,7 +115,7 @@ pub(crate) fn left_m(recorded_m: &[DVec3], true_m: &[DVec3], found: &[DVec3]) ->
     (squares.sum::<f64>() / count).sqrt()
 }
 
-/// Rms errors of the track before and after, metres, by points and clutter at 24 GHz whose track errs by 4.4 mm rms; and the result.
+/// Rms errors of the track before and after, metres, for points and clutter at 24 GHz with a track error of 4.4 mm rms; and the result.
 fn by_modified(points: usize, clutter: usize, seed: u64) -> ([f64; 2], Sharpened) {
     let mut random = Random(seed);
     for _ in 0..9 {
@@ -158,18 +158,18 @@ fn by_modified(points: usize, clutter: usize, seed: u64) -> ([f64; 2], Sharpened
 }
 
 #[test]
-fn modified_pga_recovers_a_track_by_points() {
+fn modified_pga_recovers_track_from_points() {
     let ([before_m, after_m], found) = by_modified(4, 0, 19);
     assert!(before_m > 4e-3);
-    // A tenth of a wavelength of 12.5 mm; the points' places are found with it.
+    // A tenth of the wavelength of 12.5 mm; the positions of the points are estimated too.
     assert!(after_m < 1.25e-3, "{after_m}");
     assert!(found.held_out.is_some_and(|held_out| held_out.sharper));
 }
 
 #[test]
-fn modified_pga_leaves_a_track_over_clutter_unchanged() {
+fn modified_pga_leaves_track_over_clutter_unchanged() {
     let ([before_m, after_m], found) = by_modified(0, 1500, 21);
-    // A round that is kept may move the track by 11 mm; tracks.rs asserts the refusal of such tracks.
+    // A round may change the track by 11 mm; tracks.rs asserts that such tracks are refused.
     assert!(found.held_out.is_none_or(|held_out| !held_out.sharper));
     assert_ne!(found.outcome, Outcome::Sharper);
     assert!(found.correction.is_none());

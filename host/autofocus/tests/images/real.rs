@@ -1,5 +1,5 @@
-//! Real recordings by radars on an arm, on a rail and on a scanner: autofocus improves the image or leaves it unchanged. Two rounds,
-//! on every second pulse of the longer ones, so that it takes seconds.
+//! Real recordings of radars on an arm, a rail and a scanner: autofocus improves the image or leaves it unchanged. Two rounds
+//! with every second pulse of the longer recordings, to take only seconds.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use subaperture_model::geometry::ImageGrid;
 
 use super::sharpened;
 
-/// A folder of real files, or `None` with a message.
+/// Folder of real recordings, or `None` with a message.
 fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data")
@@ -23,7 +23,7 @@ fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
     None
 }
 
-/// Every method on the image of a described recording; `sharpened` asserts that none makes it worse.
+/// Run every method on the image of a described recording; `sharpened` asserts that the image is not worse.
 fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) {
     let text = examples::text(example).unwrap();
     let file = RecordingFile::new(format!("{example}.toml"), text, folder);
@@ -65,7 +65,7 @@ fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) 
 }
 
 #[test]
-fn the_arc() {
+fn autofocus_does_not_worsen_image_of_arc() {
     for (name, data) in [
         ("arcsar-8", "Prova_Esterna_8.bin"),
         ("arcsar-10", "Prova_Esterna_10.bin"),
@@ -78,7 +78,7 @@ fn the_arc() {
 }
 
 #[test]
-fn the_rail() {
+fn autofocus_does_not_worsen_image_of_rail() {
     if let Some(folder) = real_folder("pulson440-rail", "rail_trial6.npz") {
         let settings = [
             ("recording.every", "2"),
@@ -95,9 +95,9 @@ fn the_rail() {
 }
 
 #[test]
-fn the_scanner() {
+fn autofocus_does_not_worsen_image_of_scanner() {
     if let Some(folder) = real_folder("ti-mimo-scan", "stop2/01.bin") {
-        // A vertical plane: the scanner goes up.
+        // A vertical image plane: the scanner moves vertically.
         try_all(
             "ti-mimo",
             &folder,

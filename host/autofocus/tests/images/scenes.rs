@@ -1,4 +1,4 @@
-//! Small far scenes of points, texture and speckle, and phase errors of four kinds, to measure methods of autofocus by.
+//! Small far scenes of points, texture and speckle with phase errors of four kinds, to compare autofocus methods.
 
 use glam::DVec3;
 use subaperture_autofocus::{
@@ -46,14 +46,14 @@ pub(crate) const KINDS: [Kind; 4] = [
 pub(crate) struct Case {
     pub(crate) scene: Scene,
     pub(crate) kind: Kind,
-    /// Of the error, constant and slope removed, radians.
+    /// Rms of the error without constant and slope, radians.
     pub(crate) rms_rad: f64,
-    /// Number of pulses.
+    /// Number of pulses of the aperture.
     pub(crate) pulses: usize,
-    /// Range cells of the scene, and cross-range cells as part of those that the pulses resolve.
+    /// Number of range cells of the scene, and its cross-range cells as a fraction of the unambiguous ones.
     pub(crate) cells: usize,
     pub(crate) filled: f64,
-    /// Signal to noise of a pixel, dB.
+    /// Signal-to-noise ratio of a pixel, dB.
     pub(crate) snr_db: f64,
     pub(crate) seed: u64,
 }
@@ -73,7 +73,7 @@ impl Case {
     }
 }
 
-/// Cells across range and along it, metres, at 10 GHz.
+/// Resolution in cross-range and range, metres, at 10 GHz.
 const ACROSS_M: f64 = 2.0;
 const ALONG_M: f64 = 1.0;
 pub(crate) const HZ: f64 = 10e9;
@@ -87,7 +87,7 @@ pub(crate) struct Disturbed {
     lines_m: Vec<DVec3>,
 }
 
-/// An error of a kind, constant and slope removed, of this rms.
+/// Phase error of a kind with this rms, without constant and slope.
 pub(crate) fn error_rad(kind: Kind, rms_rad: f64, count: usize, random: &mut Random) -> Vec<f64> {
     let place = |n: usize| 2.0 * (n as f64 + 0.5) / count as f64 - 1.0;
     let mut error: Vec<f64> = match kind {
@@ -138,7 +138,7 @@ pub(crate) fn disturbed(case: Case) -> Disturbed {
     let count = case.pulses;
     let wavelength_m = super::C_M_S / HZ;
     let aperture_m = RANGE_M * wavelength_m / (2.0 * ACROSS_M);
-    // Along the line of sight, so that ground and slant range are one.
+    // The radar is in the ground plane, so that ground and slant range are equal.
     let track: Vec<DVec3> = (0..count)
         .map(|n| {
             let u = (n as f64 + 0.5) / count as f64 - 0.5;
@@ -151,7 +151,7 @@ pub(crate) fn disturbed(case: Case) -> Disturbed {
     let points = scatterers(case.scene, wide_m, deep_m, &mut random);
     let error_rad = error_rad(case.kind, case.rms_rad, count, &mut random);
     let band_hz = super::C_M_S / (2.0 * ALONG_M);
-    // The mean power of a pulse's samples is that of all scatterers; compression in range and cross-range gains their number.
+    // The mean power of a pulse's samples is the total of all scatterers; compression in range and cross-range gains the number of samples.
     let power: f64 = points.iter().map(|p| p.1 * p.1).sum();
     let cells = case.cells as f64 * count as f64 * case.filled;
     let gain = samples as f64 * count as f64;
@@ -187,9 +187,9 @@ pub(crate) fn disturbed(case: Case) -> Disturbed {
     }
 }
 
-/// Positions and complex amplitudes; phases are those of positions that are many wavelengths apart at random.
+/// Positions and complex amplitudes of the scatterers, with random phases.
 fn scatterers(scene: Scene, wide_m: f64, deep_m: f64, random: &mut Random) -> Vec<(DVec3, f64)> {
-    // Three scatterers a cell on a jittered raster.
+    // Three scatterers per cell on a jittered raster.
     let count = (3.0 * wide_m / ACROSS_M * deep_m / ALONG_M) as usize;
     let place = |random: &mut Random| {
         DVec3::new(

@@ -1,6 +1,6 @@
-//! Methods over scenes and errors, and a textbook PGA to compare with.
+//! Residual phase errors of all methods over scenes and errors, compared with a textbook PGA.
 //!
-//! Margins: an rms phase error of [`SEEN_RAD`] costs a point `exp(-0.05^2)` of its peak power, 0.01 dB. Residuals below that differ in no image.
+//! Margins: an rms phase error of [`SEEN_RAD`] lowers a point's peak power by `exp(-0.05^2)`, 0.01 dB. Smaller residuals make no visible difference.
 
 use subaperture_autofocus::{Estimator, Goal, MapDrift, Method, PhaseGradient, Sharpness};
 
@@ -9,7 +9,7 @@ use super::textbook::Kernel;
 
 const SEEN_RAD: f64 = 0.05;
 
-/// Residuals of a case: of the better textbook, of the default, and of the best of all other methods, if those are asked for.
+/// Residuals of a case: of the better textbook estimator, of the default, and of the best of all other methods if requested.
 fn residuals(case: Case, others: bool) -> [f64; 3] {
     let disturbed = disturbed(case);
     let textbook =
@@ -55,23 +55,23 @@ fn default_is_as_good_as_the_textbook(scene: Scene) {
     for kind in KINDS {
         let [textbook, default, _] = residuals(Case::new(scene, kind), false);
         assert!(default <= textbook, "{kind:?}: {default} {textbook}");
-        // 0.2 rad rms cost a point 0.17 dB.
+        // 0.2 rad rms lower a point by 0.17 dB.
         assert!(default < 0.2, "{kind:?}: {default}");
     }
 }
 
 #[test]
-fn default_leaves_less_phase_than_textbook_on_points() {
+fn default_has_smaller_residual_than_textbook_on_points() {
     default_is_as_good_as_the_textbook(Scene::Points);
 }
 
 #[test]
-fn default_leaves_less_phase_than_textbook_on_texture() {
+fn default_has_smaller_residual_than_textbook_on_texture() {
     default_is_as_good_as_the_textbook(Scene::Texture(1.0));
 }
 
 #[test]
-fn default_leaves_less_phase_than_textbook_on_speckle() {
+fn default_has_smaller_residual_than_textbook_on_speckle() {
     default_is_as_good_as_the_textbook(Scene::Speckle);
 }
 
@@ -93,7 +93,7 @@ fn default_is_near_the_best_method_on_a_small_scene() {
 
 #[test]
 fn noise_is_not_sharper_on_held_out_data() {
-    // Phases make noise look sharper where they are estimated, and nowhere else.
+    // Phases fitted to noise sharpen only the cells used for their estimation.
     let case = Case {
         snr_db: -40.0,
         pulses: 64,
@@ -111,13 +111,13 @@ fn noise_is_not_sharper_on_held_out_data() {
         assert!(found.correction.is_none(), "{}", method.name());
         assert_eq!(found.before, found.after);
     }
-    // The judge had work: entropy on the data that was used did fall.
+    // The entropy of the cells used for estimation does decrease.
     let found = disturbed.sharpened(&free, 16);
     assert!(found.rounds.iter().any(|round| round.kept));
     assert!(found.held_out.is_some_and(|held_out| !held_out.sharper));
 }
 
-/// All scenes, errors and methods; `SUBAPERTURE_SEEDS` how many of each. Prints a Markdown table.
+/// All scenes, errors and methods, with `SUBAPERTURE_SEEDS` seeds. Prints a Markdown table.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn table_of_residual_phases() {

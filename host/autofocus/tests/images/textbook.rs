@@ -1,13 +1,13 @@
-//! Textbook phase gradient autofocus, written out: an oracle that shares no code with the methods it judges.
+//! Textbook phase gradient autofocus, an oracle that shares no code with the methods under test.
 //!
 //! Wahl, Eichel, Ghiglia and Jakowatz, Phase gradient autofocus, a robust tool for high resolution SAR phase correction, IEEE Trans.
 //! AES 30(3), 1994. The scene is a small far one, so that the history of a range line is the recording compensated to the line's
 //! middle and compressed in range there, and an image line is its discrete Fourier transform over the pulses. An iteration
 //!
 //! 1. shifts the brightest pixel of every range line to the middle;
-//! 2. windows all lines alike: as wide as the energy summed over the lines stays within 10 dB of its peak, half as wide again;
+//! 2. windows all lines equally: 1.5 times the width within which the energy summed over the lines is within 10 dB of its peak;
 //! 3. estimates the phase gradient over all range lines, by linear unbiased minimum variance or by maximum likelihood;
-//! 4. sums the gradient up, removes the linear trend and corrects all lines.
+//! 4. integrates the gradient, removes the linear trend and corrects all lines.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -15,7 +15,7 @@ use subaperture_model::phase_history::PhaseHistory;
 
 use super::C_M_S;
 
-/// How the phase gradient of an iteration is estimated.
+/// Estimator of the phase gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kernel {
     /// `sum Im(g* g') / sum |g|^2`, the linear unbiased minimum variance estimate.
@@ -24,7 +24,7 @@ pub(crate) enum Kernel {
     Likelihood,
 }
 
-/// Histories of range lines: a value a pulse for each of `lines_m`, the middles of the lines.
+/// Histories of range lines with centres `lines_m`, one value per pulse.
 pub(crate) fn range_lines(history: &dyn PhaseHistory, lines_m: &[DVec3]) -> Vec<Vec<Complex64>> {
     let collection = history.collection();
     let (pulses, width) = (collection.pulses.len(), collection.num_samples);
@@ -49,7 +49,7 @@ pub(crate) fn range_lines(history: &dyn PhaseHistory, lines_m: &[DVec3]) -> Vec<
     lines_m.iter().map(line).collect()
 }
 
-/// A discrete Fourier transform by its definition; zero is in the middle of the result.
+/// Discrete Fourier transform by its definition; frequency zero is at the centre of the result.
 fn transform(values: &[Complex64], sign: f64) -> Vec<Complex64> {
     let count = values.len();
     let roots: Vec<Complex64> = (0..count)
@@ -65,7 +65,7 @@ fn transform(values: &[Complex64], sign: f64) -> Vec<Complex64> {
     (0..count).map(at).collect()
 }
 
-/// The phase error of every pulse, radians, by so many iterations.
+/// Phase error of every pulse, radians, after `most` iterations.
 pub(crate) fn phase_error_rad(
     mut lines: Vec<Vec<Complex64>>,
     kernel: Kernel,
@@ -87,7 +87,7 @@ pub(crate) fn phase_error_rad(
         let energy: Vec<f64> = (0..count)
             .map(|i| images.iter().map(|image| image[i].norm_sqr()).sum())
             .collect();
-        // Contiguous about the middle.
+        // Contiguous interval about the centre.
         let within = |i: &usize| energy[*i] > 0.1 * energy[half];
         let right = (half..count).take_while(within).count();
         let left = (0..=half).rev().take_while(within).count();
@@ -128,7 +128,7 @@ pub(crate) fn phase_error_rad(
     all
 }
 
-/// Removes constant and slope by least squares.
+/// Remove constant and slope by least squares.
 pub(crate) fn without_trend(values: &mut [f64]) {
     let count = values.len() as f64;
     let middle = (count - 1.0) / 2.0;
@@ -144,8 +144,8 @@ pub(crate) fn without_trend(values: &mut [f64]) {
     }
 }
 
-/// Rms of the difference of an error and its estimate, constant and slope removed, both modulo whole turns: the slope
-/// is that by which the phasors add up to the most.
+/// Rms difference of an error and its estimate modulo whole turns, without constant and slope; the slope maximises the sum of
+/// the phasors.
 pub(crate) fn residual_rad(error_rad: &[f64], found_rad: &[f64]) -> f64 {
     let left: Vec<f64> = error_rad
         .iter()

@@ -1,7 +1,7 @@
-//! Random near scenes whose track is wrong by some millimetres: corrections that are accepted make the track better.
+//! Random near scenes with track errors of some millimetres: accepted corrections reduce the track error.
 //!
-//! The radar moves along x by its recorded track and truly along another one; its error is the difference without the best-fitting rigid motion in the
-//! plane, which moves the whole scene alike.
+//! The recorded track is along x. The track error is the difference from the true track without the best-fitting rigid motion in the
+//! plane, which moves the whole scene.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -27,7 +27,7 @@ struct Case {
     receivers: usize,
     /// Track error, metres rms.
     error_m: f64,
-    /// Waves of the error over the aperture at most.
+    /// Largest number of periods of the error over the aperture.
     waves: usize,
     seed: u64,
 }
@@ -59,7 +59,7 @@ impl Case {
     }
 }
 
-/// Rms errors of the track, metres, before, after and by a correction that was refused; and the result.
+/// Rms errors of the track, metres, before, after and with a refused correction; and the result.
 fn run(case: Case, method: &dyn Method) -> ([f64; 3], Sharpened) {
     let mut random = random(case.seed ^ 0x5555);
     let place = |random: &mut Random| {
@@ -70,7 +70,7 @@ fn run(case: Case, method: &dyn Method) -> ([f64; 3], Sharpened) {
         )
     };
     let wavelength_m = C_M_S / case.hz;
-    // As long an aperture as 256 pulses sample at angles of 40 degrees, a metre at most.
+    // The longest aperture that 256 pulses sample up to angles of 40 degrees, at most 1 m.
     let long_m = (256.0 * wavelength_m / 2.6).min(1.0);
     let turns = ((2.6 * long_m / wavelength_m) as usize).clamp(96, 256);
     let mut scene: Vec<(DVec3, f64)> = (0..case.points)
@@ -155,7 +155,7 @@ fn run(case: Case, method: &dyn Method) -> ([f64; 3], Sharpened) {
     (left, found)
 }
 
-/// Echoes of points at receivers half a wavelength apart behind one transmitter, a channel each.
+/// Echoes of points at receivers half a wavelength apart behind one transmitter, one channel each.
 fn echoes(
     points: &[(DVec3, f64)],
     receivers: usize,
@@ -207,8 +207,8 @@ fn echoes(
     InMemory::new(collection, all).unwrap()
 }
 
-/// Corrections of random scenes: each accepted one makes the track better. Returns the errors before and after of the accepted ones, metres,
-/// and the number of those that were judged and refused.
+/// Correct random scenes, and assert that each accepted correction reduces the track error. Returns the errors before and after of the accepted
+/// corrections, metres, and the number of refused ones.
 fn accepted(seeds: impl Iterator<Item = u64>) -> (Vec<[f64; 2]>, usize) {
     let mut accepted = Vec::new();
     let mut grown = Vec::new();
@@ -255,7 +255,7 @@ fn accepted_corrections_do_not_increase_track_error() {
     assert_eq!([accepted.len(), refusals], [2, 2]);
 }
 
-/// `SUBAPERTURE_SEEDS` random scenes from `SUBAPERTURE_FIRST` on. Prints a Markdown table.
+/// `SUBAPERTURE_SEEDS` random scenes from seed `SUBAPERTURE_FIRST`. Prints a Markdown table.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn table_of_tracks() {

@@ -65,7 +65,7 @@ impl fmt::Display for Ghosts {
         } = self.demanded;
         write!(
             f,
-            "image: ghosts of targets are possible about {repeat_m:.0} m from them along the track, for the grid spans {:.2} deg at a pulse and the pulse spacing samples {:.2} deg \
+            "image: ghosts of targets are possible about {repeat_m:.0} m from them along the track: the grid spans {:.2} deg at a pulse, and the pulse spacing samples {:.2} deg \
              without ambiguity",
             deg(across),
             deg(unambiguous)
@@ -73,7 +73,7 @@ impl fmt::Display for Ghosts {
     }
 }
 
-/// Reason that a beam which was not asked for is not used.
+/// Reason that an automatic beam is not used.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Rejected {
@@ -84,7 +84,7 @@ pub enum Rejected {
         /// The reason, a clause.
         why: String,
     },
-    /// The Doppler spectrum shows a beam, but does not resolve where it looks.
+    /// The Doppler spectrum shows a beam with an ambiguous squint.
     Undecided {
         /// Beam that the spectrum shows.
         estimate: Estimate,
@@ -103,7 +103,7 @@ impl fmt::Display for Rejected {
             ),
             Self::Undecided { estimate, demanded } => write!(
                 f,
-                "image: ghosts are possible, for places are seen under up to {:.2} deg and the Doppler spectrum shows a beam of {:.3} deg; where it looks is not clear: \
+                "image: ghosts are possible: points are seen over up to {:.2} deg, and the Doppler spectrum shows a beam of {:.3} deg with an ambiguous squint of \
                  {:.3} deg forward of broadside, modulo {:.3} deg",
                 libm::asin(demanded.most.min(1.0)).to_degrees(),
                 estimate.beam.width_rad.to_degrees(),
@@ -134,7 +134,7 @@ impl ChosenBeam {
     }
 }
 
-/// Largest width of a beam that is not asked for, relative to the smallest range of angles over which the pulses see a point of the grid.
+/// Largest width of an automatic beam, relative to the smallest range of angles over which the pulses see a point of the grid.
 const NARROWER: f64 = 0.7;
 
 /// Choose the beam of an image of `history` on `grid`. `target_m_s` is the velocity of the target in whose frame the geometry is given.

@@ -41,7 +41,7 @@ impl Choices {
             true => Ok(choices),
             false => Err(misfit(
                 former,
-                "its blocks are not those of the beam and the grid",
+                "the numbers of blocks or their plans do not match the beam and the grid",
             )),
         }
     }

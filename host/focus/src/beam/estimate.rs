@@ -74,8 +74,7 @@ pub enum EstimateError {
     NoStrip(String),
     /// The azimuth spectrum is too flat to show a beam.
     #[error(
-        "the azimuth Doppler spectrum shows no beam: it falls by {fall_db:.1} dB from its middle to half the repetition frequency off, and {CLEAR_DB} dB or more are \
-         clear"
+        "the azimuth Doppler spectrum shows no beam: it falls by {fall_db:.1} dB from its centre to half the repetition frequency away, expected at least {CLEAR_DB} dB"
     )]
     Flat {
         /// Fall of the fitted spectrum, dB; 0 if it is not finite.
@@ -172,7 +171,7 @@ pub fn estimate(
     let step_m = track.even_step_m().map_err(EstimateError::NoStrip)?;
     if track.len() < MIN_PULSES {
         return Err(EstimateError::NoStrip(format!(
-            "{} pulses are too few, {MIN_PULSES} are needed",
+            "expected at least {MIN_PULSES} pulses, found {}",
             track.len()
         )));
     }
@@ -245,7 +244,7 @@ pub fn estimate(
         }
     }
     Err(EstimateError::NoStrip(
-        "no squint that the Doppler centroid allows sees the grid".to_owned(),
+        "the grid is outside the beam at every squint that the Doppler centroid allows".to_owned(),
     ))
 }
 

@@ -160,7 +160,7 @@ fn check_sound(beam: &Beam) -> Result<(), FormError> {
     match beam.is_sound() {
         true => Ok(()),
         false => Err(FormError::unsuited(format!(
-            "a beam {:.3} deg wide, {:.3} deg forward of broadside: its width is to be above 0, and its edges less than 90 deg from broadside",
+            "beam {:.3} deg wide, {:.3} deg forward of broadside: expected a width above 0 deg and edges less than 90 deg from broadside",
             beam.width_rad.to_degrees(),
             beam.squint_rad.to_degrees()
         ))),
@@ -169,7 +169,7 @@ fn check_sound(beam: &Beam) -> Result<(), FormError> {
 
 /// Illuminated blocks of weights made for a beam.
 fn lit_of(weights: &Weights) -> Result<&Arc<BlockIllumination>, FormError> {
-    let why = "the weights do not say which pulses see which pixels: a former in a beam takes those of ImageFormer::weights";
+    let why = "the weights do not state which pulses see which pixels: a former in a beam needs those of ImageFormer::weights";
     weights.lit.as_ref().ok_or_else(|| FormError::unsuited(why))
 }
 

@@ -38,7 +38,7 @@ impl<'a> Track<'a> {
         let count = collection.pulses.len();
         if collection.num_turns() != count {
             return Err(FormError::unsuited(format!(
-                "{name}: its pulses are of several channels, and a beam's aperture is of one: name a channel"
+                "{name}: expected pulses of one channel for a beam, found several channels: select one"
             )));
         }
         let places_m: Vec<DVec3> = collection
@@ -74,7 +74,7 @@ impl<'a> Track<'a> {
                 steps_m,
             }),
             Some(n) => Err(FormError::unsuited(format!(
-                "{name}: the antenna does not move at pulse {n} (from 0), so that the beam's angle has no direction to be measured from"
+                "{name}: the antenna does not move at pulse {n} (from 0): the beam's angle is measured from the direction of motion"
             ))),
         }
     }
@@ -162,7 +162,7 @@ impl<'a> Track<'a> {
             }
             if passes > 1 {
                 return Err(FormError::unsuited(format!(
-                    "{}: its track sees x {:.3} m, y {:.3} m, z {:.3} m in {passes} passes; a beam's aperture is one pass: focus each pass by itself",
+                    "{}: the beam illuminates x {:.3} m, y {:.3} m, z {:.3} m in {passes} passes, expected one: focus each pass separately",
                     self.name, place_m.x, place_m.y, place_m.z
                 )));
             }

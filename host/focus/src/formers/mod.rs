@@ -57,7 +57,7 @@ pub const DEFAULT: Entry = auto::ENTRY;
 #[derive(Debug, thiserror::Error)]
 pub enum UnknownFormer {
     /// No former has this name.
-    #[error("there is no former '{name}': choose one of {}", FORMERS.map(|entry| entry.name).join(", "))]
+    #[error("no former '{name}': expected one of {}", FORMERS.map(|entry| entry.name).join(", "))]
     Name {
         /// Requested name.
         name: String,
@@ -66,7 +66,7 @@ pub enum UnknownFormer {
     #[error("{0}")]
     Beam(String),
     /// The settings are invalid.
-    #[error("the settings of {name}: {source}")]
+    #[error("settings of {name}: {source}")]
     Settings {
         /// Name of the former.
         name: &'static str,

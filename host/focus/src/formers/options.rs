@@ -58,7 +58,7 @@ pub type OptionValues = Map<String, Value>;
 pub(super) const ERROR_DB: FormerOption = FormerOption {
     name: "error_db",
     summary: "Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their sizes from it, and \
-              refuse what they predict to miss it",
+              refuse an image with a larger predicted error",
     takes: OptionType::Bound,
     default: "-60",
     at: &[],
@@ -96,7 +96,7 @@ impl FormerOption {
 #[non_exhaustive]
 pub enum OptionError {
     /// The former does not have this option.
-    #[error("{former} takes no {option}")]
+    #[error("{former} has no option {option}")]
     NotOf {
         /// Name of the former.
         former: &'static str,
@@ -104,7 +104,7 @@ pub enum OptionError {
         option: String,
     },
     /// The option has no effect with the word given for another option.
-    #[error("{option} says nothing with {other} {word}")]
+    #[error("{option} has no effect with {other} {word}")]
     SaysNothing {
         /// Name of the option.
         option: &'static str,
@@ -114,7 +114,7 @@ pub enum OptionError {
         word: String,
     },
     /// The option requires a word of another option.
-    #[error("{option} is for {other} {word} only")]
+    #[error("{option} requires {other} {word}")]
     Needs {
         /// Name of the option.
         option: &'static str,
@@ -124,7 +124,7 @@ pub enum OptionError {
         word: &'static str,
     },
     /// The value is not valid for the option.
-    #[error("{option} cannot be {value}")]
+    #[error("{value} is not a valid {option}")]
     Value {
         /// Name of the option.
         option: &'static str,
@@ -204,10 +204,10 @@ impl Entry {
 }
 
 /// Set the value at a path through objects if all of them exist.
-fn put(settings: &mut Value, way: &str, setting: &Value) {
-    let (first, rest) = way
+fn put(settings: &mut Value, path: &str, setting: &Value) {
+    let (first, rest) = path
         .split_once('/')
-        .map_or((way, None), |(a, b)| (a, Some(b)));
+        .map_or((path, None), |(a, b)| (a, Some(b)));
     let Value::Object(object) = settings else {
         return;
     };

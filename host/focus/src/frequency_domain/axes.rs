@@ -98,8 +98,8 @@ impl Axes {
         let bins = (along_high - along_low) * pulses * track.spacing_m / TAU;
         if !(pulses < LONGEST && bins < MAX_BINS) {
             let why = format!(
-                "{pulses:.1e} pulses {:.3e} m apart, {bins:.1e} wavenumbers of them, would have to be transformed at once: at most \
-                 {LONGEST:.0e} and {MAX_BINS:.0e} are",
+                "the transform along the track needs {pulses:.1e} pulses {:.3e} m apart and {bins:.1e} wavenumbers: expected at most \
+                 {LONGEST:.0e} and {MAX_BINS:.0e}",
                 track.spacing_m
             );
             let remedies = [Remedy::OtherFormer(&["bp"]), Remedy::SmallerGrid];
@@ -170,8 +170,8 @@ fn directions(reach_m: [f64; 2], range_m: [f64; 2], wavenumber: f64) -> Result<T
         true => Ok(taper),
         false => {
             let why = format!(
-                "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
-                 broadside, are too near for a frequency-domain former",
+                "pixels are too near for a frequency-domain former: {:.3} m from the track's line, seen up to {:.0} degrees from \
+                 broadside",
                 range_m[0],
                 libm::asin(needed[0].abs().max(needed[1].abs())).to_degrees()
             );
@@ -241,7 +241,9 @@ fn range_axis(
     let margin = TAPS as f64 / 2.0 + 1.0;
     let samples = ((range_m[1] - range_m[0]) / step_m).ceil() + 2.0 * margin + 1.0;
     if samples >= LONGEST {
-        let why = Reason::new(format!("{samples:.1e} range bins are too many"));
+        let why = Reason::new(format!(
+            "the grid needs {samples:.1e} range bins, expected at most {LONGEST:.0e}"
+        ));
         return Err(FormError::Unsuited(why.helped_by(&[Remedy::SmallerGrid])));
     }
     Ok(ImageAxis {

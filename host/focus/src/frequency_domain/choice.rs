@@ -124,7 +124,7 @@ impl<'a> Ground<'a> {
             track,
             rough,
             line: None,
-            beside: [
+            others: [
                 rounding::path_phase_rad(self.collection, self.grid),
                 spread,
                 read,
@@ -184,7 +184,7 @@ struct Errors {
     /// Error on the straight line; `None` if the bound is exceeded without it.
     line: Option<f64>,
     /// Errors of the other steps and of rounded paths.
-    beside: [f64; 3],
+    others: [f64; 3],
 }
 
 impl Errors {
@@ -197,12 +197,12 @@ impl Errors {
 
     /// Planned error, dB; a lower limit where the line error was not evaluated.
     fn planned_db(&self) -> f64 {
-        self.prediction().total_db(&self.beside)
+        self.prediction().total_db(&self.others)
     }
 
     /// Planned error that can focus scatterers outside the grid to points, dB.
     fn stray_db(&self) -> f64 {
-        let [a, b, c] = self.beside;
+        let [a, b, c] = self.others;
         let line = self.line.unwrap_or(0.0);
         rounding::total_db(&[self.rough + line, prediction::FLOOR, a, b, c])
     }
@@ -322,13 +322,13 @@ mod tests {
     use super::*;
 
     /// Errors relative to the bound.
-    fn errors(bound_db: f64, track: f64, line: Option<f64>, beside: f64) -> Errors {
+    fn errors(bound_db: f64, track: f64, line: Option<f64>, others: f64) -> Errors {
         let bound = libm::pow(10.0, bound_db / 20.0);
         Errors {
             track: track * bound,
             rough: 0.0,
             line: line.map(|line| line * bound),
-            beside: [beside * bound, 0.0, 0.0],
+            others: [others * bound, 0.0, 0.0],
         }
     }
 

@@ -69,7 +69,7 @@ impl Prediction {
         }
         let why = format!(
             "the track is not straight and even, and motion compensation to a line leaves an error of {:.0} dB at \
-             the grid's worst corner, from where deviations look different",
+             the grid's worst corner, whose line of sight differs most",
             20.0 * libm::log10(self.track)
         );
         Reason::new(why).helped_by(&[

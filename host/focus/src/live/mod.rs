@@ -194,12 +194,13 @@ impl Live {
                 expected: self.num_samples,
             });
         }
-        if let Some(what) = pulse.fault(self.num_samples) {
-            return Err(LiveError::Pulse { what });
+        if let Some(fault) = pulse.fault(self.num_samples) {
+            return Err(LiveError::Pulse { fault });
         }
         if !pulse.sweep.is_finite() {
-            let what = "how its antennas move while it lasts is not of finite numbers".to_owned();
-            return Err(LiveError::Pulse { what });
+            let fault =
+                "expected finite velocities and times of its antennas during the pulse".to_owned();
+            return Err(LiveError::Pulse { fault });
         }
         let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
         match samples.iter().position(|z| !finite(z)) {

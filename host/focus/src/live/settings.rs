@@ -68,7 +68,9 @@ impl Settings {
 #[non_exhaustive]
 pub enum LiveError {
     /// The grid has no pixels, pulses have no samples, or the aperture has no pulses.
-    #[error("a live image needs pixels, samples and an aperture of at least one pulse")]
+    #[error(
+        "expected at least one pixel, one sample per pulse and one pulse in the aperture of a live image"
+    )]
     Empty,
     /// The memory limit is too small.
     #[error("a live image needs {} of the {} allowed", bytes(*needed_bytes), bytes((*allowed_bytes).into()))]
@@ -79,7 +81,7 @@ pub enum LiveError {
         allowed_bytes: u64,
     },
     /// The pulse has a different number of samples.
-    #[error("the pulse has {given} samples, and pulses of this image have {expected}")]
+    #[error("expected {expected} samples in a pulse of this image, got {given}")]
     Samples {
         /// Samples of the given pulse.
         given: usize,
@@ -87,10 +89,10 @@ pub enum LiveError {
         expected: usize,
     },
     /// The pulse has an invalid parameter.
-    #[error("the pulse is none: {what}")]
+    #[error("invalid pulse: {fault}")]
     Pulse {
         /// Description of the invalid parameter.
-        what: String,
+        fault: String,
     },
     /// A sample is NaN or infinite.
     #[error("sample {sample} of the pulse is not a finite number")]

@@ -142,7 +142,7 @@ fn factors_off() -> [f64; 3] {
 fn step_off_m() -> Result<f64, ItemError> {
     let unsuited = |error: subaperture_motion::MotionError| ItemError::Measure(error.to_string());
     let array = radar();
-    let mut pairwise = Pairwise::new(array.clone(), Heading::Found).map_err(unsuited)?;
+    let mut pairwise = Pairwise::new(array.clone(), Heading::Estimated).map_err(unsuited)?;
     let mut off_m = f64::NAN;
     for x in [0.0, STEP_M] {
         let pose = Pose {

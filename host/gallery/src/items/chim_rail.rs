@@ -11,7 +11,7 @@ use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channel, Channels, InMemory, PhaseHistory};
 use subaperture_model::track::{Pose, Profile, Trajectory};
-use subaperture_motion::targets::{Recovered, Seen, Settings, recover};
+use subaperture_motion::targets::{Detections, Recovered, Settings, recover};
 use subaperture_motion::{Heading, Increment, Pairwise};
 
 /// Reflector positions, metres, at 2 to 6 m; the thesis names the first two.
@@ -104,9 +104,9 @@ pub(super) fn found(
 }
 
 /// Motion between pulses by the thesis's two least squares, along the array's axes.
-pub(super) fn increments(seen: &Seen) -> Result<Vec<Increment>, ItemError> {
+pub(super) fn increments(seen: &Detections) -> Result<Vec<Increment>, ItemError> {
     let unsuited = |error: subaperture_motion::MotionError| ItemError::Measure(error.to_string());
-    let mut pairwise = Pairwise::new(seen.array.clone(), Heading::Found).map_err(unsuited)?;
+    let mut pairwise = Pairwise::new(seen.array.clone(), Heading::Estimated).map_err(unsuited)?;
     let mut found = Vec::with_capacity(seen.pulses.len());
     for pulse in &seen.pulses {
         found.extend(pairwise.push(pulse).map_err(unsuited)?);

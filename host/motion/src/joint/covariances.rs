@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use subaperture_signal::dense::Factor;
 
-use super::{Estimate, Known, NoEstimate, Normal, Own, block, outer};
+use super::{Estimate, NoEstimate, Normal, Own, Prior, block, outer};
 use crate::MIN_PIVOT;
 use crate::model::{Array, Pose, Sighting};
 
@@ -25,7 +25,7 @@ pub fn covariances(
     pulses: &[Vec<Sighting>],
     first: usize,
     estimate: &Estimate,
-    prior: &Known,
+    prior: &Prior,
 ) -> Result<Covariances, NoEstimate> {
     let normal = Normal::new(array, pulses, first, estimate, prior, 0.0)?;
     let size = normal.right.len();
@@ -48,7 +48,7 @@ pub enum Datum {
 
 /// Covariance of a pose of an aligned track: x and y in metres, heading in radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LaidCovariance {
+pub struct AlignedCovariance {
     /// Part from noise of single pulses, nearly independent from pulse to pulse.
     pub own: DMat3,
     /// Part from errors of the target positions, common to many pulses.
@@ -70,7 +70,7 @@ impl Covariances {
     ///
     /// # Panics
     /// If there are not as many poses as pulses.
-    pub fn laid(&self, poses: &[Pose], datum: Datum) -> Vec<LaidCovariance> {
+    pub fn aligned(&self, poses: &[Pose], datum: Datum) -> Vec<AlignedCovariance> {
         assert_eq!(poses.len(), self.pulses.len());
         let targets = self.size / 3;
         let share = 1.0 / poses.len().max(1) as f64;
@@ -126,7 +126,7 @@ impl Covariances {
             for (target, with) in &own.with {
                 follows[*target] += own.inverse * *with;
             }
-            LaidCovariance {
+            AlignedCovariance {
                 own: alone,
                 by_targets: self.through(&follows),
             }

@@ -6,10 +6,10 @@
 //!
 //! by Levenberg-Marquardt steps. `rho` is Huber's function: residuals beyond [`HUBER`] standard deviations count linearly. No measurement depends on two poses: the normal equations are an arrowhead (bordered
 //! block-diagonal) system, in which poses are eliminated one by one (Schur complement). What remains is a system of the targets: time grows with the number of pulses, and with the cube of the targets. A pulse that
-//! leaves the window is marginalised into a prior of the targets ([`Known`]), linearised at its last estimate.
+//! leaves the window is marginalised into a prior of the targets ([`Prior`]), linearised at its last estimate.
 //!
 //! **Gauge.** Measurements determine neither the first position nor the orientation of the whole. The first position is held, and the direction from it to the first target; the first heading is estimated like the
-//! others. (With the first heading held instead, an error of its directions of arrival would turn the whole track along an arc that linear steps cannot follow.) Known headings ([`Heading::Held`]) are those of the frame
+//! others. (With the first heading held instead, an error of its directions of arrival would turn the whole track along an arc that linear steps cannot follow.) Known headings ([`Heading::Known`]) are those of the frame
 //! and stay as given; then only the first position is held, as directions of arrival determine the orientation.
 //!
 //! Phases must be unwrapped: see [`crate::tracker`].
@@ -24,16 +24,16 @@ use crate::MIN_PIVOT;
 use crate::increment::Heading;
 use crate::model::{Array, Line, Pose, Sighting, Target};
 
-pub use covariances::{Covariances, Datum, LaidCovariance, covariances};
-pub use prior::Known;
+pub use covariances::{AlignedCovariance, Covariances, Datum, covariances};
+pub use prior::Prior;
 
 /// Residual in standard deviations beyond which it is taken for an outlier.
 pub const HUBER: f64 = 4.0;
 
 /// Largest number of steps.
 const MAX_STEPS: usize = 100;
-/// Promised decrease of the sum of squares below which the iteration ends: no unknown moves by more than 1/300 of its standard deviation.
-const ENOUGH: f64 = 1e-5;
+/// Predicted decrease of the sum of squares below which the iteration ends: no unknown moves by more than 1/300 of its standard deviation.
+const MIN_DECREASE: f64 = 1e-5;
 /// Relative damping of the diagonal: negligible where steps do not overshoot, and largest.
 const DAMPING: f64 = 1e-9;
 const MAX_DAMPING: f64 = 1e8;
@@ -46,7 +46,7 @@ const HELD: f64 = 1e12;
 pub struct Estimate {
     /// Pose of each pulse.
     pub poses: Vec<Pose>,
-    /// Targets, by number.
+    /// Targets, indexed by their number.
     pub targets: Vec<Target>,
     /// Whether headings are estimated, or known and kept.
     pub heading: Heading,
@@ -57,17 +57,19 @@ pub struct Estimate {
 pub enum NoEstimate {
     /// A pulse does not determine its pose.
     #[error(
-        "pulse {0} has too few targets for a pose: two or more in different directions are needed"
+        "pulse {0} has too few targets for a pose: expected at least two in different directions"
     )]
     Pose(usize),
     /// Sightings do not determine the targets.
-    #[error("the sightings do not determine the positions of the targets")]
+    #[error(
+        "the sightings do not determine the positions of the targets: targets in different directions, or more motion, are needed"
+    )]
     Targets,
     /// A step is not finite.
     #[error(
         "the least squares diverge: measured values exceed the range of floating-point numbers"
     )]
-    Nowhere,
+    Diverged,
 }
 
 /// Result of the least squares.
@@ -75,8 +77,8 @@ pub enum NoEstimate {
 pub struct Solved {
     /// Sum of squared residuals of these pulses, in standard deviations.
     pub sum: f64,
-    /// Whether the iteration converged. It does not where few targets are seen, targets are confused, or phases wrapped.
-    pub settled: bool,
+    /// Whether the iteration converged. It fails to if few targets are seen, targets are confused, or phases are off by whole turns.
+    pub converged: bool,
 }
 
 /// Contribution of a pulse to the normal equations.
@@ -118,7 +120,7 @@ fn block(matrix: &[f64], size: usize, [row, column]: [usize; 2]) -> DMat3 {
     DMat3::from_cols_array_2d(&[0, 1, 2].map(|j| [0, 1, 2].map(|i| at(i, j))))
 }
 
-/// `a b^T`.
+/// Outer product `a b^T`.
 fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
@@ -170,13 +172,13 @@ impl Normal {
         pulses: &[Vec<Sighting>],
         first: usize,
         estimate: &Estimate,
-        prior: &Known,
+        prior: &Prior,
         damping: f64,
     ) -> Result<Self, NoEstimate> {
         let size = 3 * estimate.targets.len();
         let mut normal = Self::empty(size, damping);
         normal.add_prior(prior, &estimate.targets);
-        if let (Some(target), Heading::Found) = (estimate.targets.first(), estimate.heading) {
+        if let (Some(target), Heading::Estimated) = (estimate.targets.first(), estimate.heading) {
             // Across the direction from the first pose, which is the origin.
             let across = target.at_m.perp().normalize_or_zero().extend(0.0);
             add(
@@ -193,7 +195,7 @@ impl Normal {
         Ok(normal)
     }
 
-    fn add_prior(&mut self, prior: &Known, targets: &[Target]) {
+    fn add_prior(&mut self, prior: &Prior, targets: &[Target]) {
         let size = self.right.len();
         let before = prior.vector.len();
         let at: Vec<f64> = targets.iter().flat_map(values).collect();
@@ -250,7 +252,7 @@ impl Normal {
         if number == 0 {
             enlarged += DVec3::new(HELD, HELD, 0.0);
         }
-        if heading == Heading::Held {
+        if heading == Heading::Known {
             enlarged.z += HELD;
             // A known heading is not corrected.
             own_right.z = 0.0;
@@ -286,13 +288,13 @@ fn diagonal(matrix: DMat3) -> DVec3 {
 }
 
 impl Normal {
-    /// Estimate after a step from `at`, and the decrease of the sum of squares that the linear model promises.
+    /// Estimate after a step from `at`, and the decrease of the sum of squares predicted by the linear model.
     fn step(&self, at: &Estimate) -> Result<(Estimate, f64), NoEstimate> {
         let factor =
             Factor::new(self.right.len(), &self.matrix, MIN_PIVOT).ok_or(NoEstimate::Targets)?;
         let mut step = self.right.clone();
         factor.solve(&mut step);
-        let mut promised: f64 = step.iter().zip(&self.right).map(|(a, b)| a * b).sum();
+        let mut predicted: f64 = step.iter().zip(&self.right).map(|(a, b)| a * b).sum();
         let mut next = at.clone();
         for (target, step) in next.targets.iter_mut().zip(step.chunks_exact(3)) {
             target.at_m.x += step[0];
@@ -301,20 +303,20 @@ impl Normal {
         }
         for (pose, own) in next.poses.iter_mut().zip(&self.pulses) {
             // The part of the poses alone; the targets' part is in their step.
-            promised += own.right.dot(own.inverse * own.right);
+            predicted += own.right.dot(own.inverse * own.right);
             let follow = own
                 .with
                 .iter()
                 .map(|(target, both)| *both * DVec3::from_slice(&step[3 * target..3 * target + 3]));
             let moved = own.inverse * (own.right - follow.sum::<DVec3>());
             pose.at_m += moved.truncate();
-            if at.heading == Heading::Found {
+            if at.heading == Heading::Estimated {
                 pose.heading_rad += moved.z;
             }
         }
-        match promised.is_finite() {
-            true => Ok((next, promised)),
-            false => Err(NoEstimate::Nowhere),
+        match predicted.is_finite() {
+            true => Ok((next, predicted)),
+            false => Err(NoEstimate::Diverged),
         }
     }
 }
@@ -335,39 +337,39 @@ pub fn solve(
     pulses: &[Vec<Sighting>],
     first: usize,
     estimate: &mut Estimate,
-    prior: &Known,
+    prior: &Prior,
 ) -> Result<Solved, NoEstimate> {
     assert_eq!(pulses.len(), estimate.poses.len());
     let mut damping = DAMPING;
     let normal = |at: &Estimate, damping| Normal::new(array, pulses, first, at, prior, damping);
     let mut now = normal(estimate, damping)?;
-    let mut settled = false;
+    let mut converged = false;
     for _ in 0..MAX_STEPS {
-        let (next, promised) = now.step(estimate)?;
-        settled = promised < ENOUGH;
+        let (next, predicted) = now.step(estimate)?;
+        converged = predicted < MIN_DECREASE;
         let then = normal(&next, damping)?;
         // Large numbers nearly cancel: their rounding is no increase.
         let rounding = 1e-13 * now.prior_cost.abs();
         if then.sum + then.prior_cost <= now.sum + now.prior_cost + rounding {
             (*estimate, now) = (next, then);
             if damping == DAMPING {
-                match settled {
+                match converged {
                     true => break,
                     false => continue,
                 }
             }
             damping = (damping / 100.0).max(DAMPING);
-        } else if !settled {
+        } else if !converged {
             damping *= 10.0;
         }
         // Neither converged nor decreasing: give up.
-        if settled || damping > MAX_DAMPING {
+        if converged || damping > MAX_DAMPING {
             break;
         }
         now = normal(estimate, damping)?;
     }
     Ok(Solved {
         sum: now.sum,
-        settled,
+        converged,
     })
 }

@@ -10,14 +10,14 @@ use crate::model::{Array, Pose, Sighting, Target};
 
 /// Prior of the targets from pulses outside the window: marginalised normal equations.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Known {
+pub struct Prior {
     /// Information matrix, row by row, three numbers a target.
     pub(super) information: Vec<f64>,
     /// Information matrix times the targets that minimise the prior's cost.
     pub(super) vector: Vec<f64>,
 }
 
-impl Known {
+impl Prior {
     /// Add a pulse that leaves the window, with its pose and whether its heading is known.
     ///
     /// # Errors
@@ -61,13 +61,13 @@ impl Known {
             .map_or(DMat3::ZERO, |factor| {
                 DMat3::from_cols_slice(&factor.inverse())
             });
-        let liked = DVec3::from_slice(&self.vector[3 * target..3 * target + 3]);
+        let minimum = DVec3::from_slice(&self.vector[3 * target..3 * target + 3]);
         let each = rest.iter();
         let information = each.clone().flat_map(|&i| {
             let through = inverse * with(i);
             rest.iter().map(move |&j| at(i, j) - through.dot(with(j)))
         });
-        let vector = each.map(|&i| self.vector[i] - (inverse * with(i)).dot(liked));
+        let vector = each.map(|&i| self.vector[i] - (inverse * with(i)).dot(minimum));
         (self.information, self.vector) = (information.collect(), vector.collect());
     }
 

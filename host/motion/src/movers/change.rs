@@ -10,9 +10,9 @@ use crate::model::Array;
 use crate::series::{Series, line, unit};
 
 /// Quantile 0.9999 of the squared residual of a standing target, two degrees of freedom.
-pub(super) const USUAL: f64 = 18.4;
+pub(super) const STANDING_LIMIT: f64 = 18.4;
 /// The same for motions that follow from a pair alone, which are uncertain.
-const FAR: f64 = 5.0 * USUAL;
+const PAIR_LIMIT: f64 = 5.0 * STANDING_LIMIT;
 
 /// Change of a target over a segment.
 pub(crate) struct Change {
@@ -116,24 +116,24 @@ pub(super) fn group(changes: &[&Change]) -> Option<(BTreeSet<usize>, DVec3)> {
                 let agree = move |c: &usize| changes[*c].square(motion) < limit;
                 (0..changes.len()).filter(agree).collect::<Vec<usize>>()
             };
-            let mut found = near(FAR, start);
+            let mut found = near(PAIR_LIMIT, start);
             let mut by = start;
             // Remove outliers, the worst first.
             while found.len() >= 3 {
                 let some = found.iter().map(|&c| changes[c]);
-                let Some(told) = motion(some) else { break };
-                by = told;
+                let Some(refined) = motion(some) else { break };
+                by = refined;
                 let worst = found
                     .iter()
                     .copied()
                     .max_by(|&a, &b| changes[a].square(by).total_cmp(&changes[b].square(by)))
                     .expect("there are three");
-                if changes[worst].square(by) < USUAL {
+                if changes[worst].square(by) < STANDING_LIMIT {
                     break;
                 }
                 found.retain(|&c| c != worst);
             }
-            let agree = near(USUAL, by);
+            let agree = near(STANDING_LIMIT, by);
             if found.len() < 3 || agree.len() < 3 {
                 continue;
             }

@@ -4,17 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec3;
 
-use super::change::{Change, USUAL, group, motion};
+use super::change::{Change, STANDING_LIMIT, group, motion};
 use crate::check::{self, MotionError};
 use crate::model::{Array, Sighting};
 use crate::series::Series;
 
-/// Squared residual that one standing target in a hundred million exceeds.
-const NEVER: f64 = 40.0;
+/// Squared residual that a standing target exceeds with a probability of 1e-8.
+const MOVING_LIMIT: f64 = 40.0;
 /// Least number of pulses of a segment.
-pub(crate) const MIN_STRETCH: usize = 8;
+pub(crate) const MIN_SEGMENT: usize = 8;
 /// Standard deviations of a sum of residuals that exclude chance.
-const STEADY: f64 = 6.0;
+const STEADY_SIGMAS: f64 = 6.0;
 
 /// Reason why moving targets cannot be separated from standing ones.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -22,47 +22,47 @@ const STEADY: f64 = 6.0;
 pub enum Doubt {
     /// Fewer than three targets.
     #[error(
-        "{targets} targets are seen from pulse {first} to {last}: which of them move is known of three or more"
+        "{targets} targets from pulse {first} to {last}: at least three are needed to separate moving targets from standing ones"
     )]
     Few {
         /// Number of targets in these pulses.
         targets: usize,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
     /// No three targets agree with one motion.
     #[error(
-        "no three of {targets} targets agree with one motion of the radar from pulse {first} to {last}: at most two of them stand still. Their ranges, directions and radial speeds are reliable, the radar's motion is not"
+        "no three of {targets} targets agree with one motion of the radar from pulse {first} to {last}: at most two stand still. Ranges, directions and radial speeds are reliable, the radar's motion is not"
     )]
     Disagree {
         /// Number of targets in these pulses.
         targets: usize,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
     /// Two groups of equal size.
     #[error(
-        "targets {some:?} agree with one motion of the radar from pulse {first} to {last} and targets {others:?} with another: which of them move is ambiguous"
+        "ambiguous from pulse {first} to {last}: targets {some:?} agree with one motion of the radar, as many targets {others:?} with another, and either group may stand still"
     )]
     Divided {
-        /// One group.
+        /// Numbers of the targets in one group.
         some: Vec<usize>,
-        /// The other group.
+        /// Numbers of the targets in the other group.
         others: Vec<usize>,
-        /// First pulse.
+        /// Number of the first pulse of the segment.
         first: usize,
-        /// Last pulse.
+        /// Number of the last pulse of the segment.
         last: usize,
     },
 }
 
-/// Classification of targets.
+/// Classification of all targets as standing or moving.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sorted {
+pub struct Classification {
     /// Targets that agree with the radar's motion in all segments.
     pub standing: Vec<usize>,
     /// Targets that disagree in some segment.
@@ -78,9 +78,9 @@ pub struct Sorted {
 pub(crate) struct Record {
     /// Sums of its residuals in standard deviations.
     sums: [f64; 2],
-    /// Largest squared residual.
+    /// Largest squared residual in one segment.
     largest: f64,
-    stretches: usize,
+    segments: usize,
     /// Number of segments in which it is an outlier.
     off: usize,
 }
@@ -91,20 +91,20 @@ impl Record {
         (0..2).for_each(|i| self.sums[i] += errors[i]);
         let square = change.square(motion);
         self.largest = self.largest.max(square);
-        self.stretches += 1;
-        self.off += usize::from(square >= USUAL);
+        self.segments += 1;
+        self.off += usize::from(square >= STANDING_LIMIT);
     }
 
     /// An impossible residual once, more outliers than by chance, or residuals of constant sign.
     pub(crate) fn moves(&self) -> bool {
-        let limit = STEADY * libm::sqrt(self.stretches as f64);
+        let limit = STEADY_SIGMAS * libm::sqrt(self.segments as f64);
         let steady = self.sums.iter().any(|sum| sum.abs() > limit);
-        self.largest > NEVER || self.off > 1 + self.stretches / 50 || steady
+        self.largest > MOVING_LIMIT || self.off > 1 + self.segments / 50 || steady
     }
 }
 
 /// Changes of the targets over a segment whose first pulse has this number, and the radar's motion and turn through it.
-pub(crate) fn stretch(
+pub(crate) fn segment_changes(
     array: &Array,
     pulses: &[Vec<Sighting>],
     first: usize,
@@ -148,59 +148,62 @@ fn common<'a>(series: &[Series<'a>], count: usize) -> Vec<Series<'a>> {
     .collect()
 }
 
-/// Classify targets by segments of `stretch` pulses, at least 8.
+/// Classify targets by segments of `segment_length` pulses, at least 8.
 ///
 /// # Errors
 /// [`MotionError`], and the pulse's number.
-pub fn sort(
+pub fn classify(
     array: &Array,
     pulses: &[Vec<Sighting>],
-    stretch: usize,
-) -> Result<Sorted, (usize, MotionError)> {
+    segment_length: usize,
+) -> Result<Classification, (usize, MotionError)> {
     check::array(array).map_err(|error| (0, error))?;
     for (n, pulse) in pulses.iter().enumerate() {
         check::sightings(array, pulse).map_err(|error| (n, error))?;
     }
-    let stretch = stretch.max(MIN_STRETCH);
-    let mut sorted = Sorted::default();
-    let mut told: BTreeMap<usize, Record> = BTreeMap::new();
+    let segment_length = segment_length.max(MIN_SEGMENT);
+    let mut classes = Classification::default();
+    let mut records: BTreeMap<usize, Record> = BTreeMap::new();
     let mut all = Vec::new();
-    for (i, some) in pulses.chunks(stretch).enumerate() {
-        if some.len() < MIN_STRETCH {
+    for (i, some) in pulses.chunks(segment_length).enumerate() {
+        if some.len() < MIN_SEGMENT {
             continue;
         }
-        let (changes, by) = self::stretch(array, some, i * stretch);
+        let (changes, by) = segment_changes(array, some, i * segment_length);
         match by {
-            Err(doubt) => sorted.doubts.push(doubt),
+            Err(doubt) => classes.doubts.push(doubt),
             Ok(motion) => changes
                 .iter()
-                .for_each(|change| told.entry(change.name).or_default().add(change, motion)),
+                .for_each(|change| records.entry(change.name).or_default().add(change, motion)),
         }
         all.push(changes);
     }
-    for (name, told) in told {
-        match told.moves() {
-            true => sorted.moving.push(name),
-            false => sorted.standing.push(name),
+    for (name, record) in records {
+        match record.moves() {
+            true => classes.moving.push(name),
+            false => classes.standing.push(name),
         }
     }
     // Three targets may agree by chance in some segments; standing ones agree in all.
     let fail = |changes: &&Vec<Change>| {
-        let stands = |change: &&Change| sorted.standing.contains(&change.name);
+        let stands = |change: &&Change| classes.standing.contains(&change.name);
         let some = changes.iter().filter(stands);
         let motion = motion(some.clone());
-        let fits = |motion| some.clone().all(|change| change.square(motion) < NEVER);
+        let fits = |motion| {
+            some.clone()
+                .all(|change| change.square(motion) < MOVING_LIMIT)
+        };
         some.clone().count() >= 3 && !motion.is_some_and(fits)
     };
     let failed = all.iter().filter(fail).count();
-    if sorted.standing.len() < 3 || failed > 1 + all.len() / 50 {
-        sorted.standing.clear();
-        sorted.moving.clear();
+    if classes.standing.len() < 3 || failed > 1 + all.len() / 50 {
+        classes.standing.clear();
+        classes.moving.clear();
     }
     let seen: BTreeSet<usize> = pulses.iter().flatten().map(|s| s.target).collect();
-    let is_told = |name: &usize| sorted.standing.contains(name) || sorted.moving.contains(name);
-    sorted.unknown = seen.into_iter().filter(|name| !is_told(name)).collect();
-    Ok(sorted)
+    let is_known = |name: &usize| classes.standing.contains(name) || classes.moving.contains(name);
+    classes.unknown = seen.into_iter().filter(|name| !is_known(name)).collect();
+    Ok(classes)
 }
 
 /// Motion of the largest group.

@@ -8,18 +8,17 @@
 //!
 //! with one motion `D` of the array's centre and one turn `Phi`, in the frame of the segment's mean heading, and `u_i` the mean direction (to the third order in `D / range`). `D` has the relative error of the mean
 //! directions: for a motion of some centimetres it is a tenth of a millimetre, and targets that move by more are detected. Two targets agree with any motion: the largest group of three or more that agree with one is
-//! taken to stand still. A small error of constant sign in each segment is detected by its sum.
+//! taken to stand still. A small error of constant sign in each segment is detected in the sum over segments.
 //!
 //! **Velocity.** With the track known from standing targets, least squares of a mover's phases and ranges give its position and its constant velocity.
 //!
-//! **Limits.** Only relative motion is measured. If all targets move alike, the radar seems to move the opposite way. If more targets move alike than stand still, they are taken for standing ones; if as many,
-//! [`Doubt::Divided`] is reported. A target that circles the radar keeps its range: its direction reveals it with a hundredth of the sensitivity.
+//! **Limits.** Only relative motion is measured. If all targets have the same velocity, the radar appears to have the opposite one. If more targets share a velocity than stand still, they are taken for standing ones;
+//! if the numbers are equal, [`Doubt::Divided`] is reported. A target that circles the radar keeps its range: its change of direction is a hundred times less sensitive.
 //!
 //! **Units** metres, radians, seconds. **Cost** the cube of the targets a segment. **Accuracy** `tests/movers.rs`.
 
 mod change;
 mod classify;
-
 mod velocity;
 
 use crate::check::MotionError;
@@ -27,8 +26,8 @@ use crate::model::{Array, Sighting};
 use crate::series::Series;
 use crate::tracker::{Track, track};
 
-pub use classify::{Doubt, Sorted, sort};
-pub(crate) use classify::{MIN_STRETCH, Record, stretch};
+pub use classify::{Classification, Doubt, classify};
+pub(crate) use classify::{MIN_SEGMENT, Record, segment_changes};
 pub(crate) use velocity::velocity;
 pub use velocity::{Mover, velocities};
 
@@ -40,7 +39,7 @@ pub struct Scene {
     /// Moving targets, in the track's frame.
     pub movers: Vec<Mover>,
     /// Classification of all targets.
-    pub sorted: Sorted,
+    pub classes: Classification,
 }
 
 /// Reason why there is no track.
@@ -52,15 +51,15 @@ pub enum NoScene {
     Motion {
         /// Number of the pulse.
         pulse: usize,
-        /// Reason.
+        /// Reason of the refusal.
         error: MotionError,
     },
-    /// There is not one ascending finite time a pulse.
-    #[error("expected {pulses} ascending finite times, one a pulse, got {times}")]
+    /// The number of times differs from the number of pulses, or times are not finite and ascending.
+    #[error("expected one finite, ascending time per pulse ({pulses}), got {times} times")]
     Times {
-        /// Number of times.
+        /// Number of times given.
         times: usize,
-        /// Number of pulses.
+        /// Number of pulses of the recording.
         pulses: usize,
     },
     /// Standing and moving targets cannot be separated.
@@ -68,7 +67,7 @@ pub enum NoScene {
     Doubt(Doubt),
 }
 
-/// Estimate the track from standing targets and the velocities of the others. `stretch` and `window` are numbers of pulses: see [`sort`] and [`track`].
+/// Estimate the track from standing targets and the velocities of the others. `segment_length` and `window` are numbers of pulses: see [`classify`] and [`track`].
 ///
 /// # Errors
 /// [`NoScene`].
@@ -76,7 +75,7 @@ pub fn track_among_movers(
     array: &Array,
     pulses: &[Vec<Sighting>],
     times_s: &[f64],
-    stretch: usize,
+    segment_length: usize,
     window: usize,
 ) -> Result<Scene, NoScene> {
     let grow = times_s.windows(2).all(|pair| pair[0] < pair[1]);
@@ -87,10 +86,10 @@ pub fn track_among_movers(
         });
     }
     let wrong = |(pulse, error)| NoScene::Motion { pulse, error };
-    let sorted = sort(array, pulses, stretch).map_err(wrong)?;
-    if sorted.standing.is_empty() {
-        let [targets, last] = [sorted.unknown.len(), pulses.len().max(1) - 1];
-        let nothing = match targets < 3 {
+    let classes = classify(array, pulses, segment_length).map_err(wrong)?;
+    if classes.standing.is_empty() {
+        let [targets, last] = [classes.unknown.len(), pulses.len().max(1) - 1];
+        let no_group = match targets < 3 {
             true => Doubt::Few {
                 targets,
                 first: 0,
@@ -103,10 +102,10 @@ pub fn track_among_movers(
             },
         };
         let divided = |doubt: &&Doubt| matches!(doubt, Doubt::Divided { .. });
-        let doubt = sorted.doubts.iter().find(divided).cloned();
-        return Err(NoScene::Doubt(doubt.unwrap_or(nothing)));
+        let doubt = classes.doubts.iter().find(divided).cloned();
+        return Err(NoScene::Doubt(doubt.unwrap_or(no_group)));
     }
-    let stands = |sighting: &&Sighting| sorted.standing.contains(&sighting.target);
+    let stands = |sighting: &&Sighting| classes.standing.contains(&sighting.target);
     let standing: Vec<Vec<Sighting>> = pulses
         .iter()
         .map(|pulse| pulse.iter().filter(stands).cloned().collect())
@@ -115,12 +114,12 @@ pub fn track_among_movers(
     let series = Series::all(array, pulses);
     let movers = series
         .iter()
-        .filter(|series| sorted.moving.contains(&series.name))
+        .filter(|series| classes.moving.contains(&series.name))
         .filter_map(|series| velocity(array, series, &track.poses, times_s))
         .collect();
     Ok(Scene {
         track,
         movers,
-        sorted,
+        classes,
     })
 }

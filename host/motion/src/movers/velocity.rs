@@ -5,7 +5,7 @@
 use glam::{DMat2, DVec2, DVec4};
 use subaperture_signal::dense::Factor;
 
-use super::classify::MIN_STRETCH;
+use super::classify::MIN_SEGMENT;
 use crate::MIN_PIVOT;
 use crate::model::{Array, Pose, Sighting};
 use crate::series::{Look, Series, line, unit};
@@ -15,14 +15,14 @@ const MAX_STEPS: usize = 30;
 /// Largest gap, in pulses, over which the phase is unwrapped.
 const MAX_GAP: usize = 3;
 
-/// Moving target.
+/// Moving target with its estimated velocity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
     /// Number of the target.
     pub target: usize,
     /// Position at time 0 in the track's frame, metres.
     pub at_m: DVec2,
-    /// Velocity, m/s.
+    /// Constant velocity in the track's frame, m/s.
     pub velocity_m_s: DVec2,
     /// Covariance of the velocity, (m/s)^2.
     pub covariance: DMat2,
@@ -71,7 +71,7 @@ pub fn velocities(
 ) -> Vec<Mover> {
     let all = Series::all(array, pulses);
     all.iter()
-        .filter(|series| series.looks.len() >= MIN_STRETCH)
+        .filter(|series| series.looks.len() >= MIN_SEGMENT)
         .filter_map(|series| velocity(array, series, poses, times_s))
         .collect()
 }
@@ -89,7 +89,7 @@ struct Run {
     error: f64,
 }
 
-/// Position and velocity.
+/// Number of unknowns: position and velocity in the plane.
 const UNKNOWNS: usize = 4;
 
 /// Velocity of a target on a known track; `None` if it is not determined.
@@ -173,7 +173,7 @@ pub(crate) fn velocity(
         }
         close(run, &mut add);
         let factor = Factor::new(UNKNOWNS, &matrix, MIN_PIVOT)?;
-        let promised: f64 = {
+        let predicted: f64 = {
             let mut step = right;
             factor.solve(&mut step);
             at_m += DVec2::new(step[0], step[1]);
@@ -183,8 +183,8 @@ pub(crate) fn velocity(
         let inverse = factor.inverse();
         let of = |i: usize, j: usize| inverse[i * UNKNOWNS + j];
         let covariance = DMat2::from_cols_array(&[of(2, 2), of(2, 3), of(3, 2), of(3, 3)]);
-        last = Some((sum - promised, covariance));
-        if promised < 1e-5 {
+        last = Some((sum - predicted, covariance));
+        if predicted < 1e-5 {
             break;
         }
     }

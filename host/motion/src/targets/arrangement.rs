@@ -4,7 +4,7 @@
 //! receiver; with both in one place level, across the direction to the reference point). Its y axis is boresight: towards the first pulse's reference point, as far as that is across x. Where x is level within 20
 //! degrees, x and y are made level and z is up: the radar moves in the level plane, and height differences appear as range. Otherwise the plane contains x and the reference point.
 //!
-//! Antennas of pulses that are not simultaneous (transmitters that take turns) are moved to the time of the first channel, by their motion to the channel's next pulse.
+//! Antennas of pulses that are not simultaneous (time-multiplexed transmitters) are moved to the time of the first channel, by their motion to the channel's next pulse.
 
 use crate::Array;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -37,18 +37,17 @@ pub struct Arrangement {
 #[non_exhaustive]
 pub enum ArrangementError {
     /// A channel has no pulses.
-    #[error("the recording holds no pulses")]
+    #[error("the recording has no pulses")]
     NoPulses,
     /// Two channels have the same antennas.
-    #[error("channels '{}' and '{}' are of the same antennas", names[0], names[1])]
+    #[error("channels '{}' and '{}' have the same antennas: expected one channel per pair of transmitter and receiver", names[0], names[1])]
     Twice {
         /// Names of both channels.
         names: [String; 2],
     },
     /// A transmitter and a receiver have no channel.
     #[error(
-        "{transmitters} transmitters and {receivers} receivers make {} channels, and there are {channels}: motion is found from every receiver's \
-         echo of every transmitter",
+        "expected {} channels, every pair of {transmitters} transmitters and {receivers} receivers, found {channels}",
         transmitters * receivers
     )]
     Pairs {
@@ -56,7 +55,7 @@ pub enum ArrangementError {
         transmitters: usize,
         /// Number of distinct receivers.
         receivers: usize,
-        /// Number of channels.
+        /// Number of channels of the recording.
         channels: usize,
     },
 }
@@ -78,7 +77,7 @@ impl Arrangement {
         Self::of_antennas(first, &antennas, |channel| names[channel].clone())
     }
 
-    /// Arrangement of simultaneous pulses, one a channel.
+    /// Arrangement from simultaneous pulses, one per channel.
     ///
     /// # Errors
     /// [`ArrangementError`], with numbers for names.
@@ -259,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_are_pairs_of_antennas() {
+    fn arrangement_recovers_antennas_of_all_channels() {
         let at = |x: f64, y: f64| DVec3::new(x, y, 2.0);
         // The array lies along y and looks along -x; the second transmitter sends later.
         let (t, r) = ([at(1.0, 0.0), at(1.0, 0.3)], [at(1.0, 0.1), at(1.02, 0.2)]);
@@ -297,10 +296,6 @@ mod tests {
         let twice = of(vec![channel("a", 0.0, 1.0), channel("b", 0.0, 1.0)]).unwrap_err();
         assert!(twice.to_string().contains("'a' and 'b'"), "{twice}");
         let apart = of(vec![channel("a", 0.0, 1.0), channel("b", 2.0, 3.0)]).unwrap_err();
-        assert!(
-            apart
-                .to_string()
-                .contains("make 4 channels, and there are 2")
-        );
+        assert!(apart.to_string().contains("expected 4 channels"));
     }
 }

@@ -61,16 +61,16 @@ impl Default for Cfar {
 pub struct Peak {
     /// Bin of the peak.
     pub bin: usize,
-    /// Power.
+    /// Power of the bin, summed over channels.
     pub power: f64,
-    /// Power over the threshold.
+    /// Ratio of the power to the threshold.
     pub above: f64,
 }
 
 /// Result of a search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Search {
-    /// Peaks, strongest first.
+    /// Detected peaks, strongest first.
     pub peaks: Vec<Peak>,
     /// Number of bins tested.
     pub tested: usize,
@@ -103,21 +103,21 @@ impl Detector {
     ) -> Result<Self, &'static str> {
         let probability = cfar.false_alarm_probability;
         if !(probability > 0.0 && probability < 1.0) {
-            return Err("the probability of false alarm must be above 0 and below 1");
+            return Err("expected a probability of false alarm above 0 and below 1");
         }
         if !(1..=MAX_TRAINING).contains(&cfar.training) {
-            return Err("training cells must be 1 to 64 on a side");
+            return Err("expected 1 to 64 training cells on a side");
         }
         if cfar.guard > MAX_TRAINING {
-            return Err("guard cells must be 64 at most on a side");
+            return Err("expected at most 64 guard cells on a side");
         }
         if let Level::Ordered(rank) = cfar.level
             && !(rank > 0.0 && rank <= 1.0)
         {
-            return Err("the rank of the ordered training cell must be above 0 and at most 1");
+            return Err("expected a rank of the ordered training cell above 0 and at most 1");
         }
         if channels == 0 || stride == 0 || window.is_empty() {
-            return Err("a detector is for one channel, bin and sample at least");
+            return Err("expected at least one channel, one bin per range cell and one sample");
         }
         let width = cfar.training + 1;
         let scatter = scatter(window, cfar.training);
@@ -143,7 +143,7 @@ impl Detector {
         })
     }
 
-    /// Search a profile's powers. Bins below `least` are no peaks, whatever surrounds them.
+    /// Search a profile's powers. Only bins of power `least` or more are peaks.
     pub fn search(&self, power: &[f64], least: f64) -> Search {
         let mut search = Search::default();
         let mut cells = Vec::with_capacity(2 * self.cfar.training);
@@ -243,12 +243,12 @@ impl Detector {
     }
 }
 
-/// Rank of so many cells, from 1.
+/// Order statistic among `count` cells, counted from 1.
 fn place(rank: f64, count: usize) -> usize {
     ((rank * count as f64).ceil() as usize).clamp(1, count)
 }
 
-/// Effective number of cells by which sums of up to `most` neighbouring cells scatter: `sum_ij |rho_(i-j)|^2`.
+/// Variance of the sum of 0 to `most` neighbouring cells, in units of that of one cell: `sum_ij |rho_(i-j)|^2`.
 fn scatter(window: &[f64], most: usize) -> Vec<f64> {
     let total: f64 = window.iter().map(|w| w * w).sum();
     let alike = |lag: usize| {
@@ -327,7 +327,7 @@ fn tail(shape: usize, x: f64) -> f64 {
     sum
 }
 
-/// Probability that it is below `x`, without the cancellation of 1 less [`tail`].
+/// Probability that it is below `x`, without the cancellation of `1 - tail`.
 fn head(shape: usize, x: f64) -> f64 {
     if x > 1.0 {
         return 1.0 - tail(shape, x);
@@ -358,9 +358,9 @@ fn solve(probability: f64, falling: impl Fn(f64) -> f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// C (7.8) for one channel without a window, and the known product for order statistics.
+    /// C (7.8) for one channel without a window, and Rohling's product for order statistics.
     #[test]
-    fn factors_are_the_known_ones_of_one_channel() {
+    fn threshold_factors_agree_with_closed_forms_for_one_channel() {
         for (probability, cells) in [(1e-2f64, 5), (1e-4, 16), (1e-6, 32)] {
             let n = cells as f64;
             let known = probability.powf(-1.0 / n) - 1.0;
@@ -372,13 +372,13 @@ mod tests {
             let product: f64 = (0..rank)
                 .map(|i| (n - i as f64) / (n - i as f64 + factor))
                 .product();
-            // Sums of a thousand steps are good to a few thousandths.
+            // The numerical integral over 1000 steps has a relative error of a few thousandths.
             assert!((product / probability - 1.0).abs() < 0.02, "{product}");
         }
     }
 
     #[test]
-    fn edges_and_numbers_that_are_none_are_left_out() {
+    fn profile_edges_and_non_finite_cells_are_skipped() {
         let cfar = Cfar {
             guard: 1,
             training: 3,
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_cannot_be_are_refused() {
+    fn invalid_detector_settings_are_refused() {
         let with = |change: fn(&mut Cfar)| {
             let mut cfar = Cfar::default();
             change(&mut cfar);

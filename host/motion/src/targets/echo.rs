@@ -268,7 +268,7 @@ fn measured(
     let mean_path_m = path_m + tops.iter().map(off_m).sum::<f64>() / count;
     let inverse: f64 = snr.iter().map(|snr| 1.0 / snr).sum();
     Echo {
-        range_m: 0.5 * profiler.told_m(mean_path_m),
+        range_m: 0.5 * profiler.within_interval_m(mean_path_m),
         range_sigma_m: 0.5 * (path_m2 * inverse).sqrt() / count,
         phases_rad: tops
             .iter()

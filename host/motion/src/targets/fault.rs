@@ -8,33 +8,33 @@ use std::fmt;
 pub enum Fault {
     /// Channel without echoes; the track leaves it out.
     Dead {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
         /// Level of its echoes below those of the strongest channel, dB; `None` if it contains only zeros.
         below_db: Option<f64>,
     },
     /// Channel whose converter was at full scale.
     Saturated {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
         /// Samples at full scale, as a fraction of all.
         share: f64,
     },
-    /// Channel in whose noise targets of the other channels are lost.
+    /// Channel whose noise hides targets that the other channels detect.
     Weak {
-        /// Its name.
+        /// Name of the channel.
         channel: String,
         /// Echoes lost, as a fraction of those in all other channels.
         share: f64,
     },
     /// Pulses that could not be read, or with samples that are not finite.
     Unreadable {
-        /// How many.
+        /// Number of these pulses.
         pulses: usize,
-        /// The first.
+        /// Number of the first one in the recording.
         first: usize,
         /// Text of the reader's error.
-        what: String,
+        reason: String,
     },
     /// Targets approach or recede so fast that phases wrap from pulse to pulse.
     Fast {
@@ -42,30 +42,30 @@ pub enum Fault {
         path_m: f64,
         /// Half a wavelength, metres.
         half_m: f64,
-        /// Pulse at which that was seen.
+        /// Number of the pulse with that change.
         pulse: usize,
     },
-    /// Transmitters that take turns do not send simultaneously.
+    /// Motion changes phases between the pulses of time-multiplexed transmitters.
     Turns {
-        /// From the first to the last transmitter of a turn, seconds.
+        /// Time from the first to the last transmitter of a cycle, seconds.
         apart_s: f64,
         /// Largest change of phase in that time, radians.
         phase_rad: f64,
     },
     /// Pulses with fewer than two targets: they have no pose.
     Blind {
-        /// How many.
+        /// Number of these pulses.
         pulses: usize,
-        /// The first.
+        /// Number of the first one in the recording.
         first: usize,
-        /// The longest run of them.
+        /// Length of the longest run of these pulses.
         longest: usize,
     },
-    /// Phases whose whole turns are in doubt.
+    /// Phases with ambiguous whole turns.
     Doubtful {
-        /// Number of pulses.
+        /// Number of pulses with ambiguous turns.
         pulses: usize,
-        /// The first.
+        /// Number of the first one in the recording.
         first: usize,
     },
     /// Residuals of the track exceed the noise.
@@ -79,7 +79,7 @@ pub enum Fault {
     Uneven {
         /// Squared residuals of the block over their expected number.
         ratio: f64,
-        /// Its first pulse.
+        /// Number of the block's first pulse.
         pulse: usize,
     },
     /// Only two targets are seen at a time.
@@ -161,10 +161,10 @@ impl fmt::Display for Fault {
             Self::Unreadable {
                 pulses,
                 first,
-                what,
+                reason,
             } => write!(
                 f,
-                "{} could not be read, the first is pulse {first} ({what}); the track leaves them out",
+                "{} could not be read, the first is pulse {first} ({reason}); the track omits them",
                 Pulses(*pulses)
             ),
             Self::Fast {
@@ -173,12 +173,12 @@ impl fmt::Display for Fault {
                 pulse,
             } => write!(
                 f,
-                "near pulse {pulse} a path changes by {path_m:.4} m a pulse, more than half a wavelength of {half_m:.4} m: phase unwrapping holds only while the \
-                 motion is even"
+                "near pulse {pulse} a path changes by {path_m:.4} m per pulse, more than half a wavelength of {half_m:.4} m: phase unwrapping is reliable only while \
+                 the velocity is constant"
             ),
             Self::Turns { apart_s, phase_rad } => write!(
                 f,
-                "transmitters take turns within {apart_s:.3e} s, in which the radar's motion changes phases by up to {phase_rad:.2} rad: the track takes them for simultaneous"
+                "time-multiplexed transmitters send up to {apart_s:.3e} s apart, in which the radar's motion changes phases by up to {phase_rad:.2} rad: the track assumes simultaneous transmission"
             ),
             Self::Blind {
                 pulses,
@@ -202,7 +202,7 @@ impl fmt::Display for Fault {
             ),
             Self::Uneven { ratio, pulse } => write!(
                 f,
-                "residuals of the track near pulse {pulse} are {:.1} times the noise: a target may be mistaken for another, or its phase be off by whole turns",
+                "residuals of the track near pulse {pulse} are {:.1} times the noise: a target may be mistaken for another, or its phase may be off by whole turns",
                 ratio.sqrt()
             ),
             Self::Unconfirmed => f.write_str(

@@ -15,8 +15,8 @@
 //! arrival identify them. A target that was not identified is another target until the track shows that both have one position ([`crate::targets::recover()`]). A target that is born so near to another is reported as split from it.
 //!
 //! **Crowds.** Measured with 6 to 24 random reflectors over 20 m by 12 m, in cells of 0.25 m, by 240 pulses of 1.1 to 1.7 GHz. Of a pulse's echoes the follower associates about as many as can be identified with all positions
-//! known (2.5 of 2.4 for 8 reflectors, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 for 24). Gates on direction and motion (C 7.3.4) have nothing to add: `crate::arrival` unwraps channels one
-//! baseline after another, which are its target regions. Detection fails in crowds: with 12 training cells on either side, most of which hold other targets, 2 to 78 % of the separate targets are detected; with 40 cells and
+//! known (2.5 of 2.4 for 8 reflectors, 3.6 of 3.6 with a lower rank of detection, 5.8 of 5.0 for 24). Gates on direction and motion (C 7.3.4) do not improve this: `crate::arrival` unwraps channels one
+//! baseline after another, which are its target regions. Detection fails in crowds: with 12 training cells on either side, mostly with other targets, 2 to 78 % of the separate targets are detected; with 40 cells and
 //! rank 0.4, 82 to 98 %. With two or three targets a pulse tracks are lost, and their chi-square shows it: 6 to 1e5 times its expectation. (One of six crowds by default, and no crowd with 40 cells, is tracked to
 //! its noise: distortion by targets nearer than 1.5 cells is not measured.)
 
@@ -66,10 +66,14 @@ impl TrackerSettings {
         let positive = |x: f64| x > 0.0 && x.is_finite();
         let lengths = [self.gate_cells, self.acceleration_cells, self.apart_cells];
         if !lengths.into_iter().all(positive) {
-            return Some("gate, acceleration and distance of targets must be above 0");
+            return Some(
+                "expected a gate, an acceleration and a distance of targets above 0 range cells",
+            );
         }
         if self.seen == 0 || self.seen > self.within || self.within > 1000 {
-            return Some("a candidate must be seen in 1 to all of its first pulses, 1000 at most");
+            return Some(
+                "expected a candidate's least number of sightings from 1 to the number of its first pulses, 1000 at most",
+            );
         }
         None
     }
@@ -88,7 +92,7 @@ pub enum Event {
         /// Range at the first sighting, metres.
         range_m: f64,
     },
-    /// A target died.
+    /// A target was lost for longer than the bridge.
     Lost {
         /// Number of the target.
         target: usize,
@@ -113,7 +117,7 @@ pub enum Event {
     },
 }
 
-/// Candidate or target.
+/// Candidate or confirmed target.
 struct Followed {
     number: usize,
     confirmed: bool,
@@ -155,10 +159,10 @@ impl TargetTracker {
     /// Text that names the invalid setting.
     pub fn new(follow: TrackerSettings, cell_m: f64) -> Result<Self, &'static str> {
         if !(cell_m > 0.0 && cell_m.is_finite()) {
-            return Err("the range resolution must be above 0");
+            return Err("expected a range resolution above 0 m");
         }
         match follow.fault() {
-            Some(what) => Err(what),
+            Some(fault) => Err(fault),
             None => Ok(Self {
                 follow,
                 cell_m,
@@ -177,24 +181,24 @@ impl TargetTracker {
         self.predict();
         self.find_crossings();
         let taken = self.associate(echoes);
-        let mut told = Vec::new();
+        let mut sightings = Vec::new();
         for (i, echo) in taken.iter().enumerate() {
             let Some(echo) = echo else { continue };
             let echo = &echoes[*echo];
             self.update(i, echo);
             if self.all[i].near.is_empty() {
-                told.push(sighting(self.all[i].number, echo));
+                sightings.push(sighting(self.all[i].number, echo));
             }
         }
         let new = echoes.iter().enumerate();
         for (_, echo) in new.filter(|(e, _)| !taken.contains(&Some(*e))) {
-            if let Some(sighting) = self.bear(echo) {
-                told.push(sighting);
+            if let Some(sighting) = self.start_candidate(echo) {
+                sightings.push(sighting);
             }
         }
         self.confirm();
-        self.bury();
-        self.waiting.push_back(told);
+        self.end_lost();
+        self.waiting.push_back(sightings);
         self.pulse += 1;
         match self.waiting.len() > self.follow.within {
             true => self.release(),
@@ -219,18 +223,18 @@ impl TargetTracker {
 
     /// Oldest delayed result, targets only.
     fn release(&mut self) -> Option<Vec<Sighting>> {
-        let mut told = self.waiting.pop_front()?;
+        let mut sightings = self.waiting.pop_front()?;
         let is_target = |number: usize| {
             let own = self.all.iter().find(|own| own.number == number);
             own.is_some_and(|own| own.confirmed)
         };
-        told.retain(|sighting| is_target(sighting.target));
+        sightings.retain(|sighting| is_target(sighting.target));
         // Dead targets are kept while results are delayed.
         let oldest = self.pulse - self.waiting.len();
         let (bridge, within) = (self.follow.bridge, self.follow.within);
         self.all
             .retain(|own| own.last_seen + bridge.max(within) + 1 >= oldest);
-        Some(told)
+        Some(sightings)
     }
 
     fn is_alive(&self, own: &Followed) -> bool {
@@ -313,7 +317,7 @@ impl TargetTracker {
     }
 
     /// Start a candidate, with its sighting if no target is near.
-    fn bear(&mut self, echo: &Echo) -> Option<Sighting> {
+    fn start_candidate(&mut self, echo: &Echo) -> Option<Sighting> {
         let apart_m = self.follow.apart_cells * self.cell_m;
         let near = self.all.iter().filter(|own| {
             own.confirmed && self.is_alive(own) && (own.range_m - echo.range_m).abs() < apart_m
@@ -361,7 +365,7 @@ impl TargetTracker {
         }
     }
 
-    fn bury(&mut self) {
+    fn end_lost(&mut self) {
         let (within, bridge, pulse) = (self.follow.within, self.follow.bridge, self.pulse);
         let events = &mut self.events;
         self.all.retain(|own| {
@@ -425,12 +429,12 @@ pub(crate) fn differences_rad(phases_rad: &[f64]) -> Vec<f64> {
     rest.iter().map(|phase| phase - first).collect()
 }
 
-/// RMS deviation of phase differences from expected ones, radians.
-fn turned_rad(held: &[f64], phases_rad: &[f64]) -> f64 {
+/// RMS deviation of phase differences from `last`, radians.
+fn turned_rad(last: &[f64], phases_rad: &[f64]) -> f64 {
     let new = differences_rad(phases_rad);
-    let squares = held.iter().zip(&new).map(|(held, new)| {
-        let turns = (new - held) / TAU;
+    let squares = last.iter().zip(&new).map(|(last, new)| {
+        let turns = (new - last) / TAU;
         (TAU * (turns - turns.round())).powi(2)
     });
-    (squares.sum::<f64>() / held.len().max(1) as f64).sqrt()
+    (squares.sum::<f64>() / last.len().max(1) as f64).sqrt()
 }

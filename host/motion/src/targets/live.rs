@@ -1,18 +1,18 @@
 //! Online track from echoes, pulse by pulse.
 //!
 //! ```text
-//! pulse of each channel ─ profile, cfar, echo ─> follow: waits for `TrackerSettings::within` pulses ─> motion::Tracker: looks at the last forty again ─> Located
+//! pulse of each channel ─ profile, cfar, echo ─> follow: delay of `TrackerSettings::within` pulses ─> motion::Tracker: fixed-lag smoother over 40 pulses ─> Located
 //! ```
 //!
 //! The online form of [`crate::targets::recover()`]. The pose of a pulse is reported when it leaves the smoother's window, [`Live::lag`] pulses after the pulse, and is final: targets that later turn out to be one are not joined, and there
 //! is no joint solution over all pulses.
 //!
-//! **Frame**: the body's frame in the first pulse with a pose ([`Arrangement`]), placed by the first pulse's recorded position. Echoes determine no more.
+//! **Frame**: the body's frame in the first pulse with a pose ([`Arrangement`]), placed by the first pulse's recorded position. Echoes do not determine an absolute position or orientation.
 //!
 //! **Contradictions**: the echo of two targets that are not resolved has a phase that is off by up to half a turn. A sighting whose phases are off by more than noise against the other sightings of its pulse is left out,
 //! while three that agree remain.
 //!
-//! **Neglected**: moving targets are taken for standing ones until they contradict the others. [`crate::live`] separates them, but needs more targets than most pulses of a stepped radar show.
+//! **Neglected**: moving targets count as standing ones until they contradict the others. [`crate::live`] separates them, but needs more targets than most pulses of a stepped-frequency radar show.
 //!
 //! **Memory**: targets that are followed, at most [`Settings::most_targets`] a pulse and those not seen for [`crate::targets::follow::TrackerSettings::bridge`] pulses; sightings of [`Live::lag`] pulses. **Cost** of a pulse: two transforms of each
 //! channel's profile, and the smoother's time, which grows with the cube of the targets. **Accuracy**: `tests/live.rs`; of a radio's walk `tests/cli/live.rs`.
@@ -28,7 +28,7 @@ use subaperture_model::phase_history::{Band, Pulse};
 use crate::targets::arrangement::Arrangement;
 use crate::targets::follow::{Event, TargetTracker};
 use crate::targets::profile::Echoes;
-use crate::targets::see::{Looker, Settings, TargetsError, profiler};
+use crate::targets::see::{Settings, TargetDetector, TargetsError, profiler};
 
 /// Lag of the smoother, pulses: poses are final, so it is longer than where a joint solution follows.
 const WINDOW: usize = 40;
@@ -56,7 +56,7 @@ pub struct Located {
 pub struct Going {
     /// Number of pulses without a pose: fewer than two targets, or sightings that do not determine it.
     pub blind: usize,
-    /// Number of pulses with phases of which whole turns are in doubt: half-wavelength slips are possible from there on.
+    /// Number of pulses with ambiguous whole turns of phase: half-wavelength slips are possible from there on.
     pub doubtful: usize,
     /// Number of sightings that are left out because they contradict the others of their pulse: echoes of targets that are too near to each other in range, or of moving ones.
     pub contradictions: usize,
@@ -68,7 +68,7 @@ pub struct Going {
 
 /// Online estimator of the radar's poses.
 pub struct Live {
-    looker: Looker,
+    detector: TargetDetector,
     arrangement: Arrangement,
     order: Vec<usize>,
     follower: TargetTracker,
@@ -82,7 +82,7 @@ pub struct Live {
     window: VecDeque<usize>,
     /// Dead targets that could not be removed yet.
     lost: Vec<usize>,
-    /// Sightings in a row of each target that contradict the others.
+    /// Number of contradicting sightings in a row, by target.
     contradictions: BTreeMap<usize, usize>,
     going: Going,
 }
@@ -113,7 +113,7 @@ impl Live {
         let follower =
             TargetTracker::new(settings.follow, cell_m).map_err(TargetsError::Settings)?;
         Ok(Self {
-            looker: Looker::new(profiler, settings, first.len())?,
+            detector: TargetDetector::new(profiler, settings, first.len())?,
             order: arrangement.order(),
             arrangement,
             follower,
@@ -159,33 +159,33 @@ impl Live {
             true => {
                 let each = channels.iter();
                 let echoes: Echoes = each
-                    .map(|(pulse, samples)| self.looker.uncompensated(pulse, samples))
+                    .map(|(pulse, samples)| self.detector.uncompensated(pulse, samples))
                     .collect();
-                self.looker.find(&echoes).0
+                self.detector.find(&echoes).0
             }
             false => Vec::new(),
         };
-        found.retain(|echo| self.looker.is_heard(echo));
+        found.retain(|echo| self.detector.is_above_noise(echo));
         for echo in &mut found {
             echo.phases_rad = self.order.iter().map(|&c| echo.phases_rad[c]).collect();
         }
         self.pushed += 1;
-        let told = self.follower.push(&found);
+        let sightings = self.follower.push(&found);
         for event in self.follower.events() {
             if let Event::Lost { target, .. } = event {
                 self.lost.push(target);
             }
         }
-        told.map_or_else(Vec::new, |told| {
-            self.understand(&told).into_iter().collect()
+        sightings.map_or_else(Vec::new, |sightings| {
+            self.estimate(&sightings).into_iter().collect()
         })
     }
 
     /// Return the remaining poses at the end.
     pub fn finish(&mut self) -> Vec<Located> {
         let mut located = Vec::new();
-        for told in self.follower.finish() {
-            located.extend(self.understand(&told));
+        for sightings in self.follower.finish() {
+            located.extend(self.estimate(&sightings));
         }
         let poses = self.tracker.window().to_vec();
         let left = std::mem::take(&mut self.window);
@@ -198,7 +198,7 @@ impl Live {
     }
 
     /// Take the sightings of a pulse, and return the pose of the pulse that leaves the window.
-    fn understand(&mut self, sightings: &[Sighting]) -> Option<Located> {
+    fn estimate(&mut self, sightings: &[Sighting]) -> Option<Located> {
         let number = self.released;
         self.released += 1;
         let tracker = &mut self.tracker;

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! Channels ─> profile ─> cfar ─> echo ─> follow ─> sightings ─> motion::track ─> recover: a track in the scene
-//!             power of    peaks   path and    the same     of each        poses, covariances
-//!             all channels        phases      target       pulse
+//!             power of    peaks   path and    association  of each        poses, covariances
+//!             all channels        phases      by target    pulse
 //! ```
 //!
 //! | module | purpose | Chim 2018 |
@@ -12,9 +12,9 @@
 //! | [`cfar`] | CFAR detection in the power of all channels, cell averaging or order statistic | 7.3.3 |
 //! | [`echo`] | path and phases of each target, with standard deviations | 7.3.3 |
 //! | [`follow`] | association of targets from pulse to pulse | |
-//! | [`see()`] | all of these over a recording, in blocks | 7.4 |
+//! | [`detect_targets()`] | all of these over a recording, in blocks | 7.4 |
 //! | [`recover()`] | the track, aligned with the recorded positions | 7.4 |
-//! | [`live`] | the same online, pulse by pulse | |
+//! | [`live`] | online track, pulse by pulse | |
 //! | [`fault`] | faults of a recording, and what stays reliable | |
 
 pub mod arrangement;
@@ -31,4 +31,4 @@ pub use arrangement::{Arrangement, ArrangementError};
 pub use echo::{Echo, Subtraction};
 pub use fault::Fault;
 pub use recover::{Moment, Mover, Place, Recovered, recover};
-pub use see::{Seen, Settings, TargetsError, see};
+pub use see::{Detections, Settings, TargetsError, detect_targets};

@@ -28,7 +28,7 @@ pub(crate) const STRIDE: usize = 4;
 #[derive(Clone)]
 pub(crate) struct Profiler {
     pub(crate) band: Band,
-    /// Weights over frequency.
+    /// Window weights over frequency.
     pub(crate) window: Vec<f64>,
     fft: Arc<dyn Fft<f64>>,
     /// Searched bins: the first, and their number.
@@ -81,7 +81,7 @@ impl Profiler {
         self.band.unambiguous_path_m() / self.fft.len() as f64
     }
 
-    /// Path resolution, metres.
+    /// Resolution of the path, metres: `c / B`.
     pub(crate) fn cell_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / self.band.bandwidth_hz()
     }
@@ -93,11 +93,11 @@ impl Profiler {
 
     /// Path of searched bin `i`, metres.
     pub(crate) fn path_m(&self, i: usize) -> f64 {
-        self.told_m((self.bins.0 + i) as f64 * self.bin_m())
+        self.within_interval_m((self.bins.0 + i) as f64 * self.bin_m())
     }
 
     /// Path within the reported interval, metres: it differs by a whole number of ambiguities.
-    pub(crate) fn told_m(&self, path_m: f64) -> f64 {
+    pub(crate) fn within_interval_m(&self, path_m: f64) -> f64 {
         let repeats_m = self.band.unambiguous_path_m();
         let above = (path_m - self.least_path_m) / repeats_m;
         path_m - above.floor() * repeats_m

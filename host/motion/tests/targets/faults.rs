@@ -1,4 +1,4 @@
-//! What is wrong with a recording: said, with what can be trusted.
+//! Faults of recordings: reports, refusals, and tracks from the remaining data.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use subaperture_motion::targets::{Fault, Recovered, Settings, TargetsError, reco
 use crate::scene::{C_M_S, Radar, Recording, Reflector, channels, l_band};
 use crate::tracks::{off, reflectors, straight, walk};
 
-/// Of the walk's first metres.
+/// Pulses of a recording: the first 3 m of the walk.
 const PULSES: usize = 120;
 
 type Recorded = Vec<(Channel, Collection, Vec<Complex32>)>;
@@ -35,7 +35,7 @@ fn found(channels: Channels) -> Result<Recovered, TargetsError> {
     recover(channels, &Settings::default(), &Silent)
 }
 
-/// With a third receiver.
+/// Radar with a third receiver.
 fn three() -> Radar {
     let mut radar = l_band();
     radar.receivers_m.push(DVec2::new(0.41, 0.0));
@@ -45,15 +45,15 @@ fn three() -> Radar {
 const NOISE: f64 = 0.4;
 
 #[test]
-fn missing_and_single_targets_are_reported() {
+fn recordings_with_no_or_one_target_are_refused() {
     let radar = l_band();
-    let nothing = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
+    let no_target = found(channels(recorded(&radar, &[], NOISE))).unwrap_err();
     assert!(
-        matches!(nothing, TargetsError::Nothing { pulses: PULSES, most_db } if most_db < 3.0),
-        "{nothing}"
+        matches!(no_target, TargetsError::Nothing { pulses: PULSES, most_db } if most_db < 3.0),
+        "{no_target}"
     );
     let one = found(channels(recorded(&radar, &reflectors()[..1], NOISE))).unwrap_err();
-    // At 8.1 to 8.6 m.
+    // The target is at 8.1 to 8.6 m.
     assert!(
         matches!(one, TargetsError::TooFew { most: 1, ranges_m: (near, far), .. } if near > 7.0 && far < 9.5),
         "{one}"
@@ -62,7 +62,7 @@ fn missing_and_single_targets_are_reported() {
 }
 
 #[test]
-fn dead_channels_are_left_out_while_an_array_is_left() {
+fn dead_channels_are_omitted_while_two_receivers_remain() {
     let mut all = recorded(&three(), &reflectors(), NOISE);
     let truth = walk(PULSES);
     let mut apart = all.clone();
@@ -78,7 +78,7 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
     let faults = &track.seen.faults;
     assert_eq!(faults.iter().filter(is_dead).count(), 1, "{faults:?}");
     assert_eq!(track.seen.channels, ["T1R1", "T1R2"]);
-    // Its noise remains: a cable that came off.
+    // Noise without echoes: a disconnected cable.
     let mut noisy = recorded(&three(), &reflectors(), NOISE);
     noisy[2].2 = recorded(&three(), &[], NOISE).remove(2).2;
     let track = found(channels(noisy)).unwrap();
@@ -103,7 +103,7 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
     assert!(matches!(none, TargetsError::AllDead), "{none}");
 }
 
-/// Samples as a converter has them that clips at this part of the largest, before the recording compensates.
+/// Samples clipped by the converter at the fraction `part` of the largest value, before the recording's compensation.
 fn clipped(
     (about, collection, mut samples): (Channel, Collection, Vec<Complex32>),
     part: f32,
@@ -146,19 +146,19 @@ fn saturated_channel_is_reported() {
     let first = clipped(all.remove(0), 0.5);
     all.insert(0, first);
     let track = found(channels(all)).unwrap();
-    let told: Vec<&Fault> = track
+    let saturated: Vec<&Fault> = track
         .seen
         .faults
         .iter()
         .filter(|fault| matches!(fault, Fault::Saturated { .. }))
         .collect();
-    let [Fault::Saturated { channel, share }] = told[..] else {
+    let [Fault::Saturated { channel, share }] = saturated[..] else {
         panic!("{:?}", track.seen.faults);
     };
     assert!(channel == "T1R1" && *share > 0.02, "{channel} {share}");
 }
 
-/// A recording of which some pulses are no numbers.
+/// Recording with non-finite samples in some pulses.
 struct Damaged {
     whole: InMemory,
     pulses: Vec<usize>,
@@ -180,7 +180,7 @@ impl PhaseHistory for Damaged {
 }
 
 #[test]
-fn pulses_that_are_no_numbers_are_left_out() {
+fn pulses_with_non_finite_samples_are_omitted() {
     let all = recorded(&l_band(), &reflectors(), NOISE);
     let damaged = all.into_iter().map(|(about, collection, samples)| {
         let whole = InMemory::new(collection, samples).unwrap();
@@ -189,17 +189,17 @@ fn pulses_that_are_no_numbers_are_left_out() {
         (about, history)
     });
     let track = found(Channels::new(damaged.collect()).unwrap()).unwrap();
-    let told = track.seen.faults.iter().find_map(|fault| match fault {
+    let unreadable = track.seen.faults.iter().find_map(|fault| match fault {
         Fault::Unreadable {
             pulses,
             first,
-            what,
-        } => Some((*pulses, *first, what.clone())),
+            reason,
+        } => Some((*pulses, *first, reason.clone())),
         _ => None,
     });
-    let (pulses, first, what) = told.unwrap();
+    let (pulses, first, reason) = unreadable.unwrap();
     assert_eq!((pulses, first), (3, 40));
-    assert!(what.contains("sample 7 of pulse 40"), "{what}");
+    assert!(reason.contains("sample 7 of pulse 40"), "{reason}");
     let have: Vec<usize> = track.moments.iter().map(|moment| moment.pulse).collect();
     let without: Vec<usize> = (0..PULSES).filter(|n| ![40, 41, 77].contains(n)).collect();
     assert_eq!(have, without);
@@ -212,7 +212,7 @@ fn swapped_receivers_are_reported() {
     let mut all = recorded(&l_band(), &reflectors(), NOISE);
     let other = all[1].2.clone();
     all[1].2 = std::mem::replace(&mut all[0].2, other);
-    // What the samples are compensated to belongs to them.
+    // The reference paths of the compensation belong to the samples.
     let paths: Vec<Vec<f64>> = all
         .iter()
         .map(|(_, collection, _)| {
@@ -237,7 +237,7 @@ fn swapped_receivers_are_reported() {
 }
 
 #[test]
-fn settings_and_recordings_that_cannot_be_are_refused() {
+fn invalid_settings_and_recordings_are_refused() {
     let all = recorded(&l_band(), &reflectors()[..2], NOISE);
     let refused = |change: fn(&mut Settings)| {
         let mut settings = Settings::default();

@@ -1,4 +1,4 @@
-//! Images on the track found, the true one and the recorded one, by a plain backprojection written out here.
+//! Images on the estimated, the true and the recorded track, by an independent backprojection.
 
 use std::f64::consts::TAU;
 
@@ -12,10 +12,10 @@ use subaperture_motion::targets::{Arrangement, Settings, recover};
 use crate::scene::{C_M_S, Truth, l_band};
 use crate::tracks::{reflectors, straight, walk, walked};
 
-/// Values of a range profile for each sample: read between two, they are off by less than -55 dB.
+/// Oversampling of range profiles: the error of linear interpolation is below -55 dB.
 const FINE: usize = 16;
 
-/// Range profiles of a recording on a track, Hamming's window over frequency and pulses.
+/// Range profiles of a recording on a track, with a Hamming window over frequency and pulses.
 struct Profiles {
     /// Transmitter, receiver, reference path and profile of each pulse.
     all: Vec<([DVec3; 2], f64, Vec<Complex64>)>,
@@ -75,7 +75,7 @@ impl Profiles {
         (sum / self.weight).norm_sqr()
     }
 
-    /// Power on a square about a place, 6 cm apart.
+    /// Power on a square grid around `about`, spaced by 6 cm.
     fn square(&self, about: DVec2, half_m: f64) -> Vec<(DVec2, f64)> {
         let steps = (half_m / 0.06).round() as i32;
         let places = (-steps..=steps).flat_map(|i| (-steps..=steps).map(move |j| (i, j)));
@@ -83,7 +83,7 @@ impl Profiles {
         places.map(place).map(|at| (at, self.power(at))).collect()
     }
 
-    /// The highest power within half a metre, dB, climbed to from the best of the square.
+    /// Highest power within 0.5 m, dB, by pattern search from the highest grid point.
     fn peak_db(&self, about: DVec2) -> f64 {
         let best = |all: Vec<(DVec2, f64)>| all.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
         let (mut at, mut power) = best(self.square(about, 0.5)).unwrap();
@@ -113,17 +113,17 @@ fn on_track(channels: Channels<'static>, fixes: &[Fix]) -> Profiles {
     Profiles::new(&Channels::new(moved.collect()).unwrap())
 }
 
-/// The middle of the antennas on a way.
-fn fixes(way: &[Truth], middle_m: DVec2) -> Vec<Fix> {
+/// Fixes of the antennas' phase centre on a track.
+fn fixes(track: &[Truth], middle_m: DVec2) -> Vec<Fix> {
     let fix = |(n, pose): (usize, &Truth)| Fix {
         time_s: n as f64 * 1e-2,
         position_m: (pose.at_m + DVec2::from_angle(pose.heading_rad).rotate(middle_m)).extend(0.0),
         attitude: Some(DQuat::from_rotation_z(pose.heading_rad)),
     };
-    way.iter().enumerate().map(fix).collect()
+    track.iter().enumerate().map(fix).collect()
 }
 
-/// Each reflector's peak, dB, and `-sum p ln p` of the shares of power within a metre of them, along x and y.
+/// Peak of each reflector, dB, and the entropy `-sum p ln p` of the shares of power within 1 m of them along x and y.
 fn judged(profiles: &Profiles) -> (Vec<f64>, f64) {
     let peaks = reflectors().map(|reflector| profiles.peak_db(reflector.at_m));
     let squares = reflectors().map(|reflector| profiles.square(reflector.at_m, 1.0));
@@ -137,10 +137,10 @@ fn judged(profiles: &Profiles) -> (Vec<f64>, f64) {
 }
 
 #[test]
-fn an_image_on_the_track_found_is_as_sharp_as_on_the_true_one() {
+fn image_on_estimated_track_is_as_sharp_as_on_true_track() {
     let (radar, truth) = (l_band(), walk(801));
-    let (told, all) = (straight(801), reflectors());
-    let recording = walked(&radar, [&truth, &told], &all);
+    let (recorded_track, all) = (straight(801), reflectors());
+    let recording = walked(&radar, [&truth, &recorded_track], &all);
     let recorded = recording.collections();
     let channels = || crate::scene::channels(recorded.clone());
     let found = recover(channels(), &Settings::default(), &Silent).unwrap();
@@ -155,23 +155,30 @@ fn an_image_on_the_track_found_is_as_sharp_as_on_the_true_one() {
         .collect();
     let middle_m =
         0.5 * (radar.transmitters_m[0] + 0.5 * (radar.receivers_m[0] + radar.receivers_m[1]));
-    let [(true_db, of_true), (found_db, of_found), (told_db, of_told)] =
-        [fixes(&truth, middle_m), found, fixes(&told, middle_m)]
-            .map(|fixes| judged(&on_track(channels(), &fixes)));
+    let [
+        (true_db, of_true),
+        (found_db, of_found),
+        (recorded_db, of_recorded),
+    ] = [
+        fixes(&truth, middle_m),
+        found,
+        fixes(&recorded_track, middle_m),
+    ]
+    .map(|fixes| judged(&on_track(channels(), &fixes)));
     println!("peaks on the true track {true_db:.2?} dB");
-    println!("on the track found {found_db:.2?} dB");
-    println!("on the recorded one {told_db:.2?} dB");
-    println!("entropy {of_true:.4}, {of_found:.4}, {of_told:.4}");
+    println!("on the estimated track {found_db:.2?} dB");
+    println!("on the recorded track {recorded_db:.2?} dB");
+    println!("entropy {of_true:.4}, {of_found:.4}, {of_recorded:.4}");
     for (i, reflector) in reflectors().iter().enumerate() {
-        // The image's scale: amplitudes, within what noise and neighbours leave.
+        // Peaks equal amplitudes within the errors by noise and neighbours.
         assert!(
             (true_db[i] - 20.0 * reflector.amplitude.log10()).abs() < 0.5,
             "{i}"
         );
         assert!((found_db[i] - true_db[i]).abs() < 0.5, "{i}");
-        // Useless: not half of the amplitude.
-        assert!(told_db[i] < true_db[i] - 6.0, "{i}");
+        // On the recorded track, peaks have less than half of the amplitude.
+        assert!(recorded_db[i] < true_db[i] - 6.0, "{i}");
     }
     assert!((of_found / of_true - 1.0).abs() < 0.01);
-    assert!(of_told > 1.1 * of_true);
+    assert!(of_recorded > 1.1 * of_true);
 }

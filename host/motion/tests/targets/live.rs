@@ -1,4 +1,4 @@
-//! Places that are told while pulses come, against the truth and against those of the whole recording.
+//! Online poses, compared with the truth and with those of the whole recording.
 
 use glam::{DQuat, DVec2, DVec3};
 use num_complex::Complex32;
@@ -12,7 +12,7 @@ use subaperture_motion::targets::{Settings, TargetsError, recover};
 use crate::scene::{Radar, Recording, Reflector, l_band, reflector};
 use crate::tracks::{off, off_by, reflectors, straight, walk, walked};
 
-/// A recording, pulse by pulse of all channels.
+/// Pulses of a recording, each with the samples of all channels.
 fn pulses(recording: &Recording, radar: &Radar) -> Vec<Vec<(Pulse, Vec<Complex32>)>> {
     let all = recording.collections();
     let count = all[0].1.pulses.len();
@@ -37,13 +37,13 @@ fn poses(located: &[Located]) -> Vec<(usize, DVec3, DQuat)> {
     located.iter().map(pose).collect()
 }
 
-/// The walk of the whole recording's test, 20 m. What is told while it goes on is off by little more: each place is told by what came until ten pulses later, so that an error of the
-/// targets' angles stays in the part of the way that it was made in; they are known to a degree or so after a metre, which is a part in fifty of it, and ten times better soon after.
+/// A walk of 20 m, as in `tracks.rs`. Online errors are larger than those of the batch track: each pose uses pulses up to the end of the smoother's window only, so that early errors of the targets' angles
+/// stay in the track. After 1 m the angles are known to about a degree (2 % of the distance), soon after ten times better.
 #[test]
-fn a_walk_is_found_while_it_goes_on() {
+fn online_track_follows_walk() {
     let (radar, truth) = (l_band(), walk(801));
-    let (told, all) = (straight(801), reflectors());
-    let recording = walked(&radar, [&truth, &told], &all);
+    let (recorded, all) = (straight(801), reflectors());
+    let recording = walked(&radar, [&truth, &recorded], &all);
     let whole = recover(recording.channels(), &Settings::default(), &Silent).unwrap();
     let [whole_m, _] = off(&whole, &radar, &truth);
     let pulses = pulses(&recording, &radar);
@@ -51,7 +51,7 @@ fn a_walk_is_found_while_it_goes_on() {
     let mut located: Vec<Located> = Vec::new();
     for (n, pulse) in pulses.iter().enumerate() {
         for place in live.push(pulse) {
-            // A blind pulse makes all after it wait for one more.
+            // Every blind pulse delays the later poses by one more.
             assert!(
                 n <= place.pulse + live.lag() + live.going().blind,
                 "{n}: {place:?}"
@@ -62,12 +62,12 @@ fn a_walk_is_found_while_it_goes_on() {
     located.extend(live.finish());
     assert!(located.windows(2).all(|pair| pair[0].pulse < pair[1].pulse));
     let poses = poses(&located);
-    let [place_m, heading_rad] = off_by(&poses, &radar, &truth);
+    let [position_m, heading_rad] = off_by(&poses, &radar, &truth);
     let going = live.going();
     println!(
         "{} places {:.1} mm off, of the whole recording {:.1} mm; {:.3} deg; {going:?}",
         poses.len(),
-        1e3 * place_m,
+        1e3 * position_m,
         1e3 * whole_m,
         heading_rad.to_degrees()
     );
@@ -75,19 +75,19 @@ fn a_walk_is_found_while_it_goes_on() {
         poses.len() + going.blind == 801 && going.blind < 40,
         "{going:?}"
     );
-    assert!(place_m < 0.1, "{place_m}");
+    assert!(position_m < 0.1, "{position_m}");
     // Measured: 1.1 degrees, RMS.
     assert!(heading_rad.to_degrees() < 1.5, "{heading_rad}");
-    // The first place is where the recording begins, as it is turned there.
-    let began = live.arrangement();
-    assert!(located[0].position_m.distance(began.origin_m) < 1e-6);
-    assert!(located[0].attitude.angle_between(began.attitude) < 1e-6);
+    // The first pose is the recorded position and attitude of the first pulse.
+    let arrangement = live.arrangement();
+    assert!(located[0].position_m.distance(arrangement.origin_m) < 1e-6);
+    assert!(located[0].attitude.angle_between(arrangement.attitude) < 1e-6);
 }
 
-/// Seven reflectors; some cross in range and are not resolved then: their common echo has the SNR of a good one and a phase that is off by up to half a turn. The others of the pulse contradict it. The largest
-/// misfit of a window, chi-square over its expectation, is 1.7 without these sightings, and 3.8 with them.
+/// Seven reflectors; some of them cross in range. While unresolved, their common echo has a high SNR and a phase error of up to half a turn, which contradicts the other sightings of the pulse. The largest
+/// misfit of a window, chi-square over its expectation, is 1.7 without these sightings and 3.8 with them.
 #[test]
-fn live_track_leaves_out_echoes_of_unresolved_reflectors() {
+fn online_track_omits_echoes_of_unresolved_reflectors() {
     let (radar, truth) = (l_band(), walk(201));
     let places = [
         (-12.0, 5.0),
@@ -122,24 +122,24 @@ fn live_track_leaves_out_echoes_of_unresolved_reflectors() {
     }
     located.extend(live.finish());
     let poses = poses(&located);
-    let [place_m, _] = off_by(&poses, &radar, &truth);
+    let [position_m, _] = off_by(&poses, &radar, &truth);
     let going = live.going();
     println!(
         "{} poses {:.1} mm off, misfit {most:.1}; {going:?}",
         poses.len(),
-        1e3 * place_m
+        1e3 * position_m
     );
     assert!(
         poses.len() + going.blind == 201 && going.doubtful == 0,
         "{going:?}"
     );
     assert!(going.contradictions > 0 && most < 2.5, "{most} {going:?}");
-    assert!(place_m < 0.01, "{place_m}");
+    assert!(position_m < 0.01, "{position_m}");
 }
 
-/// Seven reflectors stand, an eighth begins to move after 100 pulses, by 3 cm from pulse to pulse.
+/// Seven reflectors stand still; an eighth starts to move after 100 pulses, by 3 cm per pulse.
 #[test]
-fn live_track_leaves_out_a_target_that_begins_to_move() {
+fn online_track_omits_target_that_starts_to_move() {
     let (radar, truth) = (l_band(), walk(241));
     let recorded = straight(241);
     let mut all = reflectors().to_vec();
@@ -156,31 +156,34 @@ fn live_track_leaves_out_a_target_that_begins_to_move() {
     }
     located.extend(live.finish());
     let poses = poses(&located);
-    let [place_m, heading_rad] = off_by(&poses, &radar, &truth);
+    let [position_m, heading_rad] = off_by(&poses, &radar, &truth);
     let going = live.going();
     println!(
         "{} poses {:.1} mm, {:.2} deg off; {going:?}",
         poses.len(),
-        1e3 * place_m,
+        1e3 * position_m,
         heading_rad.to_degrees()
     );
-    // Measured: 2.4 mm, 0.3 degrees, 2 pulses; 16 mm, 0.5 degrees, 57 pulses where the sightings stay in the track.
-    assert!(place_m < 6e-3 && going.doubtful < 10, "{place_m} {going:?}");
+    // Measured: 2.4 mm, 0.3 degrees, 2 doubtful pulses; 16 mm, 0.5 degrees, 57 pulses if the sightings are not omitted.
+    assert!(
+        position_m < 6e-3 && going.doubtful < 10,
+        "{position_m} {going:?}"
+    );
     assert!(going.contradictions > 0, "{going:?}");
 }
 
-/// Without echoes there are no places, and no end of memory; numbers that are none are as no echoes.
+/// Pulses without echoes, or with samples that are not finite, have no pose.
 #[test]
-fn no_targets_give_no_motion() {
+fn no_targets_give_no_poses() {
     let (radar, truth) = (l_band(), walk(60));
-    let nothing = walked(&radar, [&truth, &truth], &[]);
-    let mut pulses = pulses(&nothing, &radar);
+    let no_targets = walked(&radar, [&truth, &truth], &[]);
+    let mut pulses = pulses(&no_targets, &radar);
     pulses[7][1].1[3].re = f32::NAN;
     let mut live = live(&pulses, &radar).unwrap();
     assert!(pulses.iter().all(|pulse| live.push(pulse).is_empty()));
     assert!(live.finish().is_empty());
     assert_eq!(live.going().blind, 60);
-    // Receivers too far apart, and one alone.
+    // Receivers too far apart, and a single receiver.
     let mut wide = radar.clone();
     wide.receivers_m[1].x += 0.3;
     let wide_pulses = self::pulses(&walked(&wide, [&truth, &truth], &[]), &wide);

@@ -1,4 +1,4 @@
-//! Targets and tracks from simulated echoes, against the truth, against what noise does, and against what can be known.
+//! Targets and tracks from simulated echoes, compared with the truth, with simulated noise and with the Cramer-Rao bound.
 
 mod echoes;
 mod faults;

@@ -1,4 +1,4 @@
-//! Tracks among targets that move, from echoes: 7.5 m of a walk that is recorded as a straight line, in 300 pulses at 30 dB.
+//! Tracks among moving targets, from echoes: 7.5 m of a walk that is recorded as a straight line, in 300 pulses at 30 dB.
 
 use glam::DVec2;
 use subaperture_model::monitor::Silent;
@@ -10,7 +10,7 @@ use crate::tracks::{off, straight, walk, walked};
 
 const PULSES: usize = 300;
 
-/// Four that stand; two of them cross in range.
+/// Four standing reflectors; two of them cross in range.
 fn standing() -> Vec<Reflector> {
     vec![
         reflector(-11.0, 8.0, 1.0),
@@ -24,15 +24,15 @@ fn of(standing: &[Reflector], moving: &[Reflector]) -> Vec<Reflector> {
     [standing, moving].concat()
 }
 
-/// At 0.5 m/s, of a power among that of the others, and another.
+/// Positions in metres and velocities in m/s of two movers.
 const MOVER: ([f64; 2], [f64; 2]) = ([-5.0, 10.0], [0.3, 0.4]);
 const OTHER: ([f64; 2], [f64; 2]) = ([3.0, 22.0], [-0.5, -0.3]);
 
-fn going((at_m, velocity_m_s): ([f64; 2], [f64; 2])) -> Reflector {
+fn unit_mover((at_m, velocity_m_s): ([f64; 2], [f64; 2])) -> Reflector {
     moving(at_m, velocity_m_s, 1.2)
 }
 
-/// A radar of so many receivers, a way, and what was found on it.
+/// Radar, its true poses, and the estimated track.
 struct Walk {
     radar: Radar,
     truth: Vec<Truth>,
@@ -46,8 +46,8 @@ impl Walk {
             let x = radar.receivers_m[1].x + 0.107 * (r - 1) as f64;
             radar.receivers_m.push(DVec2::new(x, 0.0));
         }
-        let (truth, told) = (walk(PULSES), straight(PULSES));
-        let recording = walked(&radar, [&truth, &told], reflectors);
+        let (truth, recorded) = (walk(PULSES), straight(PULSES));
+        let recording = walked(&radar, [&truth, &recorded], reflectors);
         let found = recover(recording.channels(), &Settings::default(), &Silent);
         Self {
             found,
@@ -61,7 +61,7 @@ impl Walk {
         self.found.as_ref().unwrap()
     }
 
-    /// From the track found, which lies upon the recorded one, to the true one, radians.
+    /// Rotation from the estimated track, which is aligned with the recorded one, to the true one, radians.
     fn turn_rad(&self) -> f64 {
         let moments = &self.found().moments;
         let got = moments.iter().map(|m| m.position_m.truncate());
@@ -76,7 +76,7 @@ impl Walk {
         cross.atan2(dot)
     }
 
-    /// Holds the shape of the track to 2 mm, a fiftieth of a wavelength of path, and each velocity to 0.02 m/s after the track's turn upon the true one.
+    /// Assert position errors below 2 mm (a fiftieth of a wavelength of path) and velocity errors below 0.02 m/s, after alignment with the true track.
     #[track_caller]
     fn check(&self, velocities_m_s: &[[f64; 2]]) {
         let found = self.found();
@@ -108,9 +108,9 @@ impl Walk {
 }
 
 #[test]
-fn a_mover_leaves_the_track_as_good_and_its_velocity_is_found() {
+fn mover_does_not_bend_track_and_its_velocity_is_estimated() {
     for receivers in [2, 3, 4] {
-        let walk = Walk::new(receivers, &of(&standing(), &[going(MOVER)]));
+        let walk = Walk::new(receivers, &of(&standing(), &[unit_mover(MOVER)]));
         walk.check(&[MOVER.1]);
         assert_eq!(walk.doubts(), Vec::<&Fault>::new());
         assert!(walk.found().movers[0].steady);
@@ -118,8 +118,8 @@ fn a_mover_leaves_the_track_as_good_and_its_velocity_is_found() {
 }
 
 #[test]
-fn reflectors_that_stand_are_no_movers() {
-    // Two of them cross in range, and are one peak then.
+fn standing_reflectors_are_not_reported_as_movers() {
+    // Two of them cross in range and are one peak while they do.
     Walk::new(2, &standing()).check(&[]);
     let walk = Walk::new(2, &of(&standing(), &[reflector(-5.0, 10.0, 1.2)]));
     walk.check(&[]);
@@ -128,25 +128,25 @@ fn reflectors_that_stand_are_no_movers() {
 }
 
 #[test]
-fn a_mover_may_be_the_brightest_the_fastest_or_come_nearer() {
+fn bright_fast_slow_and_approaching_movers_are_estimated() {
     let bright = moving(MOVER.0, MOVER.1, 6.0);
     Walk::new(2, &of(&standing(), &[bright])).check(&[MOVER.1]);
     let fast = ([-5.0, 10.0], [2.0, 3.0]);
-    Walk::new(2, &of(&standing(), &[going(fast)])).check(&[fast.1]);
+    Walk::new(2, &of(&standing(), &[unit_mover(fast)])).check(&[fast.1]);
     let nearer = ([-9.0, 16.0], [0.0, -1.5]);
-    Walk::new(2, &of(&standing(), &[going(nearer)])).check(&[nearer.1]);
+    Walk::new(2, &of(&standing(), &[unit_mover(nearer)])).check(&[nearer.1]);
     let slow = ([-5.0, 10.0], [0.03, 0.02]);
-    Walk::new(2, &of(&standing(), &[going(slow)])).check(&[slow.1]);
+    Walk::new(2, &of(&standing(), &[unit_mover(slow)])).check(&[slow.1]);
 }
 
 #[test]
-fn several_movers_are_found_and_may_cross() {
-    let two = [going(MOVER), going(OTHER)];
+fn two_movers_are_estimated_even_if_they_cross() {
+    let two = [unit_mover(MOVER), unit_mover(OTHER)];
     Walk::new(2, &of(&standing(), &two)).check(&[MOVER.1, OTHER.1]);
-    // Three stand, and two move apart from each other.
+    // Three standing targets and two movers.
     Walk::new(2, &of(&standing()[..3], &two)).check(&[MOVER.1, OTHER.1]);
     let crossing = [([-5.0, 10.0], [0.3, 1.0]), ([-4.0, 14.0], [-0.2, -1.0])];
-    let walk = Walk::new(2, &of(&standing(), &crossing.map(going)));
+    let walk = Walk::new(2, &of(&standing(), &crossing.map(unit_mover)));
     walk.check(&crossing.map(|(_, velocity)| velocity));
 }
 
@@ -154,20 +154,20 @@ fn several_movers_are_found_and_may_cross() {
 fn three_movers_are_reported_among_four_reflectors() {
     let third = ([-8.0, 21.5], [0.4, -0.3]);
     let all = [MOVER, OTHER, third];
-    Walk::new(2, &of(&standing(), &all.map(going))).check(&all.map(|(_, velocity)| velocity));
+    Walk::new(2, &of(&standing(), &all.map(unit_mover))).check(&all.map(|(_, velocity)| velocity));
 }
 
-/// The mover starts in a cell of 0.25 m with the first reflector, 8.1 m from the radar: it leaves at once, or stays within a cell or four for most of the time. Echoes of both bend each other's meanwhile, and
-/// no steady velocity fits them: what is reported is within three of the standard deviations reported.
+/// The mover starts in the range cell (0.25 m) of the first reflector, 8.1 m from the radar. It leaves at once, or stays within one to four cells for most of the time. Their echoes then distort each other, and
+/// no constant velocity fits: the error of the mean velocity is within three of its standard deviations.
 #[test]
-fn a_mover_in_the_range_cell_of_a_reflector_leaves_the_track_as_good() {
+fn mover_in_range_cell_of_reflector_does_not_bend_track() {
     let radar_m = walk(PULSES)[0].at_m;
     for velocity_m_s in [[0.5, 2.0], [0.5, 0.9]] {
         let together = ([-8.0, 7.9], velocity_m_s);
         let [a, b] =
             [standing()[0].at_m, DVec2::from_array(together.0)].map(|at| at.distance(radar_m));
         assert!((a - b).abs() < 0.15, "{a} {b}");
-        let walk = Walk::new(2, &of(&standing(), &[going(together)]));
+        let walk = Walk::new(2, &of(&standing(), &[unit_mover(together)]));
         let found = walk.found();
         found.trusted().unwrap();
         let [place_m, _] = off(found, &walk.radar, &walk.truth);
@@ -188,9 +188,9 @@ fn a_mover_in_the_range_cell_of_a_reflector_leaves_the_track_as_good() {
     }
 }
 
-/// From 0.2 to 1.4 m/s in 3 s: no velocity fits, so that the mean is reported, to its standard deviation.
+/// From 0.2 to 1.4 m/s in 3 s: no constant velocity fits, so that the mean velocity is reported.
 #[test]
-fn an_accelerating_mover_is_left_out_and_has_a_mean_velocity() {
+fn accelerating_mover_is_omitted_and_has_mean_velocity() {
     let mut mover = moving([-5.0, 10.0], [0.0, 0.2], 1.2);
     mover.bend_m = DVec2::new(0.0, 0.4 * PERIOD_S * PERIOD_S);
     let walk = Walk::new(2, &of(&standing(), &[mover]));
@@ -207,8 +207,8 @@ fn an_accelerating_mover_is_left_out_and_has_a_mean_velocity() {
 }
 
 #[test]
-fn a_mover_that_stands_at_first_is_left_out_and_has_a_mean_velocity() {
-    let mut half = going(MOVER);
+fn starting_mover_is_omitted_and_has_mean_velocity() {
+    let mut half = unit_mover(MOVER);
     half.goes = [150, usize::MAX];
     let walk = Walk::new(2, &of(&standing(), &[half]));
     let [place_m, _] = off(walk.found(), &walk.radar, &walk.truth);
@@ -216,14 +216,17 @@ fn a_mover_that_stands_at_first_is_left_out_and_has_a_mean_velocity() {
     println!("{:.2} mm, {movers:?}", 1e3 * place_m);
     assert!(place_m < 2e-3, "{place_m}");
     assert!(movers.len() == 1 && !movers[0].steady, "{movers:?}");
-    // Of a mean between nothing and 0.5 m/s.
+    // The mean over the sightings, between 0 and 0.5 m/s.
     let speed = movers[0].velocity_m_s.length();
     assert!((0.1..0.5).contains(&speed), "{speed}");
 }
 
 #[test]
-fn two_that_stand_among_movers_are_a_track_in_doubt() {
-    for movers in [vec![going(MOVER)], vec![going(MOVER), going(OTHER)]] {
+fn track_of_two_standing_targets_among_movers_is_in_doubt() {
+    for movers in [
+        vec![unit_mover(MOVER)],
+        vec![unit_mover(MOVER), unit_mover(OTHER)],
+    ] {
         let walk = Walk::new(2, &of(&standing()[..2], &movers));
         walk.check(&[MOVER.1, OTHER.1][..movers.len()]);
         let left_out = movers.len();
@@ -232,28 +235,31 @@ fn two_that_stand_among_movers_are_a_track_in_doubt() {
 }
 
 #[test]
-fn where_nothing_or_one_target_stands_there_is_no_track() {
+fn fewer_than_two_standing_targets_give_no_track() {
     let third = ([-8.0, 15.0], [0.4, -0.3]);
     let cases = [
-        of(&standing()[..1], &[going(MOVER), going(OTHER)]),
-        of(&[], &[going(MOVER), going(OTHER), going(third)]),
+        of(&standing()[..1], &[unit_mover(MOVER), unit_mover(OTHER)]),
+        of(
+            &[],
+            &[unit_mover(MOVER), unit_mover(OTHER), unit_mover(third)],
+        ),
     ];
     for reflectors in cases {
         let error = Walk::new(2, &reflectors).found.unwrap_err();
         let disagree = matches!(error, TargetsError::Movers(Doubt::Disagree { .. }));
         assert!(disagree, "{error}");
     }
-    // Of two targets nobody knows which moves; that they do not stand both is seen.
+    // With two targets it is ambiguous which one moves; the residuals show that not both stand still.
     let cases = [
-        of(&standing()[..1], &[going(MOVER)]),
-        of(&[], &[going(MOVER), going(OTHER)]),
+        of(&standing()[..1], &[unit_mover(MOVER)]),
+        of(&[], &[unit_mover(MOVER), unit_mover(OTHER)]),
     ];
     for reflectors in cases {
         let walk = Walk::new(2, &reflectors);
         let error = walk.found().trusted().unwrap_err();
         assert!(matches!(error, TargetsError::Diverged { .. }), "{error}");
     }
-    // Two that do are a track, which nothing confirms.
+    // Two standing targets give a track, which no third target confirms.
     let walk = Walk::new(2, &standing()[..2]);
     walk.check(&[]);
     assert!(walk.found().seen.faults.contains(&Fault::Unconfirmed));

@@ -1,11 +1,11 @@
-//! False alarms, counted.
+//! False-alarm rate of the CFAR detector, and detection among other targets.
 
 use num_complex::Complex64;
 use subaperture_motion::targets::cfar::{Cfar, Detector, Level};
 
 use crate::scene::{gaussian, random};
 
-/// Powers of noise under a window, summed over channels, `stride` bins a cell, by the sum itself.
+/// Powers of noise under a window, summed over channels, with `stride` bins per cell, by a direct DFT.
 fn noise_power(window: &[f64], channels: usize, stride: usize, seed: u64) -> Vec<f64> {
     let mut random = random(seed);
     let (count, length) = (window.len(), window.len() * stride);
@@ -31,7 +31,7 @@ fn hamming(count: usize) -> Vec<f64> {
         .collect()
 }
 
-/// False alarms over those asked for, in this many profiles.
+/// False-alarm rate over the requested probability, in `profiles` profiles.
 fn ratio(level: Level, channels: usize, window: &[f64], profiles: u64) -> f64 {
     let probability = 1e-2;
     let cfar = Cfar {
@@ -52,10 +52,10 @@ fn ratio(level: Level, channels: usize, window: &[f64], profiles: u64) -> f64 {
     above as f64 / tested as f64 / probability
 }
 
-/// 128 x 2 bins of 200 profiles: 512 false alarms of 51200 bins are expected, of which every other is one with its neighbour, so that their number is off by
-/// 6 % RMS; three times that, and a tenth for cells that windows make alike.
+/// 128 x 2 bins of 200 profiles: 512 false alarms are expected among 51200 bins. Pairs of neighbouring bins are correlated, so that their number scatters by 6 % RMS. The limit is three times that, plus
+/// 10 % for the correlation of cells by a window.
 #[test]
-fn false_alarms_are_as_many_as_asked_for() {
+fn false_alarm_rate_equals_requested_probability() {
     let (flat, hamming) = (vec![1.0; 128], hamming(128));
     for (level, channels) in [
         (Level::Mean, 1),
@@ -68,16 +68,16 @@ fn false_alarms_are_as_many_as_asked_for() {
         let flat = ratio(level, channels, &flat, 200);
         let windowed = ratio(level, channels, &hamming, 200);
         println!(
-            "{level:?}, {channels} channels: {flat:.3} of those asked for, under Hamming's window {windowed:.3}"
+            "{level:?}, {channels} channels: {flat:.3} of the requested rate, with a Hamming window {windowed:.3}"
         );
         assert!((flat - 1.0).abs() < 0.18, "{flat}");
         assert!((windowed - 1.0).abs() < 0.28, "{windowed}");
     }
 }
 
-/// Nine strong targets among the training cells hide another from their mean, and not from their median.
+/// Eight strong targets among the training cells mask a target in cell averaging, but not with an order statistic.
 #[test]
-fn others_among_the_training_cells_do_not_hide_a_target_from_ordered_cells() {
+fn order_statistic_detects_target_among_strong_neighbours() {
     let mut power = noise_power(&[1.0; 128], 2, 1, 7);
     let level = power.iter().sum::<f64>() / power.len() as f64;
     for i in 1..=4 {

@@ -1,4 +1,4 @@
-//! Echoes by plain sums over scatterers, of any array in a plane; nothing of the code under test is called.
+//! Simulated echoes of any array in a plane, by plain sums over scatterers, independent of the code under test.
 
 use std::f64::consts::TAU;
 
@@ -13,7 +13,7 @@ use subaperture_model::phase_history::{
 
 pub(crate) const C_M_S: f64 = 299_792_458.0;
 
-/// Where a radar is in a plane, and how it is turned.
+/// Position and heading of a radar in a plane.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Truth {
     pub(crate) at_m: DVec2,
@@ -61,10 +61,10 @@ pub(crate) fn w_band() -> Radar {
 
 #[derive(Clone, Copy)]
 pub(crate) struct Reflector {
-    /// In the first pulse.
+    /// Position in the first pulse, metres.
     pub(crate) at_m: DVec2,
     pub(crate) amplitude: f64,
-    /// How far it goes a pulse, and in which pulses it does: from the first of these on, before the second.
+    /// Motion per pulse in metres, and the range of pulses in which it moves: from the first of these on, before the second.
     pub(crate) step_m: DVec2,
     pub(crate) goes: [usize; 2],
     /// Acceleration from the first pulse on, metres a pulse squared.
@@ -72,7 +72,7 @@ pub(crate) struct Reflector {
 }
 
 impl Reflector {
-    /// Where it is in a pulse.
+    /// Position in pulse `n`, metres.
     pub(crate) fn in_pulse_m(&self, n: usize) -> DVec2 {
         let [from, to] = self.goes;
         let bent = self.bend_m * (0.5 * (n * n) as f64);
@@ -83,7 +83,7 @@ impl Reflector {
 /// Time from pulse to pulse, seconds.
 pub(crate) const PERIOD_S: f64 = 1e-2;
 
-/// One that moves all the time, metres a second.
+/// Reflector that moves in all pulses, velocity in m/s.
 pub(crate) fn moving(at_m: [f64; 2], velocity_m_s: [f64; 2], amplitude: f64) -> Reflector {
     Reflector {
         step_m: DVec2::from_array(velocity_m_s) * PERIOD_S,
@@ -111,7 +111,7 @@ pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     (-2.0 * a.ln()).sqrt() * (TAU * b).cos()
 }
 
-/// What a radar records on a true way, told to be on another, of noise of this RMS a sample.
+/// Recording of a radar on the track `truth` with the recorded track `told`, and noise of RMS `noise` per sample.
 pub(crate) struct Recording<'a> {
     pub(crate) radar: &'a Radar,
     pub(crate) truth: &'a [Truth],
@@ -126,7 +126,7 @@ fn antenna(at: &Truth, arm_m: DVec2) -> DVec2 {
 }
 
 impl Recording<'_> {
-    /// Each channel's samples, pulse by pulse.
+    /// Samples of each channel, pulse by pulse.
     pub(crate) fn collections(&self) -> Vec<(Channel, Collection, Vec<Complex32>)> {
         let mut random = random(self.seed);
         let mut all = Vec::new();

@@ -8,7 +8,7 @@ use subaperture_motion::targets::{Recovered, Settings, recover};
 
 use crate::scene::{Radar, Recording, Reflector, Truth, l_band, reflector, w_band};
 
-/// 20 m along x in steps of 2.5 cm, off it by decimetres, the heading wandering by 5 degrees.
+/// Walk along x in steps of 2.5 cm (20 m in 801 pulses), with deviations of some decimetres and headings within 5 degrees.
 pub(crate) fn walk(count: usize) -> Vec<Truth> {
     let at = |n: usize| {
         let u = n as f64 / 800.0;
@@ -24,7 +24,7 @@ pub(crate) fn walk(count: usize) -> Vec<Truth> {
     (0..count).map(at).collect()
 }
 
-/// The straight way that the recording tells.
+/// The straight recorded track.
 pub(crate) fn straight(count: usize) -> Vec<Truth> {
     let at = |n: usize| Truth {
         at_m: DVec2::new(20.0 * n as f64 / 800.0 - 10.0, 0.0),
@@ -45,7 +45,7 @@ pub(crate) fn reflectors() -> [Reflector; 7] {
     ]
 }
 
-/// What a radar records on a true way, told to be on another, 30 dB over all samples of a unit reflector.
+/// Recording on the track `truth` with the recorded track `told`, at an SNR of 30 dB over all samples of a unit reflector.
 pub(crate) fn walked<'a>(
     radar: &'a Radar,
     [truth, told]: [&'a [Truth]; 2],
@@ -61,14 +61,14 @@ pub(crate) fn walked<'a>(
     }
 }
 
-/// Where the middle of the antennas is.
+/// Phase centre of the antennas, metres.
 fn middle_m(radar: &Radar, truth: &Truth) -> DVec2 {
     let mean = |all: &[DVec2]| all.iter().sum::<DVec2>() / all.len() as f64;
     let arm_m = 0.5 * (mean(&radar.transmitters_m) + mean(&radar.receivers_m));
     truth.at_m + DVec2::from_angle(truth.heading_rad).rotate(arm_m)
 }
 
-/// How far the poses are from the truth when laid upon it by turn and shift: RMS of place, metres, and of heading, radians.
+/// RMS errors of positions (metres) and headings (radians) after alignment with the truth by rotation and translation.
 pub(crate) fn off(found: &Recovered, radar: &Radar, truth: &[Truth]) -> [f64; 2] {
     let each = found.moments.iter();
     let poses: Vec<_> = each
@@ -77,7 +77,7 @@ pub(crate) fn off(found: &Recovered, radar: &Radar, truth: &[Truth]) -> [f64; 2]
     off_by(&poses, radar, truth)
 }
 
-/// The same of pulses' numbers, places and attitudes.
+/// [`off`] of poses given as pulse number, position and attitude.
 pub(crate) fn off_by(poses: &[(usize, DVec3, DQuat)], radar: &Radar, truth: &[Truth]) -> [f64; 2] {
     let pairs: Vec<(DVec2, DVec2)> = poses
         .iter()
@@ -108,10 +108,10 @@ pub(crate) fn off_by(poses: &[(usize, DVec3, DQuat)], radar: &Radar, truth: &[Tr
 }
 
 #[test]
-fn an_irregular_walk_is_found_from_two_receivers() {
+fn two_receivers_recover_irregular_walk() {
     let (radar, truth) = (l_band(), walk(801));
-    let (told, all) = (straight(801), reflectors());
-    let recording = walked(&radar, [&truth, &told], &all);
+    let (recorded, all) = (straight(801), reflectors());
+    let recording = walked(&radar, [&truth, &recorded], &all);
     let channels = recording.channels();
     let found = recover(channels, &Settings::default(), &Silent).unwrap();
     for fault in &found.seen.faults {
@@ -121,7 +121,7 @@ fn an_irregular_walk_is_found_from_two_receivers() {
     let sigma_m = found.moments[found.moments.len() - 1].spread_m();
     let [sum, expected] = found.chi_square;
     println!(
-        "{} poses, {} targets: {:.1} mm off, the last one told to be known to {:.1} mm; {:.3} deg; chi-square {:.2}",
+        "{} poses, {} targets: {:.1} mm off, stated standard deviation of the last pose {:.1} mm; {:.3} deg; chi-square {:.2}",
         found.moments.len(),
         found.places.len(),
         1e3 * place_m,
@@ -129,14 +129,14 @@ fn an_irregular_walk_is_found_from_two_receivers() {
         heading_rad.to_degrees(),
         sum / expected
     );
-    // Reflectors cross in range again and again: each is one target all the same.
+    // Reflectors cross in range repeatedly, and each is still one target.
     assert_eq!(found.places.len(), reflectors().len());
     assert!(found.moments.len() > 780, "{}", found.moments.len());
-    // Of the scale, that arrival angles tell and that grows along the track: the last pose has the most.
+    // The scale error, by errors of the directions of arrival, grows along the track: the last pose has the largest.
     assert!(place_m < 1.5 * sigma_m, "{place_m} {sigma_m}");
-    // Of each pulse by itself: 26 mrad a phase, sqrt 2 for two, over pi cos(theta) of 0.7 and sqrt 5 targets: 0.4 degrees; half as much again.
+    // From a single pulse: 26 mrad per phase, times sqrt(2) for two phases, over pi cos(theta) with a cosine of 0.7 and over sqrt(5) targets: 0.4 degrees; the limit is 1.6 times that.
     assert!(heading_rad.to_degrees() < 0.65, "{heading_rad}");
-    // Neighbours in range leave something.
+    // Neighbours in range add residuals.
     assert!(sum < 1.5 * expected, "{sum} {expected}");
 }
 
@@ -150,7 +150,7 @@ fn room() -> [Reflector; 4] {
     ]
 }
 
-/// A rail along x, at these places, seen at 30 dB over all samples.
+/// Track on a rail along x at these positions, with an SNR of 30 dB over all samples.
 fn on_rail(places_m: &[f64]) -> Recovered {
     let truth: Vec<Truth> = places_m
         .iter()
@@ -182,7 +182,7 @@ fn steps_m(found: &Recovered) -> Vec<DVec2> {
         .collect()
 }
 
-/// Mean, and RMS about it.
+/// Mean and RMS deviation from it.
 fn spread(values: &[f64]) -> [f64; 2] {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -190,9 +190,9 @@ fn spread(values: &[f64]) -> [f64; 2] {
     [mean, square.sqrt()]
 }
 
-/// Bursts of ten chirps, and pauses as long as three more, at 0.1 mm a chirp (Chim 2018, figure 7.12).
+/// Bursts of ten chirps with pauses of three more periods, at 0.1 mm per chirp (Chim 2018, figure 7.12).
 #[test]
-fn pauses_between_bursts_stand_out() {
+fn pauses_between_bursts_give_larger_steps() {
     const STEP_M: f64 = 1e-4;
     let mut places_m = Vec::new();
     let mut at_m = 0.0;
@@ -222,25 +222,25 @@ fn pauses_between_bursts_stand_out() {
         1e3 * across[0],
         1e3 * across[1]
     );
-    // A step's noise: phases of 26 mrad, under this window, are 16 um of path or 8 um of range; of eight phases of four targets, about 0.35 off the
-    // direction across the array as a sine, along it 8 / (0.35 sqrt 8) um, twice in a step: 12 um.
+    // Noise of a step: 26 mrad of phase with this window are 16 um of path, 8 um of range. Eight phases of four targets, with a spread of 0.35 in the sine of the
+    // direction, determine motion along the array to 8 / (0.35 sqrt(8)) um; a step is the difference of two: 12 um.
     assert!(
         scatter < 20e-6 && pause_scatter < 20e-6,
         "{scatter} {pause_scatter}"
     );
-    // Of 270 and of 29 steps, and one part in fifty of scale: angles of arrival of a track of a hand's breadth.
+    // Noise of the mean of 270 and of 29 steps, plus a scale error of 2 % by the directions of arrival of a track of only 4 cm.
     assert!((burst / STEP_M - 1.0).abs() < 0.03, "{burst}");
     assert!((pause / (4.0 * STEP_M) - 1.0).abs() < 0.04, "{pause}");
-    // Every pause stands out of every burst.
+    // Every step over a pause exceeds every step within a burst.
     let most = bursts.iter().fold(0.0, |most: f64, step| most.max(*step));
     let least = pauses.iter().fold(1.0, |least: f64, step| least.min(*step));
     assert!(least > 1.5 * most, "{least} {most}");
     assert!(across[0].abs() < 2e-6, "{across:?}");
 }
 
-/// A motor that starts, and reaches 0.1 mm a chirp after 400 (Chim 2018, figure 7.13).
+/// A motor that starts and reaches 0.1 mm per chirp after 400 chirps (Chim 2018, figure 7.13).
 #[test]
-fn the_ramp_of_a_motor_that_starts_stands_out() {
+fn ramp_of_starting_motor_is_recovered() {
     const FULL_M: f64 = 1e-4;
     const RAMP: usize = 400;
     let mut places_m = Vec::new();
@@ -270,7 +270,7 @@ fn the_ramp_of_a_motor_that_starts_stands_out() {
         1e6 * full,
         1e6 * scatter
     );
-    // 12 um a step, of 400 steps: a standard deviation of 12 sqrt(12 / 400^3) um, 2 % of the slope, and 3 % of scale.
+    // 12 um per step over 400 steps: the slope has a standard deviation of 12 sqrt(12 / 400^3) um, 2 %, and a scale error of 3 %.
     assert!((slope / (FULL_M / count) - 1.0).abs() < 0.08, "{slope}");
     assert!(start.abs() < 4e-6, "{start}");
     assert!((full / FULL_M - 1.0).abs() < 0.04, "{full}");

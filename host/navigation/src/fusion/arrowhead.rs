@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn the_solution_fulfils_the_equations() {
+    fn solution_satisfies_equations() {
         let (system, whole, right) = chain();
         let (links, common) = system.factor().ok().unwrap().solution();
         let x: Vec<f64> = links.iter().flatten().chain(&common).copied().collect();
@@ -246,7 +246,7 @@ mod tests {
 
     /// The matrix times a column of the inverse is a column of the identity. For link 1 the blocks of links 0, 1, 2 and the common unknowns are available; that of link 3 follows from the rows of link 2.
     #[test]
-    fn covariances_are_those_of_the_inverse() {
+    fn covariances_equal_blocks_of_inverse() {
         let (system, whole, _) = chain();
         let (all, common) = system.factor().ok().unwrap().covariances();
         // Full inverse by elimination.

@@ -1,7 +1,7 @@
 //! Detection of outliers among increments.
 //!
-//! A phase slip or a target mistaken for another moves the radar by a fraction of a wavelength within a pulse. Least squares would accept that, as the standard deviations of increments are micrometres and those of other
-//! measurements millimetres; the inertia of the vehicle excludes it. An increment is an outlier if its velocity or rate of turn is more than [`Model::doubted`] standard deviations from the median of up to [`REACH`] neighbours on
+//! A phase slip or a mistaken target appears as motion by a fraction of a wavelength within a pulse. Least squares would accept it, as the standard deviations of increments are micrometres and those of other
+//! measurements millimetres; the inertia of the vehicle excludes it. An increment is an outlier if its velocity or rate of turn is more than [`Model::outlier_sigmas`] standard deviations from the median of up to [`REACH`] neighbours on
 //! either side. The standard deviation combines its own noise, that of the neighbours, and the [`Model`]'s accelerations within that time. Outliers are left out, and the gap of milliseconds is bridged at a cost of micrometres.
 
 use super::{Increment, Model};
@@ -9,11 +9,11 @@ use super::{Increment, Model};
 /// Neighbours on either side.
 const REACH: usize = 3;
 /// With fewer neighbours no outlier is declared.
-const FEWEST: usize = 4;
+const MIN_NEIGHBOURS: usize = 4;
 
 /// Indices of the outliers, ascending.
-pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
-    let Some(most) = model.doubted else {
+pub(super) fn outliers(increments: &[Increment], model: &Model) -> Vec<usize> {
+    let Some(most) = model.outlier_sigmas else {
         return Vec::new();
     };
     let rates = |one: &Increment| {
@@ -29,7 +29,7 @@ pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
             *m != n && (other.from_s - one.from_s).abs() <= 1.5 * REACH as f64 * dt
         };
         let near: Vec<usize> = around.filter(near).collect();
-        if near.len() < FEWEST {
+        if near.len() < MIN_NEIGHBOURS {
             return false;
         }
         let own = rates(one);

@@ -4,7 +4,7 @@
 //! k to the end n, and `e` the disagreement,
 //!
 //! ```text
-//! motion_k + C_k F' C_n^-1 e,      covariance C_k - C_k F' C_n^-1 F C_k'  besides that of the ends
+//! motion_k + C_k F' C_n^-1 e,      covariance C_k - C_k F' C_n^-1 F C_k'  plus that of the ends
 //! ```
 //!
 //! as a smoother over every increment would yield. Motion along the body's own z, and all motion where the radar did not measure or was an outlier, is the cubic through positions and velocities of both states: the mean for
@@ -50,32 +50,32 @@ pub(super) fn fill(
             },
         });
         if let (Some(range), Some(next), Some(bundle)) = (
-            problem.timeline.stretches.get(i).cloned().flatten(),
+            problem.timeline.intervals.get(i).cloned().flatten(),
             moments.get(i + 1),
             problem.bundles.get(i).and_then(Option::as_ref),
         ) {
-            let stretch = Stretch {
+            let interval = Interval {
                 problem,
                 i,
                 ends: [x, next],
                 known: &known[i..i + 2],
             };
-            samples.extend(stretch.between(range, believed[i].then_some(bundle)));
+            samples.extend(interval.between(range, believed[i].then_some(bundle)));
         }
     }
     samples
 }
 
-/// Between two states.
-struct Stretch<'a> {
+/// Interval between two states.
+struct Interval<'a> {
     problem: &'a Problem<'a>,
     i: usize,
     ends: [&'a [f64; OWN]; 2],
     known: &'a [Known],
 }
 
-impl Stretch<'_> {
-    /// At the edges of increments in between, with or without the radar's motion.
+impl Interval<'_> {
+    /// Samples at the edges of increments between the states, with or without the radar's motion.
     fn between(&self, range: std::ops::Range<usize>, whole: Option<&Bundle>) -> Vec<Sample> {
         let [x, y] = self.ends;
         let increments = &self.problem.inputs.increments[range];
@@ -108,7 +108,7 @@ impl Stretch<'_> {
         samples
     }
 
-    /// From positions and velocities of both states alone.
+    /// Sample from positions and velocities of both states alone (cubic).
     fn curve(&self, time_s: f64) -> Sample {
         let [x, y] = self.ends;
         let times_s = &self.problem.timeline.times_s[self.i..self.i + 2];

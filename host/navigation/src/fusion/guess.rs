@@ -124,7 +124,7 @@ fn headings(
 fn by_fit(bundles: &[Option<Bundle>], places: &[DVec3]) -> Vec<f64> {
     let mut at = DVec3::ZERO;
     let mut heading: f64 = 0.0;
-    let mut way = vec![(at, heading)];
+    let mut track = vec![(at, heading)];
     for (bundle, pair) in bundles.iter().zip(places.windows(2)) {
         match bundle {
             Some(bundle) => {
@@ -134,17 +134,17 @@ fn by_fit(bundles: &[Option<Bundle>], places: &[DVec3]) -> Vec<f64> {
             }
             None => at += pair[1] - pair[0],
         }
-        way.push((at, heading));
+        track.push((at, heading));
     }
-    let mean = |points: &mut dyn Iterator<Item = DVec3>| points.sum::<DVec3>() / way.len() as f64;
-    let middle = mean(&mut way.iter().map(|one| one.0));
+    let mean = |points: &mut dyn Iterator<Item = DVec3>| points.sum::<DVec3>() / track.len() as f64;
+    let middle = mean(&mut track.iter().map(|one| one.0));
     let centre = mean(&mut places.iter().copied());
     let (mut along, mut across) = (0.0, 0.0);
-    for (one, place) in way.iter().zip(places) {
+    for (one, place) in track.iter().zip(places) {
         let (a, b) = (one.0 - middle, *place - centre);
         along += a.x * b.x + a.y * b.y;
         across += a.x * b.y - a.y * b.x;
     }
     let turn = libm::atan2(across, along);
-    way.iter().map(|one| one.1 + turn).collect()
+    track.iter().map(|one| one.1 + turn).collect()
 }

@@ -17,9 +17,9 @@ pub struct Increment {
     pub to_s: f64,
     /// Motion along x and y, metres.
     pub moved_m: [f64; 2],
-    /// Turn, radians.
+    /// Change of heading, radians.
     pub turned_rad: f64,
-    /// Covariance of x, y and turn. Increments are taken for independent.
+    /// Covariance of x, y and turn. Increments are assumed to be independent.
     pub covariance: DMat3,
 }
 
@@ -28,7 +28,7 @@ pub struct Increment {
 pub struct Position {
     /// Time, seconds of the receiver's clock.
     pub time_s: f64,
-    /// Position, metres.
+    /// Position of the receiver's antenna, metres.
     pub position_m: DVec3,
     /// Standard deviations of x, y and z, metres.
     pub sigma_m: DVec3,
@@ -65,7 +65,7 @@ pub struct Inputs<'a> {
 /// Parameter with its prior.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Assumed<T> {
-    /// Prior mean.
+    /// Mean of the prior.
     pub value: T,
     /// Prior standard deviation; 0 holds the parameter.
     pub sigma: T,
@@ -82,12 +82,12 @@ pub struct Model {
     pub turning: f64,
     /// Initial position error of the inertial solution, metres, and its random walk beyond that of its velocity error, metres a root second.
     pub inertial_position: [f64; 2],
-    /// The same of its velocity, m/s, and m/s a root second.
+    /// Initial velocity error of the inertial solution, m/s, and its random walk, m/s a root second.
     pub inertial_velocity: [f64; 2],
     /// Random walk of its heading error, radians a root second. The constant part is `squint`.
     pub inertial_heading: f64,
     /// Standard deviations from its neighbours beyond which an increment is an outlier; `None` accepts all.
-    pub doubted: Option<f64>,
+    pub outlier_sigmas: Option<f64>,
     /// Standard deviation of the relative scale error of the radar's x; 0 for none.
     pub scale: f64,
     /// Correlation time of the scale error, seconds.
@@ -114,7 +114,7 @@ impl Default for Model {
             inertial_position: [10.0, 1e-3],
             inertial_velocity: [0.1, 1e-3],
             inertial_heading: 1e-4,
-            doubted: Some(8.0),
+            outlier_sigmas: Some(8.0),
             scale: 0.005,
             scale_time_s: 30.0,
             receiver_clock_s: Assumed::default(),
@@ -137,21 +137,21 @@ fn sound(value: f64) -> bool {
 }
 
 /// Refuse measurements of a kind that are not finite or whose times descend.
-fn in_order(what: &'static str, all: impl Iterator<Item = (f64, bool)>) -> Result<(), FusionError> {
+fn in_order(kind: &'static str, all: impl Iterator<Item = (f64, bool)>) -> Result<(), FusionError> {
     let mut before_s = f64::NEG_INFINITY;
     for (n, (time_s, whole)) in all.enumerate() {
         let fault = match () {
             () if !(whole && sound(time_s)) => {
                 "numbers that are not finite, or standard deviations that are not positive"
             }
-            () if time_s <= before_s => "a time that is not after the one before",
+            () if time_s <= before_s => "a time that is not later than the previous one",
             () => {
                 before_s = time_s;
                 continue;
             }
         };
         return Err(FusionError::Input {
-            what,
+            kind,
             number: n + 1,
             time_s,
             fault,
@@ -175,26 +175,26 @@ impl Inputs<'_> {
                 one.moved_m[0],
                 one.moved_m[1],
             ];
-            let even = (0..9).all(|k| {
+            let symmetric = (0..9).all(|k| {
                 let (a, b) = (matrix[k / 3][k % 3], matrix[k % 3][k / 3]);
                 (a - b).abs() <= 1e-9 * (matrix[k / 3][k / 3] * matrix[k % 3][k % 3]).abs().sqrt()
             });
-            let what = match () {
+            let fault = match () {
                 () if !numbers.into_iter().all(sound) => "numbers that are not finite",
-                () if one.to_s <= one.from_s => "an end that is not after its beginning",
+                () if one.to_s <= one.from_s => "an end that is not later than its start",
                 () if n > 0 && one.from_s < self.increments[n - 1].to_s - 1e-9 => {
-                    "a beginning before the end of the one before"
+                    "a start before the end of the previous increment"
                 }
-                () if !even || factor(&matrix, MIN_PIVOT).is_none() => {
-                    "a covariance that is none: it has to be symmetric and positive definite"
+                () if !symmetric || factor(&matrix, MIN_PIVOT).is_none() => {
+                    "a covariance that is not symmetric and positive definite"
                 }
                 () => continue,
             };
             return Err(FusionError::Input {
-                what: "increment",
+                kind: "increment",
                 number: n + 1,
                 time_s: one.from_s,
-                fault: what,
+                fault,
             });
         }
         let position = |one: &Position| {
@@ -210,10 +210,10 @@ impl Inputs<'_> {
                 && one.roll_pitch_rad.into_iter().all(sound);
             (one.time_s, whole)
         };
-        in_order("inertial moment", self.inertial.iter().map(inertial))?;
+        in_order("inertial state", self.inertial.iter().map(inertial))?;
         let placed = self.inertial.iter().any(|one| one.position_m.is_some());
         match self.positions.is_empty() && !placed {
-            true => Err(FusionError::Nowhere),
+            true => Err(FusionError::NoPosition),
             false => Ok(()),
         }
     }
@@ -231,7 +231,7 @@ impl Model {
             ("inertial_velocity", self.inertial_velocity[0]),
             ("inertial_velocity", self.inertial_velocity[1]),
             ("inertial_heading", self.inertial_heading),
-            ("doubted", self.doubted.unwrap_or(1.0)),
+            ("outlier_sigmas", self.outlier_sigmas.unwrap_or(1.0)),
             ("scale_time_s", self.scale_time_s),
         ];
         let wrong = |&(_, value): &(&str, f64)| !(value > 0.0 && value <= LARGEST);

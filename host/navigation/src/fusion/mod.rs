@@ -1,7 +1,7 @@
 //! Fusion of the radar's own motion, a receiver's positions and an inertial solution into one track.
 //!
 //! The radar measures its motion between pulses to some micrometres, but not its position, and errors of increments accumulate. A receiver measures positions to decimetres. An inertial solution measures attitude and bridges
-//! seconds, and drifts. [`fuse`] finds the most probable track given all measurements over the whole time, so that later measurements improve earlier states (Chim 2018 asks for that in 7.6 and 8.2 and leaves it open). It solves
+//! seconds, and drifts. [`fuse`] estimates the most probable track given all measurements over the whole time, so that later measurements improve earlier states (left as future work by Chim 2018, 7.6 and 8.2). It solves
 //! nonlinear least squares over the states of all times, whose normal equations have arrowhead form (`arrowhead`). This is a fixed-interval smoother; unlike a forward-backward filter it linearises headings, clocks and lever arms anew
 //! in each step, so that the result does not depend on their initial values.
 //!
@@ -12,7 +12,7 @@
 //! that is estimated. Positions over tens of metres and the inertial velocity determine it to parts in ten thousand; the remaining error of an aperture is the increments' own noise.
 //!
 //! **Observability.** Clocks are observable only where velocity or heading change; otherwise a lever arm along the track is equivalent. Horizontal lever arms are observable only where the body turns, their height never; squint only
-//! where the body moves. Unobservable parameters keep their prior: see [`Found::told`].
+//! where the body moves. Unobservable parameters keep their prior: see [`Found::is_observed`].
 //!
 //! **Cost.** States lie at measurements, with increments in between: about 15 kB a state and 240 bytes an increment, and about a second a minute of navigation with 25 states and 1000 increments a second.
 
@@ -34,7 +34,7 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::track::{Fix, turned};
 
 pub use input::{Assumed, Increment, Inertial, Inputs, Model, Position};
-pub use of_log::{Unstated, inertial, positions};
+pub use of_log::{DefaultSigmas, inertial, positions};
 pub use outcome::{Basis, Found, FusionError, Measured, Outlier, Plausible, Sample};
 
 use bundle::Bundle;
@@ -112,7 +112,7 @@ pub fn fuse(
 ) -> Result<Fused, FusionError> {
     inputs.check()?;
     model.check()?;
-    let doubted = doubt::doubted(inputs.increments, model);
+    let doubted = doubt::outliers(inputs.increments, model);
     let mut clocks_s = [model.receiver_clock_s.value, model.inertial_clock_s.value];
     for turn in 0.. {
         let problem = problem(*inputs, model, &doubted, clocks_s);
@@ -148,9 +148,9 @@ pub fn fuse(
             continue;
         }
         monitor.progress(1.0);
-        return Ok(told(&problem, solved, &doubted));
+        return Ok(result(&problem, solved, &doubted));
     }
-    Err(FusionError::Nowhere)
+    Err(FusionError::NoPosition)
 }
 
 /// States, and measurements between them.
@@ -166,7 +166,7 @@ fn problem<'a>(
             .clone()
             .map(|range| Bundle::of(&inputs.increments[range]))
     };
-    let bundles: Vec<Option<Bundle>> = timeline.stretches.iter().map(bundle).collect();
+    let bundles: Vec<Option<Bundle>> = timeline.intervals.iter().map(bundle).collect();
     let rate = |i: usize| {
         let of = |i: usize| {
             let dt = timeline.times_s[i + 1] - timeline.times_s[i];
@@ -207,16 +207,16 @@ fn problem<'a>(
     }
 }
 
-/// Result in text and numbers.
-fn told(problem: &Problem<'_>, solved: solve::Solved, doubted: &[usize]) -> Fused {
+/// Fused track from the solved least squares.
+fn result(problem: &Problem<'_>, solved: solve::Solved, doubted: &[usize]) -> Fused {
     let covariances = solved.factored.covariances();
     let mut believed: Vec<bool> = problem.bundles.iter().map(Option::is_some).collect();
-    let left_out = |&n: &usize| Outlier {
+    let rejected = |&n: &usize| Outlier {
         of: Measured::Increments,
         time_s: problem.inputs.increments[n].from_s,
         weight: 0.0,
     };
-    let mut outliers: Vec<Outlier> = doubted.iter().map(left_out).collect();
+    let mut outliers: Vec<Outlier> = doubted.iter().map(rejected).collect();
     let mut expected = 0.0;
     let times_s = &problem.timeline.times_s;
     solve::weights(

@@ -7,9 +7,9 @@ use subaperture_model::geometry::SceneFrame;
 use super::{Inertial, Position};
 use crate::{GpsTime, Kind, Log, Record};
 
-/// Standard deviations where a log states none.
+/// Default standard deviations, for logs that state none.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unstated {
+pub struct DefaultSigmas {
     /// Standard deviation of positions, metres.
     pub place_m: f64,
     /// Standard deviation of velocities, m/s.
@@ -18,7 +18,7 @@ pub struct Unstated {
     pub heading_deg: f64,
 }
 
-impl Default for Unstated {
+impl Default for DefaultSigmas {
     /// For a receiver without corrections and a small inertial unit.
     fn default() -> Self {
         Self {
@@ -30,14 +30,14 @@ impl Default for Unstated {
 }
 
 /// Standard deviations along a frame's axes from those along east, north and up, or from the default.
-fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f64) -> DVec3 {
+fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, default: f64) -> DVec3 {
     let Some((stated, turn)) = stated.zip(record.to_scene(frame)) else {
-        return DVec3::splat(unstated);
+        return DVec3::splat(default);
     };
     let [east, north, up] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| turn * axis);
     let square = |axis: DVec3, sigma: f64| axis * axis * sigma * sigma;
     let sum = square(east, stated.x) + square(north, stated.y) + square(up, stated.z);
-    // A stated 0 is taken for a tenth of a millimetre.
+    // A stated 0 is rounded up to 0.1 mm.
     DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
 }
 
@@ -50,24 +50,24 @@ const UNMEASURED_M_S: f64 = 1e3;
 
 /// Positions of a kind of records in a frame with times counted from `start`, and with velocities: their own, or those of NovAtel's `BESTVEL`. Each `BESTVEL` is assigned to one position only, so that it counts once.
 ///
-/// Standard deviations are those stated, else those of `unstated`. The missing vertical velocity of NMEA has next to no weight.
+/// Standard deviations are the stated ones, else those of `default`. The missing vertical velocity of NMEA has a negligible weight.
 pub fn positions(
     log: &Log,
     kind: Kind,
     frame: &SceneFrame,
     start: GpsTime,
-    unstated: &Unstated,
+    default: &DefaultSigmas,
 ) -> Vec<Position> {
     let placed = |record: &&Record| record.place.is_some_and(|p| p.in_frame(frame).is_some());
     let places: Vec<&Record> = log.of(kind).filter(placed).collect();
-    let beside = match kind {
-        Kind::Bestpos => given(&places, log.of(Kind::Bestvel)),
+    let separate = match kind {
+        Kind::Bestpos => assigned(&places, log.of(Kind::Bestvel)),
         _ => vec![None; places.len()],
     };
-    let position = |(record, beside): (&Record, Option<&Record>)| {
+    let position = |(record, separate): (&Record, Option<&Record>)| {
         let mut moving = *record;
         let mut away_s = 0.0;
-        if let Some(one) = beside.filter(|_| record.velocity_m_s.is_none()) {
+        if let Some(one) = separate.filter(|_| record.velocity_m_s.is_none()) {
             moving.velocity_m_s = one.velocity_m_s;
             moving.velocity_sigma_m_s = one.velocity_sigma_m_s;
             away_s = one.time.since(record.time);
@@ -75,23 +75,23 @@ pub fn positions(
         Some(Position {
             time_s: record.time.since(start),
             position_m: record.place?.in_frame(frame)?,
-            sigma_m: along(record, frame, record.place_sigma_m, unstated.place_m),
-            velocity_m_s: velocity(&moving, frame, unstated.velocity_m_s, away_s),
+            sigma_m: along(record, frame, record.place_sigma_m, default.place_m),
+            velocity_m_s: velocity(&moving, frame, default.velocity_m_s, away_s),
         })
     };
     places
         .into_iter()
-        .zip(beside)
+        .zip(separate)
         .filter_map(position)
         .collect()
 }
 
 /// Assignment of each velocity to its nearest position, in the order of time.
-fn given<'a>(
+fn assigned<'a>(
     places: &[&Record],
     velocities: impl Iterator<Item = &'a Record>,
 ) -> Vec<Option<&'a Record>> {
-    let mut given: Vec<Option<&Record>> = vec![None; places.len()];
+    let mut assigned: Vec<Option<&Record>> = vec![None; places.len()];
     for one in velocities {
         let away_s = |n: &usize| one.time.since(places[*n].time).abs();
         let after = places.partition_point(|place| place.time < one.time);
@@ -100,25 +100,25 @@ fn given<'a>(
         let Some(n) = around.min_by(|a, b| away_s(a).total_cmp(&away_s(b))) else {
             continue;
         };
-        let before_s = given[n].map_or(TOGETHER_S, |other: &Record| {
+        let before_s = assigned[n].map_or(TOGETHER_S, |other: &Record| {
             other.time.since(places[n].time).abs()
         });
         if away_s(&n) <= before_s {
-            given[n] = Some(one);
+            assigned[n] = Some(one);
         }
     }
-    given
+    assigned
 }
 
-/// Velocity of a record along a frame's axes with standard deviations, measured so many seconds away.
-fn velocity(record: &Record, frame: &SceneFrame, unstated: f64, away_s: f64) -> Option<[DVec3; 2]> {
+/// Velocity of a record along a frame's axes with standard deviations, measured `away_s` seconds from the position.
+fn velocity(record: &Record, frame: &SceneFrame, default: f64, away_s: f64) -> Option<[DVec3; 2]> {
     let velocity = record.to_scene(frame)? * record.velocity_m_s?;
     let mut stated = record.velocity_sigma_m_s;
     if record.kind == Kind::Nmea {
-        let [level, _, _] = stated.unwrap_or(DVec3::splat(unstated)).to_array();
+        let [level, _, _] = stated.unwrap_or(DVec3::splat(default)).to_array();
         stated = Some(DVec3::new(level, level, UNMEASURED_M_S));
     }
-    let sigma = along(record, frame, stated, unstated);
+    let sigma = along(record, frame, stated, default);
     let changed = CHANGES_M_S2 * away_s;
     let both = |sigma: f64| libm::hypot(sigma, changed);
     Some([velocity, DVec3::from(sigma.to_array().map(both))])
@@ -126,13 +126,13 @@ fn velocity(record: &Record, frame: &SceneFrame, unstated: f64, away_s: f64) -> 
 
 /// Positions, velocities and attitudes of a kind of records in a frame, with times counted from `start`.
 ///
-/// Standard deviations are those from record to record, which logs do not state: those of `unstated`. (Logs state those of errors that drift.)
+/// Standard deviations are those from record to record, which logs do not state: those of `default`. (Logs state those of errors that drift.)
 pub fn inertial(
     log: &Log,
     kind: Kind,
     frame: &SceneFrame,
     start: GpsTime,
-    unstated: &Unstated,
+    default: &DefaultSigmas,
 ) -> Vec<Inertial> {
     let moment = |record: &Record| {
         let turn = record.to_scene(frame)?;
@@ -141,11 +141,11 @@ pub fn inertial(
         let spread = DVec3::splat;
         Some(Inertial {
             time_s: record.time.since(start),
-            position_m: Some([record.place?.in_frame(frame)?, spread(unstated.place_m)]),
+            position_m: Some([record.place?.in_frame(frame)?, spread(default.place_m)]),
             velocity_m_s: record
                 .velocity_m_s
-                .map(|velocity| [turn * velocity, spread(unstated.velocity_m_s)]),
-            heading_rad: angles.map(|(yaw, ..)| [yaw, unstated.heading_deg.to_radians()]),
+                .map(|velocity| [turn * velocity, spread(default.velocity_m_s)]),
+            heading_rad: angles.map(|(yaw, ..)| [yaw, default.heading_deg.to_radians()]),
             roll_pitch_rad: angles.map_or([0.0; 2], |(_, pitch, roll)| [roll, pitch]),
         })
     };

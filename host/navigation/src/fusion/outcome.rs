@@ -1,4 +1,4 @@
-//! Result of a fusion, and reasons why there is none.
+//! Result and errors of a fusion.
 
 use glam::{DQuat, DVec3};
 
@@ -6,48 +6,48 @@ use glam::{DQuat, DVec3};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FusionError {
-    /// Invalid measurement.
-    #[error("{what} {number}, at {time_s} s, has {fault}")]
+    /// A measurement is invalid.
+    #[error("{kind} {number}, at {time_s} s, has {fault}")]
     Input {
         /// Kind of the measurement.
-        what: &'static str,
+        kind: &'static str,
         /// Number of the measurement, from 1.
         number: usize,
-        /// Time, seconds.
+        /// Time of the measurement, seconds.
         time_s: f64,
-        /// What is invalid.
+        /// Description of the invalid value.
         fault: &'static str,
     },
     /// Invalid parameter of the model.
     #[error(
-        "{name} is {value}: it has to be a finite number, and not negative where it is a spread"
+        "{name} is {value}: expected a finite number up to 1e9, and a standard deviation or noise density that is not negative"
     )]
     Model {
         /// Name of the parameter.
         name: &'static str,
-        /// Its value.
+        /// Value of the parameter.
         value: f64,
     },
     /// No measurement of position.
     #[error(
-        "no position, of a receiver or an inertial solution: increments alone do not tell where they begin"
+        "no position: expected positions of a receiver or an inertial solution, as increments do not determine where the track starts"
     )]
-    Nowhere,
+    NoPosition,
     /// The measurements do not determine a state.
-    #[error("what was measured does not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
+    #[error("the measurements do not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
     Undetermined {
         /// Time of that state, seconds.
         time_s: Option<f64>,
     },
     /// The least squares did not converge.
     #[error(
-        "the least squares were not settled after {steps} steps: measurements contradict each other"
+        "the least squares did not converge in {steps} steps: measurements contradict each other"
     )]
-    Unsettled {
-        /// Number of steps.
+    NotConverged {
+        /// Number of steps taken.
         steps: usize,
     },
-    /// The monitor cancelled.
+    /// The monitor cancelled the fusion.
     #[error("cancelled")]
     Cancelled,
 }
@@ -68,7 +68,7 @@ pub struct Sample {
     pub time_s: f64,
     /// Position of the radar, metres.
     pub position_m: DVec3,
-    /// Velocity, m/s.
+    /// Velocity of the radar, m/s.
     pub velocity_m_s: DVec3,
     /// Heading of the x axis, radians counterclockwise, unwrapped.
     pub heading_rad: f64,
@@ -80,20 +80,20 @@ pub struct Sample {
     pub basis: Basis,
 }
 
-/// Estimated parameter.
+/// Estimated parameter with its accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Estimate.
+    /// Estimated value of the parameter.
     pub value: f64,
-    /// Standard deviation.
+    /// Standard deviation of the estimate.
     pub sigma: f64,
-    /// Prior standard deviation.
+    /// Standard deviation of the prior.
     pub assumed_sigma: f64,
 }
 
 impl Found {
-    /// Whether the data determine it: by a tenth better than the prior.
-    pub fn told(&self) -> bool {
+    /// Whether the data determine the parameter: the standard deviation is at least 10 % below that of the prior.
+    pub fn is_observed(&self) -> bool {
         self.sigma < 0.9 * self.assumed_sigma
     }
 }
@@ -118,23 +118,23 @@ pub enum Measured {
     Position,
     /// Velocity of a receiver.
     Velocity,
-    /// Inertial position.
+    /// Position of the inertial solution.
     InertialPosition,
-    /// Inertial velocity.
+    /// Velocity of the inertial solution.
     InertialVelocity,
-    /// Inertial heading.
+    /// Heading of the inertial solution.
     InertialHeading,
 }
 
 /// Positions, velocities and headings at the times of measurements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plausible {
-    /// Times, seconds.
+    /// Times of the radar's clock, seconds.
     pub times_s: Vec<f64>,
-    /// Positions, metres.
+    /// Positions of the radar, metres.
     pub positions_m: Vec<DVec3>,
-    /// Velocities, m/s.
+    /// Velocities of the radar, m/s.
     pub velocities_m_s: Vec<DVec3>,
-    /// Headings, radians.
+    /// Headings of the x axis, radians.
     pub headings_rad: Vec<f64>,
 }

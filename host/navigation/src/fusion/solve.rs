@@ -13,8 +13,8 @@ use subaperture_signal::dense::fixed::Matrix;
 
 /// Largest number of steps of each stage.
 const MAX_STEPS: usize = 40;
-/// Promised decrease of the sum of squares below which a stage ends: no unknown moves by more than a hundredth of its standard deviation.
-const ENOUGH: f64 = 1e-4;
+/// Predicted decrease of the sum of squares below which a stage ends: no unknown moves by more than a hundredth of its standard deviation.
+const MIN_DECREASE: f64 = 1e-4;
 
 /// Weight function.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,13 +134,13 @@ pub(super) fn solve(
     let indefinite = |i: usize| FusionError::Undetermined {
         time_s: problem.timeline.times_s.get(i).copied(),
     };
-    let mut settled = false;
+    let mut converged = false;
     for (stage, how) in [Count::Full, Count::Huber, Count::Hampel]
         .into_iter()
         .enumerate()
     {
         let mut before = sum(problem, &state, how);
-        settled = false;
+        converged = false;
         for step in 0..MAX_STEPS {
             if monitor.cancelled() {
                 return Err(FusionError::Cancelled);
@@ -151,7 +151,7 @@ pub(super) fn solve(
             let right = system.right;
             let solution = system.factor().map_err(indefinite)?.solution();
             let own = rights.iter().zip(&solution.0);
-            let promised: f64 = own
+            let predicted: f64 = own
                 .flat_map(|(a, b)| a.iter().zip(b))
                 .map(|(a, b)| a * b)
                 .sum::<f64>()
@@ -160,36 +160,36 @@ pub(super) fn solve(
                     .zip(&solution.1)
                     .map(|(a, b)| a * b)
                     .sum::<f64>();
-            if !promised.is_finite() {
-                return Err(FusionError::Nowhere);
+            if !predicted.is_finite() {
+                return Err(FusionError::NoPosition);
             }
             steps += 1;
             let halves = (0..12).map(|n| 0.5f64.powi(n));
             let found = halves.into_iter().find_map(|share| {
                 let next = moved(&state, &solution, share);
                 let after = sum(problem, &next, how);
-                // Rounding of a large sum is no increase.
+                // An increase within the rounding of a large sum is accepted.
                 (after <= before + 1e-9 * before.abs()).then_some((next, after))
             });
             let Some((next, after)) = found else {
-                settled = promised < 100.0 * ENOUGH;
+                converged = predicted < 100.0 * MIN_DECREASE;
                 break;
             };
             state = next;
             let gained = before - after;
             before = after;
-            if promised < ENOUGH || (step > 3 && gained.abs() < ENOUGH / 10.0) {
-                settled = true;
+            if predicted < MIN_DECREASE || (step > 3 && gained.abs() < MIN_DECREASE / 10.0) {
+                converged = true;
                 break;
             }
-            // Full weights serve to come near.
+            // Full weights only provide a start for the robust stages.
             if how == Count::Full && step >= 5 {
                 break;
             }
         }
     }
-    if !settled {
-        return Err(FusionError::Unsettled { steps });
+    if !converged {
+        return Err(FusionError::NotConverged { steps });
     }
     let how = Count::Hampel;
     let mut sum = 0.0;
@@ -211,7 +211,7 @@ pub(super) fn solve(
     })
 }
 
-/// Measurements with their weights, 0 to 1, and the expected squared residual of as many numbers as they have, less what the state takes of them.
+/// Pass each measurement to `take` with its weight, 0 to 1, and its expected weighted squared residual: its numbers minus the degrees of freedom absorbed by the state.
 pub(super) fn weights(
     problem: &Problem<'_>,
     state: &State,

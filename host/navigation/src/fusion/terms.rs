@@ -2,7 +2,7 @@
 //!
 //! Unknowns of the state at time i, and common unknowns:
 //!
-//! | numbers | are |
+//! | unknowns | meaning |
 //! |---|---|
 //! | p (3), v (3), psi | position, velocity and heading of the radar |
 //! | b (3), c (3), h | errors of the inertial solution: position, velocity, heading |
@@ -57,7 +57,7 @@ const HELD: f64 = 1e-7;
 /// Prior standard deviations of the first position, velocity and heading: next to no information.
 const ANYWHERE: [f64; 3] = [1e5, 1e3, 10.0];
 
-/// All unknowns.
+/// Values of all unknowns.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) moments: Vec<[f64; OWN]>,
@@ -71,7 +71,7 @@ pub(super) enum Of {
     Model,
     /// Increments from a state on.
     Radar(usize),
-    /// Position, by number.
+    /// Position of the receiver, by number.
     Position(usize),
     /// Velocity of a receiver.
     Velocity(usize),
@@ -159,7 +159,7 @@ impl Problem<'_> {
             used: 0,
             take,
         };
-        self.beforehand(state, &mut rows);
+        self.priors(state, &mut rows);
         for i in 0..self.bundles.len() {
             self.motion(state, i, &mut rows);
             if let Some(bundle) = &self.bundles[i] {
@@ -212,7 +212,7 @@ impl Problem<'_> {
     }
 
     /// Priors.
-    fn beforehand(&self, state: &State, rows: &mut Rows<'_>) {
+    fn priors(&self, state: &State, rows: &mut Rows<'_>) {
         let model = self.model;
         let scale = model.scale.max(HELD);
         let first = [
@@ -246,7 +246,7 @@ impl Problem<'_> {
         let (x, y) = (&state.moments[i], &state.moments[i + 1]);
         let dt = self.timeline.times_s[i + 1] - self.timeline.times_s[i];
         let model = self.model;
-        // Noise of these densities on a quantity and on its rate, of which it is the integral.
+        // Noise of these densities on a quantity and on its derivative.
         let mut pair = |at: usize, rate: usize, of_number: f64, of_rate: f64| {
             let [q, r] = [of_number * of_number, of_rate * of_rate];
             let number = (q * dt + r * dt * dt * dt / 3.0).sqrt();
@@ -315,7 +315,7 @@ impl Problem<'_> {
         columns[0][ALL] = off_x;
         columns[1][ALL] = off_y;
         columns[2][ALL] = turn;
-        // A turn of the body turns the observed motion the opposite way.
+        // A rotation of the body rotates the observed motion in the opposite sense.
         let by_turn = axes.transpose() * -DVec3::Z.cross(moved);
         for (k, column) in columns.iter_mut().take(2).enumerate() {
             let axis = axes.col(k).to_array();

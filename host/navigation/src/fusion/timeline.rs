@@ -22,10 +22,10 @@ pub(super) struct Timeline {
     /// Times, seconds of the radar's clock, ascending.
     pub(super) times_s: Vec<f64>,
     /// Increments from each state to the next, where they have no gap.
-    pub(super) stretches: Vec<Option<Range<usize>>>,
+    pub(super) intervals: Vec<Option<Range<usize>>>,
     /// State of each position, and the time from the state to the position, seconds.
     pub(super) positions: Vec<(usize, f64)>,
-    /// The same of each inertial state.
+    /// State of each inertial measurement, and the time from the state to it, seconds.
     pub(super) inertial: Vec<(usize, f64)>,
 }
 
@@ -50,7 +50,7 @@ fn runs(inputs: &Inputs<'_>, doubted: &[usize]) -> Vec<Range<usize>> {
 }
 
 impl Timeline {
-    /// For clocks that are ahead of the radar's by `receiver_s` and `inertial_s`, without the increments in `doubted`, which ascend.
+    /// Timeline for clocks that are ahead of the radar's by `receiver_s` and `inertial_s`, without the increments in `doubted` (ascending indices).
     pub(super) fn new(
         inputs: &Inputs<'_>,
         doubted: &[usize],
@@ -106,11 +106,11 @@ impl Timeline {
                 _ => moments.push((time_s, edge)),
             }
         }
-        let stretches = moments.windows(2).map(|pair| match (pair[0].1, pair[1].1) {
+        let intervals = moments.windows(2).map(|pair| match (pair[0].1, pair[1].1) {
             (Some((a, from)), Some((b, to))) if a == b => Some(from..to),
             _ => None,
         });
-        let stretches = stretches.collect();
+        let intervals = intervals.collect();
         let times_s: Vec<f64> = moments.iter().map(|&(time_s, _)| time_s).collect();
         let nearest = |&time_s: &f64| {
             let after = times_s
@@ -125,7 +125,7 @@ impl Timeline {
         };
         let (positions, inertial) = measured.split_at(inputs.positions.len());
         Self {
-            stretches,
+            intervals,
             positions: positions.iter().map(nearest).collect(),
             inertial: inertial.iter().map(nearest).collect(),
             times_s,
@@ -140,7 +140,7 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     #[test]
-    fn moments_are_edges_where_there_are_and_measurements_elsewhere() {
+    fn states_lie_at_increment_edges_and_else_at_measurements() {
         let step = |from_s: f64, to_s: f64| Increment {
             from_s,
             to_s,
@@ -181,7 +181,7 @@ mod tests {
             "{timeline:?}"
         );
         assert_eq!(
-            timeline.stretches,
+            timeline.intervals,
             [
                 Some(0..1),
                 Some(1..4),
@@ -198,9 +198,9 @@ mod tests {
         assert!((timeline.positions[0].1 - 0.003).abs() < 1e-12);
         assert!((timeline.positions[2].1 + 0.003).abs() < 1e-12);
         assert!((timeline.inertial[1].1 + 0.004).abs() < 1e-12);
-        // Without the seventh from 1 s on a run ends, and one begins.
+        // An outlier ends a run, and the next run starts after it.
         let parted = Timeline::new(&inputs, &[10], [0.5, 0.0]);
-        assert_eq!(parted.stretches[4..7], [Some(4..8), Some(8..10), None]);
-        assert_eq!(parted.stretches[7], Some(11..21));
+        assert_eq!(parted.intervals[4..7], [Some(4..8), Some(8..10), None]);
+        assert_eq!(parted.intervals[7], Some(11..21));
     }
 }

@@ -1,21 +1,21 @@
-//! NovAtel's abbreviated ASCII, as `LOG BESTPOS` prints it: the fields of the ASCII record, parted by spaces, without a CRC.
+//! NovAtel abbreviated ASCII, the output of `LOG BESTPOS`: the fields of the ASCII record, separated by spaces, without a CRC.
 //!
 //! ```text
 //! <BESTPOS USB1 0 80.0 FINESTEERING 2300 100000.000 02000000 cdba 16000
 //! <     SOL_COMPUTED SINGLE 44.25000000000 -121.50000000000 90.0000 -20.0000 WGS84 1.0000 1.0000 1.0000 "0" 0.000 0.000 20 20 20 20 00 00 7f 37
 //! ```
 //!
-//! The body is in the lines that follow and begin with `<` and a blank. A record is rewritten as ASCII and read as such. As nothing checks its bytes, a
-//! record whose last line has no end is not read.
+//! The body follows in lines that begin with `<` and a blank. A record is rewritten as ASCII and read as such. As there is no CRC, a record whose
+//! last line has no line end is not read.
 
-/// Fields of the header, the name included: long, and short.
+/// Numbers of fields of long and short headers, with the name.
 const LONG: usize = 10;
 const SHORT: usize = 3;
 
-/// Bytes that lines of a record may have together.
+/// Largest length of a record, bytes.
 const LONGEST: usize = 1 << 15;
 
-/// A record at the beginning of some bytes: how many it has, whether its header is the long one, and its text as ASCII would have it.
+/// Record at the start of `rest`: its length in bytes, whether its header is long, and its text rewritten as NovAtel ASCII.
 pub(super) fn record(rest: &[u8]) -> Option<(usize, bool, String)> {
     let rest = &rest[..rest.len().min(LONGEST)];
     let (first, mut length) = line(rest)?;
@@ -48,7 +48,7 @@ pub(super) fn record(rest: &[u8]) -> Option<(usize, bool, String)> {
     })
 }
 
-/// The text of a whole line after its `<`, and the line's bytes with its end.
+/// Text of a complete line after its `<`, and the length of the line with its end, bytes.
 fn line(rest: &[u8]) -> Option<(&str, usize)> {
     let end = rest.iter().position(|&b| b == b'\n')?;
     let text = rest[..end].strip_prefix(b"<")?;
@@ -58,7 +58,7 @@ fn line(rest: &[u8]) -> Option<(&str, usize)> {
     Some((text, end + 1))
 }
 
-/// Fields of a body; blanks within quotation marks belong to theirs.
+/// Fields of a body. Blanks within quotation marks do not separate fields.
 fn fields(text: &str) -> Vec<String> {
     let mut quoted = false;
     let mut fields = vec![String::new()];
@@ -66,7 +66,7 @@ fn fields(text: &str) -> Vec<String> {
         quoted ^= c == '"';
         match c {
             ' ' | '\t' if !quoted => fields.push(String::new()),
-            // A comma would be the end of a field of ASCII.
+            // A comma would end a field of the rewritten ASCII.
             ',' => fields
                 .last_mut()
                 .into_iter()
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_are_rewritten_as_ascii() {
+    fn abbreviated_records_are_rewritten_as_ascii() {
         let text = "<BESTPOS USB1 0 80.0 FINESTEERING 2300 1.5 02000000 cdba 16000\r\n<     SOL_COMPUTED \"a b\"\r\n<     7f\n<OK\n";
         let (length, long, ascii) = record(text.as_bytes()).unwrap();
         assert_eq!(length, text.len() - 4);
@@ -95,14 +95,14 @@ mod tests {
             ascii,
             "BESTPOSA,USB1,0,80.0,FINESTEERING,2300,1.5,02000000,cdba,16000;SOL_COMPUTED,\"a b\",7f"
         );
-        for none in [
+        for invalid in [
             "<OK\n",
             "<BESTPOS USB1\n<  x\n",
             "<INSPVAS 1 2\n",
             "<A 1 2\n<  3",
             "",
         ] {
-            assert_eq!(record(none.as_bytes()), None, "{none:?}");
+            assert_eq!(record(invalid.as_bytes()), None, "{invalid:?}");
         }
     }
 }

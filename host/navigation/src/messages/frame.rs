@@ -1,20 +1,20 @@
-//! Where messages begin and end in a stream of bytes, and whether they are whole.
+//! Framing of messages in a byte stream, with check of their checksums.
 //!
 //! | begins with | message | ends with |
 //! |---|---|---|
 //! | `#` or `%` and a name in capitals | NovAtel ASCII, long or short header | `*`, its CRC-32 in 8 hexadecimal digits, end of line |
-//! | AA 44 12 | NovAtel binary, long header (28 bytes or as it says) | its CRC-32, 4 bytes |
+//! | AA 44 12 | NovAtel binary, long header (28 bytes, or the length that it states) | its CRC-32, 4 bytes |
 //! | AA 44 13 | NovAtel binary, short header (12 bytes) | its CRC-32, 4 bytes |
 //! | `$` or `!` | NMEA 0183 | `*`, its checksum in 2 hexadecimal digits, end of line |
 //! | `<`, a name in capitals, a blank | NovAtel abbreviated ASCII ([`abbreviated`]) | end of line; it has no checksum |
 //!
-//! NovAtel's CRC-32 is the reflected polynomial 0xEDB88320 from 0 without a final complement, over the text between `#`
-//! and `*`, or over header and body. NMEA's checksum is the exclusive or of the bytes between `$` and `*`. What fits nothing is passed over
-//! up to the next beginning: after a line whose CRC is wrong the last beginning within it is tried, so that a line that lost its end costs
-//! nothing of the next; after a binary message whose CRC is wrong, whatever follows its first three bytes.
+//! NovAtel's CRC-32 has the reflected polynomial 0xEDB88320, the initial value 0 and no final complement, over the text between `#` and `*`, or over
+//! header and body. NMEA's checksum is the exclusive or of the bytes between `$` and `*`. Other bytes are skipped up to the next possible start of a
+//! message. After a line with a wrong CRC, the last possible start within it is tried, so that a line without an end does not damage the next one. After
+//! a binary message with a wrong CRC, the search continues after its first three bytes.
 //!
-//! Old talkers of NMEA leave the checksum out. A sentence without one is read if it ends with its line, has all the fields of its kind ([`FIELDS`]), and
-//! no sentence before had one.
+//! Some old NMEA talkers omit the checksum. A sentence without one is read if it is a complete line, has all the fields of its kind ([`FIELDS`]), and no
+//! earlier sentence had a checksum.
 
 use std::io::{self, BufRead};
 use std::ops::Range;
@@ -22,17 +22,17 @@ use std::ops::Range;
 use super::abbreviated;
 use crate::account::Wrong;
 
-/// Bytes that a line may have, and that are read at once. The longest records of NovAtel's manual have some kilobytes.
+/// Largest length of a line, bytes. The longest records of NovAtel's manual have some kilobytes.
 const LONGEST_LINE: usize = 1 << 15;
-/// The longest binary message: header, a body of 65535 bytes, CRC.
+/// Largest length of a binary message, bytes: header, a body of 65535 bytes, CRC.
 const LONGEST: usize = 255 + 65_535 + 4;
 
-/// A message whose checksum is right.
+/// Message with a correct checksum, or without one where its kind has none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Message<'a> {
-    /// NovAtel ASCII: whether its header is the long one, and what is between `#` and `*`.
+    /// NovAtel ASCII: whether its header is long, and the text between `#` and `*`.
     Text { long: bool, text: &'a str },
-    /// The same of abbreviated ASCII, which nothing checks.
+    /// NovAtel abbreviated ASCII, rewritten as the text of ASCII; it has no CRC.
     Abbreviated { long: bool, text: &'a str },
     /// NovAtel binary: header and body.
     Binary {
@@ -40,60 +40,61 @@ pub(crate) enum Message<'a> {
         header: &'a [u8],
         body: &'a [u8],
     },
-    /// NMEA: what is between `$` and `*`, and whether a checksum followed.
+    /// NMEA: the text between `$` and `*`, and whether it had a checksum.
     Nmea { text: &'a str, checked: bool },
 }
 
-/// What was met.
-pub(crate) enum Met<'a> {
-    /// A sound message.
+/// Result of a step of the framing.
+pub(crate) enum Event<'a> {
+    /// Valid message.
     Message(Message<'a>),
-    /// Something wrong, in words.
+    /// Fault with its description.
     Wrong(Wrong, String),
 }
 
-/// A place in a stream.
+/// Position in a stream.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct At {
-    /// Bytes from the beginning.
+    /// Offset from the start of the stream, bytes.
     pub(crate) byte: u64,
-    /// The line, from 1, as long as no binary message was met.
+    /// Line number, from 1; `None` after the first binary message.
     pub(crate) line: Option<u64>,
 }
 
-/// A stream cut into messages.
+/// Splits a stream into messages.
 pub(crate) struct Frames<R> {
     stream: R,
-    /// What was read, of which `from` bytes are done with.
+    /// Bytes read from the stream; the first `from` are processed.
     buffer: Vec<u8>,
     from: usize,
     ended: bool,
     at: At,
-    /// A record of abbreviated ASCII, rewritten.
+    /// Abbreviated ASCII record, rewritten as ASCII.
     rewritten: String,
-    /// Sentences of NMEA have checksums.
+    /// Whether an NMEA sentence had a checksum.
     checked: bool,
-    /// Bytes that belong to no sound message, ends of lines not counted.
+    /// Number of bytes outside valid messages, white space excluded.
     pub(crate) lost_bytes: u64,
 }
 
-/// The CRC of NovAtel.
+/// NovAtel's CRC-32.
 pub(crate) fn crc(bytes: &[u8]) -> u32 {
-    // The usual CRC-32 complements its state at both ends; beginning with the complement of 0 and
-    // complementing the result leaves neither.
+    // The library's CRC-32 complements its state at the start and at the end: the initial value !0 and
+    // the complement of the result undo both.
     let mut hasher = crc32fast::Hasher::new_with_initial(!0);
     hasher.update(bytes);
     !hasher.finalize()
 }
 
-/// What begins somewhere, and the bytes that are done with then.
+/// Result at a possible start of a message.
 struct Found {
+    /// Number of bytes that are processed.
     length: usize,
-    /// Nothing, where it only looked so.
-    what: Option<What>,
+    /// `None` if no message starts here.
+    content: Option<Content>,
 }
 
-enum What {
+enum Content {
     Text {
         long: bool,
         text: Range<usize>,
@@ -131,12 +132,12 @@ impl<R: BufRead> Frames<R> {
         }
     }
 
-    /// Bytes that are done with.
+    /// Number of processed bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.at.byte
     }
 
-    /// Sees that as many bytes are at hand, if the stream has them.
+    /// Read until the buffer has `length` unprocessed bytes or the stream ends.
     fn fill(&mut self, length: usize) -> io::Result<()> {
         while !self.ended && self.buffer.len() - self.from < length {
             if self.from > LONGEST {
@@ -152,7 +153,7 @@ impl<R: BufRead> Frames<R> {
         Ok(())
     }
 
-    /// Goes on by so many bytes.
+    /// Mark `length` bytes as processed, and count them as lost if `lost`.
     fn pass(&mut self, length: usize, lost: bool) {
         let bytes = &self.buffer[self.from..self.from + length];
         let ends = bytes.iter().filter(|&&b| b == b'\n').count() as u64;
@@ -165,32 +166,32 @@ impl<R: BufRead> Frames<R> {
         self.from += length;
     }
 
-    /// The next that is a message or wrong, and where it begins; none at the end.
-    pub(crate) fn next(&mut self) -> io::Result<Option<(At, Met<'_>)>> {
-        let Some((at, start, what)) = self.find()? else {
+    /// Next message or fault with its position; `None` at the end.
+    pub(crate) fn next(&mut self) -> io::Result<Option<(At, Event<'_>)>> {
+        let Some((at, start, content)) = self.find()? else {
             return Ok(None);
         };
         let seen = &self.buffer[start..];
         let text = |range: Range<usize>| std::str::from_utf8(&seen[range]).unwrap_or_default();
-        let message = match what {
-            What::Wrong(wrong, what) => return Ok(Some((at, Met::Wrong(wrong, what)))),
-            What::Text { long, text: range } => Message::Text {
+        let message = match content {
+            Content::Wrong(wrong, text) => return Ok(Some((at, Event::Wrong(wrong, text)))),
+            Content::Text { long, text: range } => Message::Text {
                 long,
                 text: text(range),
             },
-            What::Binary { long, header, end } => Message::Binary {
+            Content::Binary { long, header, end } => Message::Binary {
                 long,
                 header: &seen[..header],
                 body: &seen[header..end],
             },
-            What::Abbreviated { long, text } => {
+            Content::Abbreviated { long, text } => {
                 self.rewritten = text;
                 Message::Abbreviated {
                     long,
                     text: &self.rewritten,
                 }
             }
-            What::Nmea {
+            Content::Nmea {
                 text: range,
                 checked,
             } => Message::Nmea {
@@ -198,11 +199,11 @@ impl<R: BufRead> Frames<R> {
                 checked,
             },
         };
-        Ok(Some((at, Met::Message(message))))
+        Ok(Some((at, Event::Message(message))))
     }
 
-    /// The next, and where it begins in the stream and in the buffer, of which it is done with.
-    fn find(&mut self) -> io::Result<Option<(At, usize, What)>> {
+    /// Next message or fault, marked as processed, with its position in the stream and its start in the buffer.
+    fn find(&mut self) -> io::Result<Option<(At, usize, Content)>> {
         loop {
             self.fill(1)?;
             let rest = &self.buffer[self.from..];
@@ -223,29 +224,32 @@ impl<R: BufRead> Frames<R> {
                 _ => line(rest, self.checked),
             };
             let (at, start) = (self.at, self.from);
-            let Some(what) = found.what else {
+            let Some(content) = found.content else {
                 self.pass(found.length, true);
                 continue;
             };
-            self.pass(found.length, matches!(what, What::Wrong(..)));
-            self.checked |= matches!(what, What::Nmea { checked: true, .. });
-            if let What::Binary { .. } = what {
-                // A line has no number after what is no text.
+            self.pass(found.length, matches!(content, Content::Wrong(..)));
+            self.checked |= matches!(content, Content::Nmea { checked: true, .. });
+            if let Content::Binary { .. } = content {
+                // Lines have no number after binary data.
                 self.at.line = None;
             }
-            return Ok(Some((at, start, what)));
+            return Ok(Some((at, start, content)));
         }
     }
 }
 
-fn nothing(length: usize) -> Found {
-    Found { length, what: None }
-}
-
-fn wrong(length: usize, wrong: Wrong, what: String) -> Found {
+fn no_message(length: usize) -> Found {
     Found {
         length,
-        what: Some(What::Wrong(wrong, what)),
+        content: None,
+    }
+}
+
+fn wrong(length: usize, wrong: Wrong, description: String) -> Found {
+    Found {
+        length,
+        content: Some(Content::Wrong(wrong, description)),
     }
 }
 
@@ -259,32 +263,32 @@ fn binary(rest: &[u8]) -> Found {
         [0xAA, 0x44, 0x13, body, ..] => (false, 12, usize::from(body)),
         // The end of the stream came before the length.
         [0xAA, 0x44, 0x12 | 0x13, ..] if rest.len() < 10 => {
-            let what = "a binary message cut short within its header".to_owned();
-            return wrong(rest.len(), Wrong::Cut, what);
+            let description = "binary message is cut short within its header".to_owned();
+            return wrong(rest.len(), Wrong::Cut, description);
         }
-        _ => return nothing(1),
+        _ => return no_message(1),
     };
     let end = header + body;
     let Some(&given) = rest.get(end..).and_then(<[u8]>::first_chunk) else {
-        let what = format!(
-            "a binary message of {} bytes, of which {} are there",
+        let description = format!(
+            "binary message is cut short: expected {} bytes, found {}",
             end + 4,
             rest.len()
         );
-        return wrong(3, Wrong::Cut, what);
+        return wrong(3, Wrong::Cut, description);
     };
     let (given, computed) = (u32::from_le_bytes(given), crc(&rest[..end]));
     if given != computed {
         let id = u16::from_le_bytes([rest[4], rest[5]]);
-        let what = format!(
-            "a binary message {id} of {} bytes whose CRC is {given:08x}, that of its bytes {computed:08x}",
+        let description = format!(
+            "binary message {id} of {} bytes is damaged: its CRC is {given:08x}, expected {computed:08x} from its bytes",
             end + 4
         );
-        return wrong(3, Wrong::Checksum, what);
+        return wrong(3, Wrong::Checksum, description);
     }
     Found {
         length: end + 4,
-        what: Some(What::Binary { long, header, end }),
+        content: Some(Content::Binary { long, header, end }),
     }
 }
 
@@ -292,13 +296,13 @@ fn abbreviated(rest: &[u8]) -> Found {
     match abbreviated::record(rest) {
         Some((length, long, text)) => Found {
             length,
-            what: Some(What::Abbreviated { long, text }),
+            content: Some(Content::Abbreviated { long, text }),
         },
-        None => nothing(1),
+        None => no_message(1),
     }
 }
 
-/// Bytes of a line's text: printable ASCII.
+/// Length of a line's text, printable ASCII, bytes.
 fn line_length(rest: &[u8]) -> usize {
     let most = rest.len().min(LONGEST_LINE);
     let printable = |b: &u8| matches!(b, b' '..=b'~' | b'\t');
@@ -306,7 +310,7 @@ fn line_length(rest: &[u8]) -> usize {
     end.unwrap_or(most)
 }
 
-/// Capitals, digits and underscores up to a comma or semicolon.
+/// Whether the text starts with a name: capitals, digits and underscores up to a comma or semicolon.
 fn has_name(text: &[u8]) -> bool {
     let name = |b: &u8| b.is_ascii_uppercase() || b.is_ascii_digit() || *b == b'_';
     let length = text.iter().take_while(|b| name(b)).count();
@@ -315,7 +319,7 @@ fn has_name(text: &[u8]) -> bool {
         && matches!(text.get(length), None | Some(b',' | b';'))
 }
 
-/// So many hexadecimal digits, which are all that follows a `*`.
+/// Checksum of `digits` hexadecimal digits, which must be all the text after the `*`.
 fn checksum(text: &[u8], digits: usize) -> Option<u32> {
     let text = text.trim_ascii_end();
     let hexadecimal = text.len() == digits && text.iter().all(u8::is_ascii_hexdigit);
@@ -323,77 +327,79 @@ fn checksum(text: &[u8], digits: usize) -> Option<u32> {
     hexadecimal.then(|| u32::from_str_radix(text, 16).ok())?
 }
 
-/// What stands for a line in words: its name, or its first characters.
+/// Name of a line's message for descriptions of faults, or its first 20 characters.
 fn shown(line: &[u8]) -> String {
     let end = line.iter().position(|&b| b == b',' || b == b';');
     let short = &line[..end.unwrap_or(line.len()).min(20)];
     String::from_utf8_lossy(short).into_owned()
 }
 
-/// Whether a message may begin at `n` of a line.
+/// Whether a message may start at byte `n` of a line.
 fn begins(line: &[u8], n: usize) -> bool {
     matches!(line[n], b'#' | b'%' | b'$' | b'!') && has_name(&line[n + 1..])
 }
 
-/// The message that begins with a line.
+/// Message or fault at the start of a line.
 fn line(rest: &[u8], checked: bool) -> Found {
     let length = line_length(rest);
     let line = &rest[..length];
     if !begins(line, 0) {
-        return nothing(1);
+        return no_message(1);
     }
     let ends = matches!(rest.get(length), Some(b'\r' | b'\n'));
     let at = |n| message_at(line, n, ends, checked);
-    let what = at(0);
-    // Another may begin within a line that lost its end: it is met next.
-    let inner = match what {
-        What::Wrong(..) => (1..length).rev().find(|&n| begins(line, n)),
+    let content = at(0);
+    // Another message may start within a line without an end: it is read next.
+    let inner = match content {
+        Content::Wrong(..) => (1..length).rev().find(|&n| begins(line, n)),
         _ => None,
     };
-    match inner.filter(|&n| !matches!(at(n), What::Wrong(..))) {
+    match inner.filter(|&n| !matches!(at(n), Content::Wrong(..))) {
         Some(whole) => {
-            let what = format!(
-                "{} is cut short: another begins within it",
+            let description = format!(
+                "{} is cut short: another message starts within it",
                 shown(&line[1..])
             );
-            wrong(whole, Wrong::Cut, what)
+            wrong(whole, Wrong::Cut, description)
         }
         None => Found {
             length,
-            what: Some(what),
+            content: Some(content),
         },
     }
 }
 
-fn message_at(line: &[u8], n: usize, ends: bool, checked: bool) -> What {
+fn message_at(line: &[u8], n: usize, ends: bool, checked: bool) -> Content {
     match line[n] {
         b'#' | b'%' => novatel_at(line, n),
         _ => nmea_at(line, n, ends, checked),
     }
 }
 
-/// The message that begins at `n` of a line and ends with it.
-fn novatel_at(line: &[u8], n: usize) -> What {
+/// NovAtel message or fault from byte `n` of a line to its end.
+fn novatel_at(line: &[u8], n: usize) -> Content {
     let name = shown(&line[n + 1..]);
     let star = line[n..].iter().rposition(|&b| b == b'*');
     let given = star.and_then(|star| Some((n + star, checksum(&line[n + star + 1..], 8)?)));
     let Some((star, given)) = given else {
-        let what = format!("{name} is cut short: it does not end in * and 8 hexadecimal digits");
-        return What::Wrong(Wrong::Cut, what);
+        let description =
+            format!("{name} is cut short: expected * and 8 hexadecimal digits at its end");
+        return Content::Wrong(Wrong::Cut, description);
     };
     let computed = crc(&line[n + 1..star]);
     if given != computed {
-        let what =
-            format!("{name} is damaged: its CRC is {given:08x}, that of its text {computed:08x}");
-        return What::Wrong(Wrong::Checksum, what);
+        let description = format!(
+            "{name} is damaged: its CRC is {given:08x}, expected {computed:08x} from its text"
+        );
+        return Content::Wrong(Wrong::Checksum, description);
     }
-    What::Text {
+    Content::Text {
         long: line[n] == b'#',
         text: n + 1..star,
     }
 }
 
-/// Fields after the name that sentences have at least.
+/// Least number of fields after the name, by sentence.
 const FIELDS: [(&str, usize); 6] = [
     ("GGA", 14),
     ("RMC", 11),
@@ -403,42 +409,42 @@ const FIELDS: [(&str, usize); 6] = [
     ("HDT", 2),
 ];
 
-/// A sentence without a checksum, or what is wrong with it. `ends` says that the line has its end, `checked` that others have checksums.
-fn unchecked_at(line: &[u8], n: usize, name: &str, ends: bool, checked: bool) -> What {
+/// Sentence without a checksum, or its fault. `ends`: the line has a line end. `checked`: earlier sentences have checksums.
+fn unchecked_at(line: &[u8], n: usize, name: &str, ends: bool, checked: bool) -> Content {
     let text = &line[n + 1..];
     let fields = text.iter().filter(|&&b| b == b',').count();
     let least = FIELDS
         .iter()
         .find(|(kind, _)| name.len() == 5 && name.ends_with(kind))
         .map_or(1, |&(_, fields)| fields);
-    // A checksum that is cut leaves its star, one that is damaged its digits.
+    // A truncated or damaged checksum leaves its asterisk.
     let starred = text.contains(&b'*');
     let whole = fields >= least && ends && !starred;
     match whole {
-        true if !checked => What::Nmea {
+        true if !checked => Content::Nmea {
             text: n + 1..line.len(),
             checked: false,
         },
-        true => What::Wrong(
+        true => Content::Wrong(
             Wrong::Cut,
-            format!("{name} has no checksum, and sentences before have one"),
+            format!("{name} has no checksum, expected one as in earlier sentences"),
         ),
-        false => What::Wrong(
+        false => Content::Wrong(
             Wrong::Cut,
             match fields < least {
                 true => format!(
-                    "{name} is cut short: it does not end in * and 2 hexadecimal digits, and has {fields} of {least} fields"
+                    "{name} is cut short: expected * and 2 hexadecimal digits at its end, and found {fields} of {least} fields"
                 ),
                 false => {
-                    format!("{name} is cut short: it does not end in * and 2 hexadecimal digits")
+                    format!("{name} is cut short: expected * and 2 hexadecimal digits at its end")
                 }
             },
         ),
     }
 }
 
-/// The sentence that begins at `n` of a line and ends with it.
-fn nmea_at(line: &[u8], n: usize, ends: bool, checked: bool) -> What {
+/// NMEA sentence or fault from byte `n` of a line to its end.
+fn nmea_at(line: &[u8], n: usize, ends: bool, checked: bool) -> Content {
     let name = shown(&line[n + 1..]);
     let star = line[n..].iter().rposition(|&b| b == b'*');
     let given = star.and_then(|star| Some((n + star, checksum(&line[n + star + 1..], 2)?)));
@@ -447,12 +453,12 @@ fn nmea_at(line: &[u8], n: usize, ends: bool, checked: bool) -> What {
     };
     let computed = line[n + 1..star].iter().fold(0, |sum, byte| sum ^ byte);
     if given != u32::from(computed) {
-        let what = format!(
-            "{name} is damaged: its checksum is {given:02X}, that of its text {computed:02X}"
+        let description = format!(
+            "{name} is damaged: its checksum is {given:02X}, expected {computed:02X} from its text"
         );
-        return What::Wrong(Wrong::Checksum, what);
+        return Content::Wrong(Wrong::Checksum, description);
     }
-    What::Nmea {
+    Content::Nmea {
         text: n + 1..star,
         checked: true,
     }

@@ -1,7 +1,7 @@
-//! Messages of receivers, side by side in one stream: NovAtel's in ASCII and binary, and NMEA 0183.
+//! Messages of receivers, mixed in one stream: NovAtel ASCII and binary, and NMEA 0183.
 //!
-//! [`frame`] cuts the stream, [`novatel`] and [`nmea`] say what is read of messages. Bytes that belong to none, messages that are cut short or
-//! damaged and values that cannot be are counted and told, never fatal.
+//! [`frame`] cuts the stream into messages, [`novatel`] and [`nmea`] parse them. Bytes outside messages, truncated or damaged messages and impossible
+//! values are counted and reported, and do not end the reading.
 
 mod abbreviated;
 mod body;
@@ -13,13 +13,13 @@ use std::io::{self, BufRead};
 
 use crate::account::{Clock, Fault, ReadReport, Wrong, count};
 use crate::{Options, Record};
-use frame::{Frames, Message, Met};
+use frame::{Event, Frames, Message};
 use nmea::Sentences;
 
-const UNCHECKED: &str = "sentences of NMEA have no checksum: damaged digits go unnoticed";
-const ABBREVIATED: &str = "records of NovAtel's abbreviated ASCII have no CRC: damaged digits go unnoticed (LOG BESTPOSA writes one)";
+const UNCHECKED: &str = "NMEA sentences have no checksum: damaged digits are not detected";
+const ABBREVIATED: &str = "NovAtel abbreviated ASCII records have no CRC: damaged digits are not detected (LOG BESTPOSA writes a CRC)";
 
-/// Hands every record of a stream to `take`.
+/// Pass every record of a stream to `take`.
 pub(crate) fn each(
     stream: impl BufRead,
     options: &Options,
@@ -31,36 +31,36 @@ pub(crate) fn each(
     };
     let mut frames = Frames::new(stream);
     let mut sentences = Sentences::new(options);
-    while let Some((at, met)) = frames.next()? {
-        let fault = |wrong, what| Fault {
+    while let Some((at, event)) = frames.next()? {
+        let fault = |wrong, description| Fault {
             byte: at.byte,
             line: at.line,
             wrong,
-            what,
+            description,
         };
-        match met {
-            Met::Wrong(wrong, what) => account.fault(fault(wrong, what)),
-            Met::Message(Message::Nmea { text, checked }) => {
+        match event {
+            Event::Wrong(wrong, description) => account.fault(fault(wrong, description)),
+            Event::Message(Message::Nmea { text, checked }) => {
                 if !checked {
                     account.note(UNCHECKED);
                 }
-                let said = sentences.push(text, at.byte, options, &mut account, take);
-                if let Err(what) = said {
-                    account.fault(fault(Wrong::Value, what));
+                let parsed = sentences.push(text, at.byte, options, &mut account, take);
+                if let Err(description) = parsed {
+                    account.fault(fault(Wrong::Value, description));
                 }
             }
-            Met::Message(message) => {
+            Event::Message(message) => {
                 let abbreviated = matches!(message, Message::Abbreviated { .. });
                 match novatel::parse(&message, at.byte) {
                     (name, None) => count(&mut account.others, &name),
                     (name, Some(Ok(None))) => count(&mut account.unsolved, &name),
-                    (_, Some(Err(what))) => account.fault(fault(Wrong::Value, what)),
+                    (_, Some(Err(description))) => account.fault(fault(Wrong::Value, description)),
                     (name, Some(Ok(Some((record, utc_s))))) => {
                         count(&mut account.read, &name);
                         if abbreviated {
                             account.note(ABBREVIATED);
                         }
-                        // UTC is behind, and less whole seconds but for nanoseconds.
+                        // UTC is behind GPS time by whole seconds, except for nanoseconds.
                         let leap_s = utc_s.map(|utc_s| (-utc_s).round() as i32);
                         account.leap_seconds_s = leap_s.or(account.leap_seconds_s);
                         take(record);

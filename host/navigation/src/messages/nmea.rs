@@ -1,23 +1,23 @@
-//! NMEA 0183: the sentences of one moment as one record.
+//! NMEA 0183: the sentences of one time as one record.
 //!
-//! | sentence | says |
+//! | sentence | content |
 //! |---|---|
-//! | `GGA` | time of day, place, height above mean sea level and the geoid's above the ellipsoid |
-//! | `RMC` | time of day, date, place, speed and course |
+//! | `GGA` | time of day, position, height above mean sea level, and geoid undulation |
+//! | `RMC` | time of day, date, position, speed and course |
 //! | `ZDA` | time of day, date |
-//! | `GST` | time of day, standard deviations of the place |
+//! | `GST` | time of day, standard deviations of the position |
 //! | `VTG` | speed and course |
 //! | `HDT` | heading from true north |
 //!
-//! of any talker. What says no time is of the moment that was stated last. Times are of UTC: where the time of day falls by more than half a
-//! day, the next day has begun. Records before the first date are dated backwards from it ([`MAX_UNDATED`] of them; with more, or without a date, times
-//! are seconds of the first day: [`Clock::SecondsOfDay`]). A year of two digits is of 1980 to 2079.
+//! of any talker. A sentence without a time belongs to the last time stated. Times are UTC: where the time of day decreases by more than half a day, the next
+//! day starts. Records before the first date are dated backwards from it ([`MAX_UNDATED`] at most; with more, or without a date, times are seconds of the first
+//! day: [`Clock::SecondsOfDay`]). Years of two digits are 1980 to 2079.
 //!
-//! Some receivers leave the height of the geoid out of some sentences. It varies by some centimetres a kilometre, so that of the sentence before stands
-//! for a missing one. Records before the first that states it wait for it, [`MAX_UNDATED`] of them; without any, 0 m is taken and [`ReadReport::doubts`]
-//! says so.
+//! Some receivers omit the geoid undulation in some sentences. It varies by some centimetres per kilometre, so a missing value is replaced by that of the
+//! previous sentence. Records before the first undulation wait for it, [`MAX_UNDATED`] at most; without any, 0 m is used and reported in
+//! [`ReadReport::doubts`].
 //!
-//! GPS time is UTC and the leap seconds of that day, from a table that ends with those of 2017.
+//! GPS time is UTC plus the leap seconds of that day, from a table that ends with those of 2017.
 
 use std::collections::VecDeque;
 
@@ -29,51 +29,51 @@ use crate::account::{Clock, ReadReport, count};
 use crate::time::{DAY_S, day_number, leap_seconds};
 use crate::{Attitude, GpsTime, Kind, Options, Place, Record};
 
-/// Records that wait for a date or a height, at most.
+/// Largest number of records that wait for a date or a height.
 const MAX_UNDATED: usize = 10_000;
 
-/// A knot in metres a second.
+/// One knot, m/s.
 const KNOT_M_S: f64 = 1852.0 / 3600.0;
 
-const NO_UNDULATION: &str = "heights of GGA are above mean sea level and the log states no height of the geoid: 0 m is taken, up to 107 m off";
-const LATE_UNDULATION: &str = "the log states the height of the geoid only after many records, for which 0 m was taken: heights jump there";
+const NO_UNDULATION: &str = "GGA heights are above mean sea level and the log states no geoid undulation: heights assume 0 m, an error of up to 107 m";
+const LATE_UNDULATION: &str = "the log states the geoid undulation only after many records, whose heights assume 0 m: heights jump there";
 const KEPT_UNDULATION: &str =
-    "some GGA state no height of the geoid: that of the nearest sentence is taken";
-const KEPT_HEIGHT: &str = "RMC alone states no height: that of the nearest GGA is taken";
-const NO_HEIGHT: &str = "RMC alone states no height: 0 m above the ellipsoid is taken";
+    "some GGA sentences state no geoid undulation: that of the nearest sentence is used";
+const KEPT_HEIGHT: &str = "RMC without GGA has no height: that of the nearest GGA is used";
+const NO_HEIGHT: &str = "RMC without GGA has no height: records assume 0 m above the ellipsoid";
 
-/// Sentences as they come, and the records that they make.
+/// Collects sentences into records.
 #[derive(Default)]
 pub(super) struct Sentences {
-    /// The moment that is stated now.
+    /// Record of the present time, still open for sentences.
     open: Option<Moment>,
-    /// Days since the first.
+    /// Days since the first record.
     day: i64,
-    /// Which day the first was, since 1 January 1970.
+    /// Date of the first record, days since 1 January 1970.
     first_day: Option<i64>,
-    /// Those that wait for a date or for the height of the geoid.
+    /// Records that wait for a date or for the geoid undulation.
     waiting: VecDeque<Waiting>,
-    /// Too many waited for a date.
+    /// Whether too many records waited for a date.
     undated: bool,
-    /// Too many waited for the height of the geoid.
+    /// Whether too many records waited for the geoid undulation.
     level: bool,
-    /// Height of the geoid above the ellipsoid, metres, as stated last.
+    /// Last stated height of the geoid above the ellipsoid, metres.
     undulation_m: Option<f64>,
-    /// The height stated last, metres, and what it is above.
+    /// Last stated height, metres, and its datum.
     height: Option<(f64, Above)>,
 }
 
-/// What a height is above.
+/// Datum of a height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Above {
     Ellipsoid,
-    /// Mean sea level, where the geoid is not known.
+    /// Mean sea level, with unknown geoid undulation.
     Sea,
-    /// There is no height.
+    /// No height is stated.
     Unknown,
 }
 
-/// A record that may wait.
+/// Record that may wait for a date or a height.
 struct Waiting {
     day: i64,
     seconds: f64,
@@ -81,21 +81,21 @@ struct Waiting {
     record: Record,
 }
 
-/// What is said of a moment.
+/// Record of one time of day in progress.
 struct Moment {
     seconds: f64,
     record: Record,
     above: Above,
-    /// A GGA stated the height.
+    /// Whether a GGA stated the height.
     has_height: bool,
 }
 
-/// What a sentence says.
+/// Content of a sentence.
 struct Sentence {
     seconds: Option<f64>,
     date: Option<i64>,
     place: Option<(f64, f64)>,
-    /// Height above mean sea level, and that of the geoid if it is stated.
+    /// Height above mean sea level and the stated geoid undulation, metres.
     height_m: Option<(f64, Option<f64>)>,
     sigma_m: Option<DVec3>,
     velocity_m_s: Option<DVec3>,
@@ -103,7 +103,7 @@ struct Sentence {
     solved: bool,
 }
 
-/// Takes records.
+/// Receiver of the finished records.
 type Take<'a> = dyn FnMut(Record) + 'a;
 
 impl Sentences {
@@ -115,7 +115,7 @@ impl Sentences {
         }
     }
 
-    /// Takes a sentence between `$` and `*`; what is wrong with it in words.
+    /// Add a sentence, the text between `$` and `*`. The error describes its fault.
     pub(super) fn push(
         &mut self,
         text: &str,
@@ -132,7 +132,7 @@ impl Sentences {
             return Ok(());
         }
         let fields: Vec<&str> = fields.split(',').collect();
-        let sentence = parse(kind, &fields).map_err(|what| format!("{name}: {what}"))?;
+        let sentence = parse(kind, &fields).map_err(|error| format!("{name}: {error}"))?;
         if !sentence.solved {
             count(&mut account.unsolved, kind);
             return Ok(());
@@ -155,7 +155,7 @@ impl Sentences {
             });
         }
         let Some(open) = &mut self.open else {
-            return Err(format!("{name} before any time was stated"));
+            return Err(format!("{name}: expected a sentence with a time before it"));
         };
         count(&mut account.read, kind);
         let record = &mut open.record;
@@ -171,7 +171,7 @@ impl Sentences {
                 });
                 open.has_height = true;
             }
-            // GGA's, which has a height, is not replaced by RMC's.
+            // A position of GGA, with a height, takes precedence over that of RMC.
             if sentence.height_m.is_some() || record.place.is_none() {
                 let (height_m, above) = self.height.unwrap_or((0.0, Above::Unknown));
                 open.above = above;
@@ -196,13 +196,15 @@ impl Sentences {
                 self.first_day = Some(date - self.day);
                 self.release(false, options, account, take);
             }
-            (Some(_), true) => account.note("a date comes too late to date the records before it"),
+            (Some(_), true) => account.note(
+                "the first date comes after more than 10000 records: these have times of day only",
+            ),
             (None, _) => {}
         }
         Ok(())
     }
 
-    /// No more sentences come.
+    /// End the log: pass on all remaining records.
     pub(super) fn finish(
         &mut self,
         options: &Options,
@@ -213,7 +215,7 @@ impl Sentences {
         self.release(true, options, account, take);
     }
 
-    /// What was said of the moment so far is all.
+    /// Finish the open record.
     fn close(&mut self, options: &Options, account: &mut ReadReport, take: &mut Take<'_>) {
         let Some(moment) = self.open.take() else {
             return;
@@ -230,13 +232,13 @@ impl Sentences {
             },
             record: moment.record,
         });
-        self.settle(account);
+        self.complete_heights(account);
         let full = self.waiting.len() >= MAX_UNDATED;
         self.release(full, options, account, take);
     }
 
-    /// Heights of records that wait, by what is known of them by now.
-    fn settle(&mut self, account: &mut ReadReport) {
+    /// Complete the heights of waiting records from the present undulation and height.
+    fn complete_heights(&mut self, account: &mut ReadReport) {
         let height_m = match self.height {
             Some((height_m, Above::Ellipsoid)) => Some(height_m),
             _ => None,
@@ -260,7 +262,7 @@ impl Sentences {
         }
     }
 
-    /// Hands on those that wait for nothing more, or all.
+    /// Pass on the records that are complete, or all.
     fn release(
         &mut self,
         all: bool,
@@ -294,7 +296,7 @@ impl Sentences {
                     let leap = options.leap_seconds.unwrap_or_else(|| leap_seconds(day));
                     let Some(time) = GpsTime::of_utc(day, waiting.seconds, leap) else {
                         account
-                            .note("dates before GPS time began, 6 January 1980, are passed over");
+                            .note("records dated before the start of GPS time, 6 January 1980, are left out");
                         continue;
                     };
                     account.leap_seconds_s = Some(leap);
@@ -308,16 +310,16 @@ impl Sentences {
 
 fn parse(kind: &str, fields: &[&str]) -> Result<Sentence, String> {
     let field = |n: usize| fields.get(n).copied().unwrap_or_default();
-    let number = |n: usize, what: &str, from: f64, to: f64| -> Result<f64, String> {
+    let number = |n: usize, quantity: &str, from: f64, to: f64| -> Result<f64, String> {
         let value = field(n).parse::<f64>().ok();
         let sound = value.filter(|value| (from..=to).contains(value));
-        sound.ok_or_else(|| format!("{what} is '{}'; {from} to {to} can be", field(n)))
+        sound.ok_or_else(|| format!("{quantity} is '{}', expected {from} to {to}", field(n)))
     };
-    let optional = |n: usize, what: &str, from: f64, to: f64| match field(n) {
+    let optional = |n: usize, quantity: &str, from: f64, to: f64| match field(n) {
         "" => Ok(None),
-        _ => number(n, what, from, to).map(Some),
+        _ => number(n, quantity, from, to).map(Some),
     };
-    let mut said = Sentence {
+    let mut sentence = Sentence {
         seconds: None,
         date: None,
         place: None,
@@ -330,15 +332,15 @@ fn parse(kind: &str, fields: &[&str]) -> Result<Sentence, String> {
     if !matches!(kind, "VTG" | "HDT") {
         match field(0) {
             // Without a time there is no solution yet.
-            "" => said.solved = false,
-            text => said.seconds = Some(time_of_day(text)?),
+            "" => sentence.solved = false,
+            text => sentence.seconds = Some(time_of_day(text)?),
         }
     }
     let course = |speed: usize, course: usize| -> Result<Option<DVec3>, String> {
         let speed = optional(speed, "speed", 0.0, 2e5)?.map(|knots| knots * KNOT_M_S);
         let course = optional(course, "course", -360.0, 360.0)?;
         Ok(match (speed, course) {
-            // A course is not stated of what stands.
+            // A stationary receiver states no course.
             (Some(speed), Some(course)) => {
                 let (sin, cos) = libm::sincos(course.to_radians());
                 Some(DVec3::new(speed * sin, speed * cos, 0.0))
@@ -349,31 +351,34 @@ fn parse(kind: &str, fields: &[&str]) -> Result<Sentence, String> {
     };
     match kind {
         "GGA" => {
-            said.solved &= !matches!(field(5), "" | "0");
-            if said.solved {
-                said.place = Some(place(field(1), field(2), field(3), field(4))?);
+            sentence.solved &= !matches!(field(5), "" | "0");
+            if sentence.solved {
+                sentence.place = Some(place(field(1), field(2), field(3), field(4))?);
                 let above_sea_m = number(8, "height", -1e5, 1e8)?;
                 let undulation_m = optional(10, "height of the geoid", -200.0, 200.0)?;
-                said.height_m = Some((above_sea_m, undulation_m));
+                sentence.height_m = Some((above_sea_m, undulation_m));
             }
         }
         "RMC" => {
-            said.solved &= field(1) == "A";
-            if said.solved {
-                said.place = Some(place(field(2), field(3), field(4), field(5))?);
-                said.velocity_m_s = course(6, 7)?;
-                said.date = Some(date(field(8))?);
+            sentence.solved &= field(1) == "A";
+            if sentence.solved {
+                sentence.place = Some(place(field(2), field(3), field(4), field(5))?);
+                sentence.velocity_m_s = course(6, 7)?;
+                sentence.date = Some(date(field(8))?);
             }
         }
-        "ZDA" if said.solved => {
-            let whole = |n: usize, what, to| number(n, what, 0.0, to).map(|value| value as i64);
+        "ZDA" if sentence.solved => {
+            let whole =
+                |n: usize, quantity, to| number(n, quantity, 0.0, to).map(|value| value as i64);
             let [day, month, year] = [
                 whole(1, "day", 31.0)?,
                 whole(2, "month", 12.0)?,
                 whole(3, "year", 9999.0)?,
             ];
             let known = day_number(year, month, day);
-            said.date = Some(known.ok_or_else(|| format!("there is no day {year}-{month}-{day}"))?);
+            sentence.date = Some(known.ok_or_else(|| {
+                format!("date is {year}-{month}-{day}, expected a day of the calendar")
+            })?);
         }
         "GST" => {
             if let (Some(north), Some(east), Some(up)) = (
@@ -381,23 +386,23 @@ fn parse(kind: &str, fields: &[&str]) -> Result<Sentence, String> {
                 optional(6, "standard deviation of longitude", 0.0, 1e6)?,
                 optional(7, "standard deviation of height", 0.0, 1e6)?,
             ) {
-                said.sigma_m = Some(DVec3::new(east, north, up));
+                sentence.sigma_m = Some(DVec3::new(east, north, up));
             }
         }
         "VTG" => {
-            said.velocity_m_s = course(4, 0)?;
-            said.solved = said.velocity_m_s.is_some();
+            sentence.velocity_m_s = course(4, 0)?;
+            sentence.solved = sentence.velocity_m_s.is_some();
         }
         "HDT" => {
-            said.azimuth_deg = optional(0, "heading", -360.0, 360.0)?;
-            said.solved = said.azimuth_deg.is_some();
+            sentence.azimuth_deg = optional(0, "heading", -360.0, 360.0)?;
+            sentence.solved = sentence.azimuth_deg.is_some();
         }
         _ => {}
     }
-    Ok(said)
+    Ok(sentence)
 }
 
-/// `hhmmss.sss`; a leap second is the 60th.
+/// Seconds of the day from `hhmmss.sss`; a leap second has the number 60.
 fn time_of_day(text: &str) -> Result<f64, String> {
     let of = |range: std::ops::Range<usize>| text.get(range)?.parse::<u32>().ok();
     let digits = text.bytes().take(6).all(|b| b.is_ascii_digit());
@@ -408,11 +413,11 @@ fn time_of_day(text: &str) -> Result<f64, String> {
         {
             Ok(f64::from(hours * 3600 + minutes * 60) + seconds)
         }
-        _ => Err(format!("time is '{text}', not hhmmss")),
+        _ => Err(format!("time is '{text}', expected hhmmss")),
     }
 }
 
-/// `ddmmyy`.
+/// Days since 1 January 1970 from `ddmmyy`.
 fn date(text: &str) -> Result<i64, String> {
     let of = |range: std::ops::Range<usize>| text.get(range)?.parse::<u8>().ok().map(i64::from);
     let known = || {
@@ -420,12 +425,12 @@ fn date(text: &str) -> Result<i64, String> {
         let century = if year < 80 { 2000 } else { 1900 };
         day_number(century + year, month, day).filter(|_| text.len() == 6)
     };
-    known().ok_or_else(|| format!("date is '{text}', not ddmmyy"))
+    known().ok_or_else(|| format!("date is '{text}', expected ddmmyy"))
 }
 
-/// Degrees from `ddmm.mmm` and a letter.
+/// Latitude and longitude in degrees from `ddmm.mmm` and a letter each.
 fn place(latitude: &str, north: &str, longitude: &str, east: &str) -> Result<(f64, f64), String> {
-    let angle = |what: &str, text: &str, letter: &str, letters: [&str; 2], most: f64| {
+    let angle = |quantity: &str, text: &str, letter: &str, letters: [&str; 2], most: f64| {
         let value = text.parse::<f64>().ok().filter(|value| *value >= 0.0);
         let degrees = value.map(|value| {
             let whole = (value / 100.0).floor();
@@ -440,7 +445,12 @@ fn place(latitude: &str, north: &str, longitude: &str, east: &str) -> Result<(f6
             let angle = whole + minutes / 60.0;
             (minutes < 60.0 && angle <= most).then_some(angle * sign)
         });
-        sound.ok_or_else(|| format!("{what} is '{text}' '{letter}'"))
+        sound.ok_or_else(|| {
+            format!(
+                "{quantity} is '{text}' '{letter}', expected degrees and minutes up to {most} degrees and {} or {}",
+                letters[0], letters[1]
+            )
+        })
     };
     Ok((
         angle("latitude", latitude, north, ["N", "S"], 90.0)?,

@@ -1,6 +1,6 @@
-//! NovAtel's records of position and attitude, and of events.
+//! NovAtel records of position, velocity, attitude and events.
 //!
-//! Fields and their order are those of the OEM7 Commands and Logs Reference Manual; as bytes, all are little-endian and side by side:
+//! Fields and their order are those of the OEM7 Commands and Logs Reference Manual. Binary fields are little-endian and packed:
 //!
 //! | record | number | fields (d 8 bytes, f 4 bytes, u whole of 4 bytes, e enumeration of 4 bytes) | height above |
 //! |---|---|---|---|
@@ -10,10 +10,9 @@
 //! | `BESTVEL` | 99 | e status, e type, f latency, f age, d speed over ground, d direction over ground, d speed upwards | |
 //! | `MARKTIME` | 231 | u week, d seconds, d offset, d its standard deviation, d UTC less GPS time, e status of the clock | |
 //!
-//! What follows in a record is passed over. Heights are made ellipsoidal (mean sea level and undulation). `INSPVA` and `MARKTIME` state their own time,
-//! the others' is that of their header: of binary ones in whole milliseconds, which at 30 m/s is 3 cm. A velocity is of a moment
-//! earlier by its latency, which is taken off. A record whose status is not one of a
-//! solution, or whose header says that the time is unknown, is counted.
+//! Later fields are ignored. Heights are converted to ellipsoidal ones (mean sea level plus undulation). `INSPVA` and `MARKTIME` state their own time; other
+//! records have that of their header, in binary ones in whole milliseconds, 3 cm at 30 m/s. The time of a velocity is corrected by its latency. Records
+//! without a solution status, or with an unknown time in their header, are counted as unsolved.
 
 use glam::DVec3;
 
@@ -35,16 +34,16 @@ const COMPUTED: [Named; 1] = [(0, "SOL_COMPUTED")];
 const WGS84: [Named; 1] = [(61, "WGS84")];
 const CLOCK_VALID: [Named; 1] = [(0, "VALID")];
 
-/// Of a header: that its time is not known.
+/// Time status of a header with an unknown time.
 const TIME_UNKNOWN: u8 = 20;
 
-/// When, where and how turned, and UTC less GPS time if it says that; none without a solution.
-pub(super) type Said = Option<(Record, Option<f64>)>;
+/// Record, and UTC minus GPS time in seconds if it states that; `None` without a solution.
+pub(super) type Parsed = Option<(Record, Option<f64>)>;
 
-/// Time in a header; none if it is not known.
+/// Time in a header; `None` if it is unknown.
 type Header = Option<GpsTime>;
 
-/// The kind that is meant by a name or number, and the name.
+/// Kind of a message by its name or number, and its name; the error is the name of another message.
 fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
     const KINDS: [(u16, &str, Kind); 9] = [
         (507, "INSPVA", Kind::Inspva),
@@ -60,7 +59,7 @@ fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
     match *message {
         Message::Text { text, .. } | Message::Abbreviated { text, .. } => {
             let name = text.split([',', ';']).next().unwrap_or_default();
-            // The A of ASCII ends a name; a short header's record may have an S before.
+            // ASCII names end in A; names of records with short headers may have an S before it.
             let plain = name.strip_suffix('A').unwrap_or(name);
             let same = |name: &str| plain == name || plain.strip_suffix('S') == Some(name);
             let found = KINDS.iter().find(|(_, name, _)| same(name));
@@ -77,32 +76,34 @@ fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
     }
 }
 
-/// Name of a message, and what it says: none of a kind that is not read, an error in words if a value cannot be.
-pub(super) fn parse(message: &Message<'_>, byte: u64) -> (String, Option<Result<Said, String>>) {
+/// Name of a message and its parsed record: `None` for a kind that is not read, an error for an impossible value.
+pub(super) fn parse(message: &Message<'_>, byte: u64) -> (String, Option<Result<Parsed, String>>) {
     let (kind, name) = match known(message) {
         Ok(known) => known,
         Err(name) => return (name, None),
     };
-    let said = match *message {
+    let parsed = match *message {
         Message::Text { long, text } | Message::Abbreviated { long, text } => {
             text_header(long, text)
-                .and_then(|(header, body)| said(kind, byte, header, &mut Text(body.split(','))))
+                .and_then(|(header, body)| record(kind, byte, header, &mut Text(body.split(','))))
         }
         Message::Binary { long, header, body } => binary_header(long, header)
-            .and_then(|header| said(kind, byte, header, &mut Bytes(body))),
+            .and_then(|header| record(kind, byte, header, &mut Bytes(body))),
         Message::Nmea { .. } => return (name.to_owned(), None),
     };
-    let named = said.map_err(|what| format!("{name}: {what}"));
+    let named = parsed.map_err(|error| format!("{name}: {error}"));
     (name.to_owned(), Some(named))
 }
 
 fn text_header(long: bool, text: &str) -> Result<(Header, &str), String> {
-    let (header, body) = text.split_once(';').ok_or("no ; after its header")?;
+    let (header, body) = text
+        .split_once(';')
+        .ok_or("expected ; after the header, found none")?;
     let expected = if long { 10 } else { 3 };
     let count = header.split(',').count();
     if count != expected {
         return Err(format!(
-            "{count} fields of its header; {expected} are expected"
+            "the header has {count} fields, expected {expected}"
         ));
     }
     let mut fields = header.split(',');
@@ -110,7 +111,7 @@ fn text_header(long: bool, text: &str) -> Result<(Header, &str), String> {
     if status == Some("UNKNOWN") {
         return Ok((None, body));
     }
-    let time = time(&mut Text(fields)).map_err(|what| format!("its header: {what}"))?;
+    let time = time(&mut Text(fields)).map_err(|error| format!("header: {error}"))?;
     Ok((Some(time), body))
 }
 
@@ -124,7 +125,7 @@ fn binary_header(long: bool, header: &[u8]) -> Result<Header, String> {
     }
     Ok(Some(GpsTime {
         week: week.into(),
-        seconds: within("seconds of its header", seconds, 0.0, WEEK_S)?,
+        seconds: within("seconds of the header", seconds, 0.0, WEEK_S)?,
     }))
 }
 
@@ -132,15 +133,15 @@ fn time(body: &mut impl Body) -> Result<GpsTime, String> {
     Ok(GpsTime {
         week: match body.whole("week")? {
             week @ 0..=99_999 => week,
-            week => return Err(format!("week is {week}")),
+            week => return Err(format!("week is {week}, expected up to 99999")),
         },
         seconds: within("seconds", body.double("seconds")?, 0.0, WEEK_S)?,
     })
 }
 
-fn within(what: &str, value: f64, from: f64, to: f64) -> Result<f64, String> {
+fn within(quantity: &str, value: f64, from: f64, to: f64) -> Result<f64, String> {
     let sound = (from..=to).contains(&value).then_some(value);
-    sound.ok_or_else(|| format!("{what} is {value}; {from} to {to} can be"))
+    sound.ok_or_else(|| format!("{quantity} is {value}, expected {from} to {to}"))
 }
 
 /// Latitude, longitude and height.
@@ -152,7 +153,7 @@ fn place(body: &mut impl Body) -> Result<Geodetic, String> {
     })
 }
 
-/// The same with a height above mean sea level, and the undulation.
+/// Latitude, longitude, height above mean sea level and undulation.
 fn place_above_sea(body: &mut impl Body) -> Result<Place, String> {
     let above_sea = place(body)?;
     let undulation_m = within("undulation", body.single("undulation")?, -200.0, 200.0)?;
@@ -162,14 +163,14 @@ fn place_above_sea(body: &mut impl Body) -> Result<Place, String> {
     }))
 }
 
-/// North, east and up, as east, north and up.
+/// Velocity along east, north and up, from north, east and up.
 fn velocity(body: &mut impl Body) -> Result<DVec3, String> {
-    let mut along = |what| within(what, body.double(what)?, -1e5, 1e5);
+    let mut along = |axis| within(axis, body.double(axis)?, -1e5, 1e5);
     let (north, east) = (along("velocity north")?, along("velocity east")?);
     Ok(DVec3::new(east, north, along("velocity up")?))
 }
 
-/// Speed, direction clockwise from north, and speed upwards, as east, north and up.
+/// Velocity along east, north and up, from speed, direction clockwise from north, and upward speed.
 fn over_ground(body: &mut impl Body) -> Result<DVec3, String> {
     let speed = within("speed", body.double("speed")?, 0.0, 1e5)?;
     let direction = within("direction", body.double("direction")?, -360.0, 360.0)?;
@@ -178,7 +179,7 @@ fn over_ground(body: &mut impl Body) -> Result<DVec3, String> {
     Ok(DVec3::new(speed * sin, speed * cos, up))
 }
 
-/// A time less some seconds; not before time began.
+/// Time `by_s` seconds earlier; weeks are not negative.
 fn earlier(time: GpsTime, by_s: f64) -> GpsTime {
     let seconds = time.seconds - by_s;
     match (seconds < 0.0, time.week.checked_sub(1)) {
@@ -191,7 +192,7 @@ fn earlier(time: GpsTime, by_s: f64) -> GpsTime {
 }
 
 fn attitude(body: &mut impl Body) -> Result<Attitude, String> {
-    let mut angle = |what| within(what, body.double(what)?, -360.0, 360.0);
+    let mut angle = |name| within(name, body.double(name)?, -360.0, 360.0);
     Ok(Attitude {
         roll_deg: Some(angle("roll")?),
         pitch_deg: Some(angle("pitch")?),
@@ -200,22 +201,22 @@ fn attitude(body: &mut impl Body) -> Result<Attitude, String> {
 }
 
 /// Three standard deviations.
-fn sigmas(body: &mut impl Body, what: &str) -> Result<[f64; 3], String> {
-    let what = format!("standard deviation of {what}");
-    let mut next = || within(&what, body.single(&what)?, 0.0, 1e6);
+fn sigmas(body: &mut impl Body, quantity: &str) -> Result<[f64; 3], String> {
+    let name = format!("standard deviation of {quantity}");
+    let mut next = || within(&name, body.single(&name)?, 0.0, 1e6);
     Ok([next()?, next()?, next()?])
 }
 
-/// Latitude's, longitude's and height's, or north's, east's and up's, as east's, north's and up's.
+/// Reorder north, east, up (latitude, longitude, height) to east, north, up.
 fn east_first([north, east, up]: [f64; 3]) -> DVec3 {
     DVec3::new(east, north, up)
 }
 
-fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<Said, String> {
+fn record(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<Parsed, String> {
     let Some(mut time) = header else {
         return Ok(None);
     };
-    // What states its own time.
+    // Records that state their own time.
     if let Kind::Inspva | Kind::Marktime = kind {
         time = self::time(body)?;
     }
@@ -223,11 +224,11 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
     let mut utc_s = None;
     match kind {
         Kind::Marktime => {
-            for what in ["offset", "standard deviation of the offset"] {
-                body.double(what)?;
+            for field in ["offset", "standard deviation of the offset"] {
+                body.double(field)?;
             }
-            let what = "offset of UTC";
-            utc_s = Some(within(what, body.double(what)?, -1e3, 1e3)?);
+            let field = "offset of UTC";
+            utc_s = Some(within(field, body.double(field)?, -1e3, 1e3)?);
             if body.state("status", &CLOCK_VALID)?.is_none() {
                 return Ok(None);
             }
@@ -269,7 +270,7 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
             body.state("type", &[])?;
             record.place = Some(place_above_sea(body)?);
             if body.state("datum", &WGS84)?.is_none() {
-                return Err("its datum is not WGS84".to_owned());
+                return Err("expected the datum WGS84, found another one".to_owned());
             }
             record.place_sigma_m = Some(east_first(sigmas(body, "position")?));
         }

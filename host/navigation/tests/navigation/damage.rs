@@ -1,4 +1,4 @@
-//! Logs with cut lines, wrong checksums and what belongs to nobody: what can be trusted is read, and the rest told.
+//! Logs with truncated lines, wrong checksums and foreign bytes: valid messages are read and faults are reported.
 
 use std::path::Path;
 
@@ -26,15 +26,15 @@ fn seconds(log: &Log) -> Vec<f64> {
         .collect()
 }
 
-/// A hundred lines, of which 10 to 19 are gone, 40 lost its end and its neighbour's is whole, 50 lost its end, 60 has a digit of another, and 70 to 72 are noise.
+/// A hundred lines: 10 to 19 are missing, 40 is truncated without a line end, 50 is truncated, 60 has a wrong digit, and 70 to 72 are noise.
 #[test]
-fn cut_lines_and_wrong_crcs_are_counted() {
+fn truncated_lines_and_wrong_crcs_are_counted() {
     let mut text = Vec::new();
     for n in 0..100 {
         let whole = line(n);
         match n {
             10..=19 => {}
-            // No end of line either: the next begins in it.
+            // Without a line end: the next line starts within it.
             40 => text.extend(whole[..60].bytes()),
             50 => text.extend([&whole[..70], "\r\n"].concat().bytes()),
             60 => text.extend(whole.replace("1081.0036", "1081.0037").bytes()),
@@ -51,13 +51,19 @@ fn cut_lines_and_wrong_crcs_are_counted() {
     let account = &log.account;
     assert_eq!(account.wrong[&Wrong::Cut], 2, "{account}");
     assert_eq!(account.wrong[&Wrong::Checksum], 1, "{account}");
-    let told = account.to_string();
-    // Lines of the file: those of 0 to 9 and 20 to 39 are before 40, which is on the 31st.
-    assert!(told.contains("line 31: INSPVAA is cut short"), "{told}");
-    assert!(told.contains("line 40: INSPVAA is cut short"), "{told}");
+    let text_of_account = account.to_string();
+    // Message 40 is on line 31 of the file, after messages 0 to 9 and 20 to 39.
     assert!(
-        told.contains("line 50: INSPVAA is damaged: its CRC is"),
-        "{told}"
+        text_of_account.contains("line 31: INSPVAA is cut short"),
+        "{text_of_account}"
+    );
+    assert!(
+        text_of_account.contains("line 40: INSPVAA is cut short"),
+        "{text_of_account}"
+    );
+    assert!(
+        text_of_account.contains("line 50: INSPVAA is damaged: its CRC is"),
+        "{text_of_account}"
     );
     let [coverage] = &log.coverage()[..] else {
         panic!("{:?}", log.coverage())
@@ -70,7 +76,7 @@ fn cut_lines_and_wrong_crcs_are_counted() {
 }
 
 #[test]
-fn binary_messages_are_found_again_after_damage() {
+fn reading_resumes_after_damaged_binary_messages() {
     let message = |n: usize| {
         let (seconds, latitude) = at(n);
         binary(
@@ -84,7 +90,7 @@ fn binary_messages_are_found_again_after_damage() {
     for n in 0..30 {
         let whole = message(n);
         match n {
-            // Cut within its body, within its header, a wrong bit, a wrong length.
+            // Truncated body, truncated header, wrong bit, wrong length.
             5 => bytes.extend(&whole[..50]),
             10 => bytes.extend(&whole[..9]),
             15 => {
@@ -101,7 +107,7 @@ fn binary_messages_are_found_again_after_damage() {
             _ => bytes.extend(&whole),
         }
     }
-    // The last is cut by the end of the file.
+    // The file ends within the last message.
     bytes.truncate(bytes.len() - 20);
     let log = read(&bytes);
     let kept: Vec<f64> = (0..29)
@@ -115,9 +121,9 @@ fn binary_messages_are_found_again_after_damage() {
     assert!(log.account.lost_bytes > 0 && log.account.bytes == bytes.len() as u64);
 }
 
-/// Any bytes may stand between messages: all messages are read, whatever it is.
+/// All messages are read, whatever bytes are between them.
 #[test]
-fn bytes_between_messages_lose_no_message() {
+fn foreign_bytes_between_messages_lose_no_message() {
     let junk: [&[u8]; 8] = [
         b"<OK\r\n[COM1]",
         b"#",
@@ -146,13 +152,13 @@ fn bytes_between_messages_lose_no_message() {
             }
         }
         let log = read(&bytes);
-        // What begins with AA 44 13 05 may be a message of 21 bytes until its CRC is looked at.
+        // AA 44 13 05 looks like a message of 21 bytes until its CRC is checked.
         assert_eq!(log.records.len(), 6, "{junk:?}: {}", log.account);
     }
 }
 
 #[test]
-fn sentences_with_wrong_checksums_and_times_that_go_back_are_left_out() {
+fn sentences_with_wrong_checksum_or_earlier_time_are_left_out() {
     let gga = |time: &str| {
         nmea(&format!(
             "GPGGA,{time},5109.0,N,11401.8,W,1,12,0.9,97.5,M,45.0,M,,"
@@ -180,7 +186,7 @@ fn sentences_with_wrong_checksums_and_times_that_go_back_are_left_out() {
 }
 
 #[test]
-fn a_trajectory_with_lost_bytes_goes_on_where_records_do() {
+fn sbet_reading_resumes_after_lost_bytes() {
     let record = |n: usize| {
         let mut numbers = [0.25; 17];
         numbers[0] = 1000.0 + n as f64 * 0.005;
@@ -199,31 +205,36 @@ fn a_trajectory_with_lost_bytes_goes_on_where_records_do() {
 }
 
 #[test]
-fn rows_that_are_none_are_left_out() {
+fn invalid_csv_rows_are_left_out() {
     let text =
         "time_s,x_m,y_m,z_m\n1,2,3,4\n2,2,3\n3,2,x,4\n4,2,inf,4\n3.5,1,1,1\n3.4,1,1,1\n5,2,3,4\n";
     let log = read(text.as_bytes());
     let times: Vec<f64> = seconds(&log);
     assert_eq!(times, [1.0, 3.5, 5.0]);
-    let told = log.account.to_string();
+    let text_of_account = log.account.to_string();
     assert!(
-        told.contains("line 3: 3 values") && told.contains("CSV at 3.400 s after 3.500 s"),
-        "{told}"
+        text_of_account.contains("line 3: 3 values")
+            && text_of_account.contains("CSV at 3.400 s after 3.500 s"),
+        "{text_of_account}"
     );
 }
 
 #[test]
 fn log_without_a_valid_fix_reports_its_messages() {
     let empty = Log::read_from(&b""[..], Path::new("a.log"), &Options::default());
-    assert!(matches!(empty, Err(NavigationError::Nothing { .. })));
+    assert!(matches!(empty, Err(NavigationError::NoRecords { .. })));
     let text = ascii("#TIMEA,COM1,0,58.5,FINESTEERING,2209,502061.000,02000020,18bc,16809;VALID")
         + &line(1)[..80];
     let error =
         Log::read_from(text.as_bytes(), Path::new("a.log"), &Options::default()).unwrap_err();
-    let told = error.to_string();
+    let text_of_account = error.to_string();
     assert!(
-        told.contains("a.log: no record of NovAtel") && told.contains("1 TIMEA"),
-        "{told}"
+        text_of_account.contains("a.log: no record of NovAtel")
+            && text_of_account.contains("1 TIMEA"),
+        "{text_of_account}"
     );
-    assert!(told.contains("line 2: INSPVAA is cut short"), "{told}");
+    assert!(
+        text_of_account.contains("line 2: INSPVAA is cut short"),
+        "{text_of_account}"
+    );
 }

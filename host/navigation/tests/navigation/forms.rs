@@ -1,4 +1,4 @@
-//! Forms that receivers and loggers write and that are easily taken for damage.
+//! Unusual but valid forms of logs.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ fn gga(second: f64, altitude_m: f64, geoid: &str) -> String {
 }
 
 #[test]
-fn missing_undulation_is_that_of_the_nearest_sentence() {
+fn missing_undulation_is_taken_from_nearest_sentence() {
     // Altitude 50 m, geoid -20 m: 30 m above the ellipsoid wherever the field is missing.
     for missing in [[1, 3], [0, 2], [0, 1], [2, 3]] {
         let text: String = (0..4)
@@ -46,15 +46,15 @@ fn missing_undulation_is_that_of_the_nearest_sentence() {
         assert_eq!(heights(&log), [30.0; 4], "{missing:?}");
         assert!(log.account.doubts.is_empty(), "{}", log.account);
     }
-    // Without any, 0 m is taken, and said.
+    // Without any undulation, 0 m is used and reported.
     let log = read(&(gga(0.0, 50.0, "") + &gga(1.0, 51.0, "")));
     assert_eq!(heights(&log), [50.0, 51.0]);
     let doubts: Vec<&String> = log.account.doubts.iter().collect();
-    assert!(doubts[0].contains("0 m is taken"), "{doubts:?}");
+    assert!(doubts[0].contains("heights assume 0 m"), "{doubts:?}");
 }
 
 #[test]
-fn missing_height_is_that_of_the_nearest_sentence() {
+fn missing_height_is_taken_from_nearest_sentence() {
     let rmc = |second: f64| {
         nmea(&format!(
             "GPRMC,1106{second:05.2},A,4415.0,N,12130.0,W,3.6,90.0,311216,,,A"
@@ -64,13 +64,16 @@ fn missing_height_is_that_of_the_nearest_sentence() {
     assert_eq!(heights(&log), [30.0; 4]);
     let alone = read(&(rmc(0.0) + &rmc(1.0)));
     assert_eq!(heights(&alone), [0.0; 2]);
-    let told = alone.account.to_string();
-    assert!(told.contains("0 m above the ellipsoid is taken"), "{told}");
+    let text = alone.account.to_string();
+    assert!(
+        text.contains("records assume 0 m above the ellipsoid"),
+        "{text}"
+    );
 }
 
 #[test]
-fn many_sentences_without_undulation_are_handed_on_in_bounded_memory() {
-    // More than wait: those have 0 m, and the account says that heights jump.
+fn sentences_without_undulation_wait_in_bounded_memory() {
+    // More records than may wait: the first ones use 0 m, and the report says that heights jump.
     let mut text = String::new();
     for n in 0..10_050 {
         let (hour, minute, second) = (n / 3600, n / 60 % 60, n % 60);
@@ -83,12 +86,12 @@ fn many_sentences_without_undulation_are_handed_on_in_bounded_memory() {
     let heights = heights(&log);
     assert_eq!(heights.len(), 10_050);
     assert_eq!((heights[0], heights[10_049]), (50.0, 30.0));
-    let told = log.account.to_string();
-    assert!(told.contains("heights jump there"), "{told}");
+    let text = log.account.to_string();
+    assert!(text.contains("heights jump there"), "{text}");
 }
 
 #[test]
-fn sentences_without_checksum_are_read_if_they_are_whole() {
+fn complete_sentences_without_checksum_are_read() {
     let plain = |text: String| text[..text.len() - 5].to_owned() + "\r\n";
     let text: String = (0..5).map(|n| plain(gga(n as f64, 50.0, "40.0"))).collect();
     let log = read(&text);
@@ -99,9 +102,9 @@ fn sentences_without_checksum_are_read_if_they_are_whole() {
         log.account
     );
     assert_eq!(heights(&log), [90.0; 5]);
-    let told = log.account.to_string();
-    assert!(told.contains("have no checksum"), "{told}");
-    // One that is cut is not.
+    let report = log.account.to_string();
+    assert!(report.contains("have no checksum"), "{report}");
+    // A truncated sentence is not read.
     let cut = plain(gga(5.0, 50.0, "40.0"))[..50].to_owned() + "\r\n";
     let log = read(&(text.clone() + &cut));
     assert_eq!((log.records.len(), log.account.wrong[&Wrong::Cut]), (5, 1));
@@ -110,10 +113,10 @@ fn sentences_without_checksum_are_read_if_they_are_whole() {
         "{}",
         log.account
     );
-    // Nor is the last without the end of its line.
+    // The last sentence without a line end is not read.
     let log = read(text.trim_end());
     assert_eq!((log.records.len(), log.account.wrong[&Wrong::Cut]), (4, 1));
-    // Where others have checksums, a missing one is a fault.
+    // After a sentence with a checksum, a missing one is a fault.
     let mixed = gga(9.0, 50.0, "40.0") + &plain(gga(10.0, 50.0, "40.0"));
     let log = read(&mixed);
     assert_eq!((log.records.len(), log.account.wrong[&Wrong::Cut]), (1, 1));
@@ -156,7 +159,7 @@ fn abbreviated_novatel_records_are_read() {
         log.records[0].velocity_m_s,
         Some(DVec3::new(-2.0, 1.5, 0.25))
     );
-    // A body that is cut is a fault, not a place.
+    // A truncated body is a fault.
     let cut = record(6, "\n");
     let log = read(&(record(5, "\n") + &cut[..cut.len() - 90] + "\n"));
     assert_eq!(
@@ -170,7 +173,7 @@ fn abbreviated_novatel_records_are_read() {
 }
 
 #[test]
-fn sbet_goes_on_where_the_seconds_of_the_week_begin_again() {
+fn sbet_continues_in_next_week() {
     let bytes: Vec<u8> = (0..10)
         .flat_map(|n| {
             let mut numbers = [0.1; 17];
@@ -195,16 +198,16 @@ fn sbet_goes_on_where_the_seconds_of_the_week_begin_again() {
         let weeks = log.records.iter().filter(|r| r.time.week == 2401).count();
         assert_eq!(weeks, 6);
     }
-    // Of an unknown week the seconds go on.
+    // Seconds of an unknown week continue past its end.
     let log = read_with(&bytes, &Options::default());
     assert_eq!(log.account.clock, Clock::SecondsOfWeek);
     assert_eq!(log.records[9].time.seconds, 604_802.5);
-    // From the first record on, too: the format is recognised.
+    // The format is recognised if the second record is in the next week.
     assert_eq!(read_with(&bytes[3 * 136..], &options).records.len(), 7);
 }
 
 #[test]
-fn csv_goes_on_where_seconds_of_week_or_day_begin_again() {
+fn csv_continues_in_next_week_or_day() {
     for length in [604_800.0, 86_400.0] {
         let rows: String = (0..6)
             .map(|n| format!("{},1,2,3\n", (length - 1.5 + f64::from(n) * 0.5) % length))
@@ -219,23 +222,26 @@ fn csv_goes_on_where_seconds_of_week_or_day_begin_again() {
 }
 
 #[test]
-fn equal_times_are_not_damage() {
+fn equal_times_are_reported_and_not_counted_as_damage() {
     let log = read("time_s,x_m,y_m,z_m\n0,1,2,3\n0,1,2,3\n1,1,2,3\n1,1,2,3\n");
     assert_eq!(log.records.len(), 2);
     assert_eq!((log.account.damaged(), log.account.disordered()), (0, 2));
-    let told = log.account.to_string();
-    assert!(told.contains("2 with times that do not ascend"), "{told}");
-    assert!(told.contains("CSV at 1.000 s a second time"), "{told}");
+    let text = log.account.to_string();
+    assert!(
+        text.contains("2 records with times that do not ascend"),
+        "{text}"
+    );
+    assert!(text.contains("CSV at 1.000 s twice"), "{text}");
 }
 
 #[test]
-fn records_closer_than_a_nanosecond_are_named_and_left_out() {
+fn records_closer_than_a_nanosecond_are_left_out_and_reported() {
     let log = read("time_s,x_m,y_m,z_m\n0,1,2,3\n4.9e-324,1,2,3\n1e-300,1,2,3\n1,1,2,3\n2,1,2,3\n");
     assert_eq!((log.records.len(), log.account.disordered()), (3, 2));
-    let told = log.account.to_string();
+    let text = log.account.to_string();
     assert!(
-        told.contains("5e-324 s later: closer than 1e-9 s"),
-        "{told}"
+        text.contains("5e-324 s later: expected at least 1e-9 s"),
+        "{text}"
     );
     // A gap of many intervals is counted without overflow.
     let gap = read("time_s,x_m,y_m,z_m\n0,1,2,3\n1e-9,1,2,3\n2e-9,1,2,3\n1e9,1,2,3\n");
@@ -248,7 +254,7 @@ fn records_closer_than_a_nanosecond_are_named_and_left_out() {
 }
 
 #[test]
-fn places_where_no_vehicle_can_be_are_left_out_and_said() {
+fn impossible_positions_are_left_out_and_reported() {
     let row = |n: usize| match n {
         5 => "5,0,0,0\n".to_owned(),
         12 => "12,44.25,-121.45,100\n".to_owned(),
@@ -261,13 +267,15 @@ fn places_where_no_vehicle_can_be_are_left_out_and_said() {
     let placed: Vec<usize> = fixes.iter().map(|fix| fix.time_s as usize).collect();
     let expected: Vec<usize> = (0..40).filter(|n| ![5, 12].contains(n)).collect();
     assert_eq!(placed, expected, "{}", log.account);
-    let told = log.account.to_string();
+    let text = log.account.to_string();
     assert!(
-        told.contains("1 records are at latitude 0, longitude 0"),
-        "{told}"
+        text.contains("1 records are at latitude 0, longitude 0"),
+        "{text}"
     );
     assert!(
-        told.contains("1 of 39 places of CSV are where no vehicle can be, the first at 12.000 s"),
-        "{told}"
+        text.contains(
+            "1 of 39 positions of CSV are impossible for a vehicle, the first at 12.000 s"
+        ),
+        "{text}"
     );
 }

@@ -1,4 +1,4 @@
-//! Readers on logs that are written here, sound and damaged; the fusion on tracks that are simulated here.
+//! Readers on generated logs, valid and damaged, and fusion on simulated tracks.
 
 mod damage;
 mod forms;

@@ -1,4 +1,4 @@
-//! What each format says is what was written.
+//! Readers of all formats, on generated logs.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ fn earth(place: Option<Place>) -> Geodetic {
 }
 
 #[test]
-fn inertial_solutions_are_the_same_in_every_form() {
+fn inspva_is_equal_in_ascii_and_binary_with_long_and_short_headers() {
     let text = inspva(502_061.125, 51.150_437_111_11);
     let short_text = ascii(
         "%INSPVASA,2209,502061.120;2209,502061.125,51.15043711111,-114.03067932,1081.0036,1.5,-2.0,0.25,3.0,-1.5,270.0,\
@@ -62,7 +62,7 @@ fn inertial_solutions_are_the_same_in_every_form() {
 }
 
 #[test]
-fn standard_deviations_and_undulations_are_read_in_both_forms() {
+fn inspvax_with_standard_deviations_is_equal_in_ascii_and_binary() {
     let text = ascii(
         "#INSPVAXA,SPECIAL,0,45.5,FINESTEERING,1820,160205.900,00000000,4e14,12996;INS_SOLUTION_GOOD,INS_PPP,43.40408945767,\
          -80.47024696704,326.2121,-36.5,0.001,0.0005,0.0015,1.0470,0.3137,94.203550384,0.5,0.25,0.125,0.0625,0.5,0.75,\
@@ -114,7 +114,7 @@ fn standard_deviations_and_undulations_are_read_in_both_forms() {
 }
 
 #[test]
-fn positions_and_marks_are_read_in_both_forms() {
+fn positions_and_marks_are_equal_in_ascii_and_binary() {
     let fields = "SOL_COMPUTED,PSRDIFF,51.15043699323,-114.03067932462,1097.6855,-17.0,WGS84,0.5,0.25,0.75,\"AAAA\",6.0,0.0,47,\
                   35,35,33,00,06,39,33";
     let header = "COM1,0,58.5,FINESTEERING,2209,502061.250,02000020,18bc,16809";
@@ -151,7 +151,7 @@ fn positions_and_marks_are_read_in_both_forms() {
         assert_eq!(record.place_sigma_m, Some(DVec3::new(0.25, 0.5, 0.75)));
         assert_eq!(record.attitude, None);
     }
-    // The mark's own time has nanoseconds, and says how far UTC is behind.
+    // The mark's own time has nanoseconds, and it states the offset of UTC.
     let text = ascii(&format!(
         "#MARKTIMEA,{header};2209,502061.250000125,-1.5e-08,2.5e-08,-17.999999998,VALID"
     ));
@@ -176,7 +176,7 @@ fn positions_and_marks_are_read_in_both_forms() {
 }
 
 #[test]
-fn fixes_without_solution_are_counted_and_impossible_ones_named() {
+fn records_without_solution_are_counted_and_impossible_values_reported() {
     let header = "COM1,0,58.5,FINESTEERING,2209,502061.250,02000020,18bc,16809";
     let unknown = header.replace("FINESTEERING", "UNKNOWN");
     let fields = "INS_SOLUTION_GOOD";
@@ -195,21 +195,24 @@ fn fixes_without_solution_are_counted_and_impossible_ones_named() {
     let log = read(log.as_bytes());
     assert_eq!((log.records.len(), log.account.unsolved["INSPVA"]), (1, 2));
     assert_eq!(log.account.others["TIMEA"], 1);
-    let told: Vec<String> = log.account.faults.iter().map(ToString::to_string).collect();
-    assert_eq!(told.len(), 3, "{told:?}");
+    let faults: Vec<String> = log.account.faults.iter().map(ToString::to_string).collect();
+    assert_eq!(faults.len(), 3, "{faults:?}");
     assert!(
-        told[0].contains("line 3: INSPVA: latitude is 91"),
-        "{told:?}"
+        faults[0].contains("line 3: INSPVA: latitude is 91"),
+        "{faults:?}"
     );
     assert!(
-        told[1].contains("line 4: INSPVA: latitude is 'NaN'"),
-        "{told:?}"
+        faults[1].contains("line 4: INSPVA: latitude is 'NaN'"),
+        "{faults:?}"
     );
-    assert!(told[2].contains("line 5: INSPVA: no longitude"), "{told:?}");
+    assert!(
+        faults[2].contains("line 5: INSPVA: no longitude"),
+        "{faults:?}"
+    );
 }
 
 #[test]
-fn sentences_of_a_moment_are_one_record() {
+fn sentences_of_one_time_are_one_record() {
     let log = nmea("GPGGA,235959.50,5109.0262,N,11401.8407,W,4,12,0.9,1097.5,M,-17.0,M,,")
         + &nmea("GPRMC,235959.50,A,5109.0262,N,11401.8407,W,3.6,90.0,311216,,,A")
         + &nmea("GPGST,235959.50,1.0,,,,0.25,0.5,0.75")
@@ -252,7 +255,7 @@ fn sentences_of_a_moment_are_one_record() {
 }
 
 #[test]
-fn a_log_without_dates_has_times_of_day_or_the_date_it_is_given() {
+fn log_without_dates_has_times_of_day_or_given_date() {
     let gga = |time: &str, minutes: f64| {
         nmea(&format!(
             "GNGGA,{time},51{minutes:07.4},N,01401.8407,E,1,12,0.9,97.5,M,45.0,M,,"
@@ -276,7 +279,7 @@ fn a_log_without_dates_has_times_of_day_or_the_date_it_is_given() {
         .map(|r| (r.time.week, r.time.seconds))
         .collect();
     assert_eq!(times[2], (1930, 2.0 * 86_400.0 + 18.0));
-    // A date that comes later dates what was before.
+    // A later date dates the records before it.
     let late = text + &nmea("GNZDA,000000.00,03,01,2017,,");
     assert_eq!(read(late.as_bytes()).records, dated.records);
 }
@@ -304,7 +307,7 @@ fn sbet_at(n: usize, wander: f64) -> [f64; 17] {
 }
 
 #[test]
-fn smoothed_trajectories_are_turned_by_their_wander_angle() {
+fn sbet_heading_and_velocity_are_rotated_by_wander_angle() {
     let bytes: Vec<u8> = (0..400).flat_map(|n| sbet(&sbet_at(n, 0.4))).collect();
     let log = read(&bytes);
     assert_eq!((log.records.len(), log.account.faulty()), (400, 0));
@@ -322,7 +325,7 @@ fn smoothed_trajectories_are_turned_by_their_wander_angle() {
     assert!((attitude.azimuth_deg - 1.5f64.to_degrees()).abs() < 1e-10);
     assert!((attitude.pitch_deg.unwrap() + 0.02f64.to_degrees()).abs() < 1e-12);
     assert!(log.account.notes.is_empty(), "{}", log.account);
-    // The other sign of the wander angle is told by the positions.
+    // The other sign of the wander angle contradicts the positions.
     let other: Vec<u8> = (0..400)
         .flat_map(|n| {
             let mut numbers = sbet_at(n, 0.4);
@@ -339,7 +342,7 @@ fn smoothed_trajectories_are_turned_by_their_wander_angle() {
 }
 
 #[test]
-fn values_are_read_in_the_units_of_their_header() {
+fn csv_values_are_read_in_units_of_header() {
     let text = "# a flight\ntime [ms],Latitude (deg),longitude_rad,height_km,heading_deg,pitch_deg,roll_deg,velocity_east_km_h,\
                 velocity_north_m_s,velocity_up_m_s,sigma_x_cm,sigma_y_cm,sigma_z_cm,flag\n\
                 1500,45,0.1,0.12,90,10,20,36,0.5,0,10,20,30,x\n1600,45,0.1,0.12,,,,36,0.5,0,10,20,30,x\n";
@@ -376,8 +379,8 @@ fn values_are_read_in_the_units_of_their_header() {
         )) < 1e-12
     );
     assert_eq!(second.attitude, None);
-    assert!(log.account.to_string().contains("passed over: flag"));
-    // Tracks as they are written here: yaw, and a pitch that lowers the nose.
+    assert!(log.account.to_string().contains("columns ignored: flag"));
+    // Track convention: yaw, and positive pitch nose down.
     let text = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n0,1,2,3,0,10,0\n1,2,2,3,0,10,0\n";
     let log = read(text.as_bytes());
     let fixes = log
@@ -392,20 +395,20 @@ fn values_are_read_in_the_units_of_their_header() {
 }
 
 #[test]
-fn header_without_units_or_places_is_refused_by_column() {
-    for (header, what) in [
+fn csv_header_without_units_or_positions_is_refused() {
+    for (header, text_of_error) in [
         ("time_s,x,y_m,z_m", "column 'x': '1' has no unit"),
         ("time_s,x_s,y_m,z_m", "is a time and a length is wanted"),
         ("time_s,x_m,y_m", "all of x, y and z"),
-        ("time_s,roll_deg", "no place"),
-        ("time_s,x_m,y_m,z_m,x_cm", "said twice"),
+        ("time_s,roll_deg", "no position"),
+        ("time_s,x_m,y_m,z_m,x_cm", "found two"),
         ("time_s,x_m,y_m,z_m,yaw_deg,heading_deg", "not both"),
-        ("timer,x_m,y_m,z_m", "no column of time"),
+        ("timer,x_m,y_m,z_m", "expected a column of time"),
     ] {
         let text = format!("{header}\n1,2,3,4\n");
         let error = Log::read_from(text.as_bytes(), Path::new("a.csv"), &Options::default());
         let error = error.unwrap_err();
         assert!(matches!(error, NavigationError::Header { .. }));
-        assert!(error.to_string().contains(what), "{error}");
+        assert!(error.to_string().contains(text_of_error), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! Logs as receivers write them, by definitions written out here.
+//! Writers of logs, independent of the readers.
 
 /// NovAtel's CRC bit by bit: reflected 0xEDB88320 from 0, without a final complement.
 pub(crate) fn crc(bytes: &[u8]) -> u32 {
@@ -15,7 +15,7 @@ pub(crate) fn ascii(text: &str) -> String {
     format!("{text}*{:08x}\r\n", crc(&text.as_bytes()[1..]))
 }
 
-/// An NMEA sentence; `text` is what is between `$` and `*`.
+/// An NMEA sentence; `text` is the text between `$` and `*`.
 pub(crate) fn nmea(text: &str) -> String {
     let sum = text.bytes().fold(0, |sum, byte| sum ^ byte);
     format!("${text}*{sum:02X}\r\n")
@@ -34,7 +34,7 @@ pub(crate) fn binary(id: u16, week: u16, ms: u32, body: &[u8]) -> Vec<u8> {
     closed(bytes, body)
 }
 
-/// The same with a short header.
+/// A NovAtel binary message with a short header.
 pub(crate) fn short(id: u16, week: u16, ms: u32, body: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0xAA, 0x44, 0x13, body.len() as u8];
     bytes.extend(id.to_le_bytes());

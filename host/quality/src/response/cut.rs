@@ -175,7 +175,7 @@ mod tests {
         };
         near(cut.null_rule.pslr_db, 0.04);
         near(cut.null_rule.islr_db, 0.065 / 1.5);
-        // 0.9 widths are 1.2: the zeros at 2 lie outside and add nothing.
+        // 0.9 widths are 1.2: the zeros at 2 lie outside and do not contribute.
         near(cut.fixed_rule.islr_db, 0.065 / 1.5);
         assert_eq!(cut.span, [-4.0, 4.0]);
     }

@@ -143,7 +143,7 @@ pub struct Response {
     pub level_db: f64,
     /// Phase of the peak, radians in (-pi, pi].
     pub phase_rad: f64,
-    /// Turn of the phase a row and a column, radians, by which the phase was carried to the peak.
+    /// Phase gradient, radians per row and per column, with which the phase was extrapolated to the peak.
     pub turn: [f64; 2],
     /// Whether that is the true turn, or else the slowest that the pixels allow.
     pub turn_is_known: bool,

@@ -289,7 +289,7 @@ fn report(
                 "last_sigma_heading_deg": sigma_deg,
                 "chi_square": sum,
                 "chi_square_expected": expected,
-                "settled": found.settled,
+                "settled": found.converged,
                 "recorded_off_m": found.recorded_off_m,
                 "movers": movers_record(found),
                 "one_track": both.map(track_fusion::record),

@@ -120,7 +120,7 @@ impl FusedTrack {
             (
                 error @ (FusionError::Input { .. }
                 | FusionError::Model { .. }
-                | FusionError::Nowhere),
+                | FusionError::NoPosition),
                 _,
             ) => TrackFusionError::Unfit(error),
             (error, true) => TrackFusionError::Contradict(error),
@@ -228,7 +228,7 @@ impl FusedTrack {
 /// Whether the echo-based track is consistent by itself.
 fn fits(found: &Recovered) -> bool {
     let wrong = |fault: &Fault| matches!(fault, Fault::Misfit { .. } | Fault::Reversed);
-    found.settled && !found.seen.faults.iter().any(wrong)
+    found.converged && !found.seen.faults.iter().any(wrong)
 }
 
 fn span_s(found: &Recovered) -> f64 {

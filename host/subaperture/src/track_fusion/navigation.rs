@@ -5,7 +5,9 @@ use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::Channels;
 use subaperture_model::track::{Fix, turned};
 use subaperture_motion::targets::{Moment, Recovered};
-use subaperture_navigation::fusion::{Fused, Inertial, Position, Unstated, inertial, positions};
+use subaperture_navigation::fusion::{
+    DefaultSigmas, Fused, Inertial, Position, inertial, positions,
+};
 use subaperture_navigation::{Clock, GpsTime, Kind, Log, Place, Record};
 
 use super::Mounting;
@@ -166,7 +168,7 @@ impl Navigation {
                 continue;
             }
             let named = format!("{name}, {}", one.kind.name());
-            let unstated = Unstated::default();
+            let unstated = DefaultSigmas::default();
             let [first_s, last_s] = [one.from, one.to].map(|time| time.since(start));
             let (of, used) = if is_inertial {
                 let all = inertial(log, one.kind, &frame, start, &unstated);

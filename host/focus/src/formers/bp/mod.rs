@@ -119,7 +119,7 @@ impl Backprojection {
 
 pub(super) const ENTRY: Entry = Entry {
     name: "bp",
-    summary: "backprojection: every pulse's range profile read at every pixel",
+    summary: "backprojection: every pulse's range profile interpolated at every pixel",
     options: &[ERROR_DB],
     of: of::<Backprojection>,
 };
@@ -244,7 +244,7 @@ pub(crate) fn decide(
         let motion = 20.0 * libm::log10(motion_error) > planned_db - 3.0;
         Reason::new(match motion {
             true => "the antennas accelerate too much within a pulse",
-            false => "float32 sums and profiles leave no less",
+            false => "the rounding of float32 sums and profiles limits the error",
         })
         .helped_by(&[Remedy::OtherFormer(&["exact"])])
     })?;
@@ -342,7 +342,7 @@ impl Choices {
             true => Ok(()),
             false => Err(misfit(
                 ENTRY.name,
-                "its range profiles, tiles or sums are none",
+                "expected sizes of range profiles, tiles and sums within their limits",
             )),
         }
     }

@@ -57,7 +57,7 @@ const PIXEL_BYTES: u64 = 24 + 16;
 
 pub(super) const ENTRY: Entry = Entry {
     name: "exact",
-    summary: "the sum itself, in float64: slow, and the measure of all others",
+    summary: "exact sum over pulses and frequencies in float64: slow reference",
     options: &[],
     of: |_| Ok(Box::new(Exact)),
 };

@@ -134,15 +134,15 @@ fn fastest(spec: &ImageSpec, refiner: &Refiner, stretch: &Stretch) -> Option<(f6
                 if levels > 0 && largest > LARGEST_FIRST {
                     continue;
                 }
-                let way = DecimationChain::new(spec, refiner, stretch, &tree);
+                let descent = DecimationChain::new(spec, refiner, stretch, &tree);
                 let few = levels < whole.min(3);
                 if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {
                     break;
                 }
-                if way.held_bytes() > spec.scratch_bytes {
+                if descent.held_bytes() > spec.scratch_bytes {
                     continue;
                 }
-                let time_ns = way.time_ns();
+                let time_ns = descent.time_ns();
                 if best.is_none_or(|(least, _)| time_ns < least) {
                     best = Some((time_ns, tree));
                 }

@@ -257,7 +257,7 @@ impl<'a> DecimationChain<'a> {
 const MAX_FIRSTS: usize = 16_384;
 
 /// Descents through all blocks of pulses.
-pub(super) fn ways<'a>(
+pub(super) fn descents<'a>(
     spec: &'a ImageSpec<'a>,
     refiner: &'a Refiner<'a>,
     stretches: &'a [Stretch],
@@ -277,25 +277,28 @@ pub(super) struct Demand {
 }
 
 /// Largest memory demand of the given descents.
-pub(super) fn demand(ways: &[DecimationChain]) -> Demand {
-    let most = |of: fn(&DecimationChain) -> u64| ways.iter().map(of).max().unwrap_or(0);
+pub(super) fn demand(descents: &[DecimationChain]) -> Demand {
+    let most = |of: fn(&DecimationChain) -> u64| descents.iter().map(of).max().unwrap_or(0);
     Demand {
-        held_bytes: most(|way| way.held_bytes()),
-        thread_bytes: most(|way| way.thread_bytes(task_level(way.tree))),
+        held_bytes: most(|descent| descent.held_bytes()),
+        thread_bytes: most(|descent| descent.thread_bytes(task_level(descent.tree))),
     }
 }
 
 /// Total cost of the given descents.
-pub(super) fn cost(ways: &[DecimationChain], refiner: &Refiner) -> Cost {
+pub(super) fn cost(descents: &[DecimationChain], refiner: &Refiner) -> Cost {
     let (mut operations, mut times_ns) = ([0.0; 2], [0.0; 2]);
-    for way in ways {
-        let own = (way.operations(), [way.histories_ns(), way.leaves_ns()]);
+    for descent in descents {
+        let own = (
+            descent.operations(),
+            [descent.histories_ns(), descent.leaves_ns()],
+        );
         for stage in [0, 1] {
             operations[stage] += own.0[stage];
             times_ns[stage] += own.1[stage];
         }
     }
-    let demand = demand(ways);
+    let demand = demand(descents);
     let pulses = demand.held_bytes + refiner.read_bytes(1);
     let stages = [HISTORIES, LEAVES]
         .into_iter()

@@ -51,7 +51,7 @@ fn cost_model_matches_counted_operations() {
             numerics: Default::default(),
         };
         let goal = former.goal(BoundPolicy::Allowed);
-        let told = former
+        let predicted = former
             .decide(&spec, &goal, &Silent)
             .unwrap()
             .cost
@@ -68,10 +68,10 @@ fn cost_model_matches_counted_operations() {
         former.form_best(&task).unwrap();
         let done = OPERATIONS.load(Ordering::Relaxed) as f64;
         println!(
-            "{} x {}, {error_db} dB: {told:.3e} told, {done:.3e} done",
+            "{} x {}, {error_db} dB: {predicted:.3e} operations predicted, {done:.3e} counted",
             grid.rows.count, grid.columns.count
         );
-        worst = worst.max((told / done).max(done / told));
+        worst = worst.max((predicted / done).max(done / predicted));
     }
     // Bound documented in `cost`.
     assert!(worst < 1.5, "{worst}");

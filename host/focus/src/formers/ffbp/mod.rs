@@ -145,13 +145,13 @@ impl ImageFormer for FastFactorised {
         let num_pulses = spec.collection.pulses.len();
         let planned_db = refiner.shares().planned_db(num_pulses, arithmetic);
         goal.check(planned_db, || {
-            Reason::new("kernels and float32 sums leave no less")
+            Reason::new("kernels and the rounding of float32 sums limit the error")
                 .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
         })?;
         let choices = Choices::of(self.error_db, spec, &refiner);
         let stretches = choices.stretches(spec, refiner.taps());
         let tree = choices.tree;
-        let ways = cost::ways(spec, &refiner, &stretches, &tree);
+        let descents = cost::descents(spec, &refiner, &stretches, &tree);
         Ok(Decision {
             settings: json!({
                 "stretches": stretches.len(),
@@ -162,7 +162,7 @@ impl ImageFormer for FastFactorised {
             }),
             planned_db,
             grain: tree.patch_size(tree.levels),
-            cost: cost::cost(&ways, &refiner),
+            cost: cost::cost(&descents, &refiner),
             choices: json!(choices),
         })
     }
@@ -190,14 +190,14 @@ impl<'a> Opened<'a> {
     fn new(spec: ImageSpec<'a>, choices: Choices) -> Result<Self, FormError> {
         shared_band(spec.collection)?;
         if !choices.are_of(&spec) {
-            let what = "its stretches are not of these pulses, its leaves are of no size that there is, or its bound is none";
-            return Err(misfit(ENTRY.name, what));
+            let mismatch = "expected blocks that cover these pulses, leaves of a possible size and a valid error bound";
+            return Err(misfit(ENTRY.name, mismatch));
         }
         let refiner = Refiner::of(spec.collection, choices.error_db);
         let stretches = choices.stretches(&spec, refiner.taps());
         let tree = choices.tree;
         Ok(Self {
-            demand: cost::demand(&cost::ways(&spec, &refiner, &stretches, &tree)),
+            demand: cost::demand(&cost::descents(&spec, &refiner, &stretches, &tree)),
             tasks: Patches::of_size(spec.grid, tree.patch_size(task_level(&tree))),
             stretches,
             refiner,

@@ -121,7 +121,7 @@ impl ImageFormer for OmegaK {
     ) -> Result<Decision, FormError> {
         let settings = json!({});
         let limit = Reason::new(
-            "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions ring",
+            "pixels are seen at such steep angles, or from so few wavelengths away, that the edges of the angular spectrum ring",
         );
         let limit = limit.helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::FartherGrid]);
         frequency_domain::decide(spec, &Stolt, goal, &limit, settings)

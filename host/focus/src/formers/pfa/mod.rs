@@ -161,10 +161,10 @@ impl ImageFormer for PolarFormat {
         let (kernels, planned_db) = (raster::error(taps), planned(taps));
         goal.check(planned_db, || {
             if residual > kernels {
-                Reason::new("paths over so large a grid are not linear in the place")
+                Reason::new("paths over so large a grid are not linear in the position")
                     .helped_by(&[Remedy::SmallerGrid, Remedy::OtherFormer(&["rdbp"])])
             } else {
-                Reason::new("that is what its kernels can do")
+                Reason::new("its interpolation kernels limit the error")
                     .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"])])
             }
         })?;
@@ -193,7 +193,10 @@ impl ImageFormer for PolarFormat {
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("pfa", choices)?;
         if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
-            return Err(misfit(ENTRY.name, "its centre is no place"));
+            return Err(misfit(
+                ENTRY.name,
+                "expected a centre within 1e12 m of the scene's origin",
+            ));
         }
         Ok(match choices.taps {
             4 => Box::new(Opened::<4>::new(spec, choices)),
@@ -326,8 +329,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         // The extent comes from sampled pixels. It contains all pixels where paths are approximately linear; near an antenna they have
         // a cusp.
         if beyond.into_inner() {
-            let why =
-                "linear paths put some pixels beyond all others: the grid lies around an antenna";
+            let why = "the linear approximation of paths fails: the grid lies around an antenna";
             let remedies = [Remedy::GridWithout, Remedy::OtherFormer(&["bp"])];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }

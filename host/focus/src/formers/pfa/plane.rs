@@ -175,8 +175,8 @@ impl<'a> Plane<'a> {
             (0..count).collect()
         } else {
             let place = |i: usize| {
-                let beside = (i as f64 * 0.618_033_988_749_895).fract();
-                ((i as f64 + beside) * count as f64 / most as f64) as usize
+                let offset = (i as f64 * 0.618_033_988_749_895).fract();
+                ((i as f64 + offset) * count as f64 / most as f64) as usize
             };
             (0..most).map(place).collect()
         };

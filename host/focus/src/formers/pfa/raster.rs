@@ -64,8 +64,8 @@ impl RasterAxis {
         let span = ((high - low) * cells).ceil();
         if span.is_nan() || span > MAX_CELLS {
             let why = format!(
-                "the grid, {:.3e} m wide with its distortion, takes {span:.1e} cells of the scene's \
-                 spectrum",
+                "the grid, {:.3e} m wide with its distortion, needs {span:.1e} cells of the scene's \
+                 spectrum, at most {MAX_CELLS:.0e} are possible",
                 2.0 * half_m
             );
             let remedies = [Remedy::SmallerGrid, Remedy::OtherFormer(&["rdbp"])];

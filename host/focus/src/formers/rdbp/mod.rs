@@ -161,7 +161,7 @@ impl ImageFormer for RangeDopplerBackprojection {
                 let plan = Plan::by(spec.numerics.model, spec.collection, spec.grid, &request)?;
                 goal.check(plan.predicted_db, || {
                     Reason::new(
-                        "sub-CPIs and patches of these sizes, or float32 sums, leave no less",
+                        "the sizes of sub-CPIs and patches, or the rounding of float32 sums, limit the error",
                     )
                     .helped_by(self.remedies())
                 })?;

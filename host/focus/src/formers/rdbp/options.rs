@@ -43,7 +43,7 @@ pub(super) const ALL: [FormerOption; 5] = [
         name: "sub_cpi",
         summary: "Pulses a sub-CPI",
         takes: OptionType::Count,
-        default: "the most that the error bound allows; 40 in mode thesis",
+        default: "largest length within the error bound; 40 in mode thesis",
         at: &[],
         with: None,
     },

@@ -109,7 +109,8 @@ impl Plan {
                 .is_some_and(|side| side.is_nan() || side <= 0.0)
         {
             return Err(FormError::unsuited(
-                "a sub-CPI needs at least one pulse and a patch a positive side".to_owned(),
+                "expected sub-CPIs of at least one pulse and patches with a side above 0 m"
+                    .to_owned(),
             ));
         }
         let num_pulses = collection.pulses.len();
@@ -222,8 +223,8 @@ fn check_patches(grid: &ImageGrid, patch: PatchSize, sub_cpis: usize) -> Result<
         return Ok(());
     }
     let why = format!(
-        "{patches:.1e} patches of {} x {} pixels by {sub_cpis} sub-CPIs would have to be planned: at most \
-         {MAX_PATCHES:.0e} patches, and {MAX_MAPS:.0e} maps of them, are",
+        "the plan needs {patches:.1e} patches of {} x {} pixels in {sub_cpis} sub-CPIs: expected at most \
+         {MAX_PATCHES:.0e} patches and {MAX_MAPS:.0e} range-Doppler maps",
         patch.rows, patch.columns
     );
     let remedies = [Remedy::FewerPixels, Remedy::OtherFormer(&["bp"])];

@@ -93,7 +93,7 @@ impl Choices {
         let widest = spans.values().fold(0.0f64, |most, &span| most.max(span));
         if widest >= MAX_SPAN {
             let why = format!(
-                "the path to a patch changes by {widest:.1e} wavelengths from pulse to pulse, and maps hold {MAX_SPAN:.0e}"
+                "the path to a patch changes by {widest:.1e} wavelengths from pulse to pulse, range-Doppler maps allow {MAX_SPAN:.0e}"
             );
             let remedies = [Remedy::OtherFormer(&["bp"])];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));

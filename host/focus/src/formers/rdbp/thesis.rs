@@ -117,13 +117,13 @@ impl Choices {
     fn check(&self) -> Result<(), FormError> {
         if self.sub_cpi == 0 {
             return Err(FormError::unsuited(
-                "a sub-CPI needs at least one pulse".to_owned(),
+                "expected at least one pulse per sub-CPI".to_owned(),
             ));
         }
         let doppler_padding = self.doppler_padding;
         if !(1..=MAX_DOPPLER_PADDING).contains(&doppler_padding) {
             return Err(FormError::unsuited(format!(
-                "Doppler cannot be padded {doppler_padding} times: give 1 to {MAX_DOPPLER_PADDING}"
+                "Doppler padding of {doppler_padding}: expected 1 to {MAX_DOPPLER_PADDING}"
             )));
         }
         Ok(())
@@ -152,7 +152,7 @@ impl Choices {
             linear(longest as f64 / 2.0 / layout.doppler_length as f64) / 5f64.sqrt(),
         ]);
         goal.check(planned_db, || {
-            Reason::new("the thesis's method on sub-CPIs of this length")
+            Reason::new("the thesis's range-Doppler approximation with sub-CPIs of this length")
                 .helped_by(&[Remedy::Smaller(&["sub_cpi"]), PRECISE])
         })?;
         Ok(Decision {

@@ -120,12 +120,12 @@ impl Profiles {
         let reach = (centre - first).max(last - centre) + guard;
         let each_side = (reach / wavenumber_step).ceil() + 1.0;
         if each_side.is_nan() || each_side > MOST {
-            return Err(unsuited("the track strays from its line by too much"));
+            return Err(unsuited("the track deviates too far from its line"));
         }
         let size = fast_length(2 * each_side as usize);
         if centre - (size / 2) as f64 * wavenumber_step <= 0.0 {
             return Err(unsuited(
-                "its deviation from a line changes with range as fast as the phase itself",
+                "the track's deviation from its line varies with range as fast as the phase",
             ));
         }
         let step_m = 2.0 * half_m / size as f64;
@@ -186,6 +186,8 @@ fn steepest(deviation: &Deviation) -> f64 {
 }
 
 fn unsuited(why: &str) -> FormError {
-    let why = Reason::new(format!("profiles cannot be read as from a line: {why}"));
+    let why = Reason::new(format!(
+        "range-dependent motion compensation is not possible: {why}"
+    ));
     FormError::Unsuited(why.helped_by(&[Remedy::OtherFormer(&["bp", "ffbp"])]))
 }

@@ -1,7 +1,7 @@
 //! First track: from standing targets, if they can be separated from moving ones.
 //!
-//! [`movers::sort`] compares targets segment by segment. If it finds a standing group, the track is estimated without moving targets. With fewer than three targets at a time it cannot: all are taken to stand, and the squared
-//! residuals of the whole track decide. If they contradict it, tracks of pairs are tried: one that fits is taken if no other does.
+//! [`movers::classify`] compares targets segment by segment. If it finds a standing group, the track is estimated without moving targets. With fewer than three targets at a time it finds none: all targets are assumed to
+//! stand still, and the squared residuals of the whole track decide. If they contradict it, the track of every pair of targets is tried: a pair is accepted if it is the only one that fits.
 
 use std::collections::BTreeSet;
 
@@ -10,19 +10,19 @@ use crate::movers::Doubt;
 
 use super::solved::{Solved, without};
 use super::trust::{FITS, misfit};
-use crate::targets::see::{Seen, TargetsError};
+use crate::targets::see::{Detections, TargetsError};
 
 /// Pulses of a segment.
-const STRETCH: usize = 32;
+const SEGMENT: usize = 32;
 /// Largest number of targets whose pairs are tried: each pair is a track.
 const MAX_TRIED: usize = 5;
-/// Squared residuals over their expectation: at most of the pair's track, and at least of every other pair's.
+/// Squared residuals over their expectation: upper limit for the accepted pair's track, and lower limit for every other pair's.
 const ONLY: [f64; 2] = [1.3, 1.5];
 
 /// Track of standing targets, and the targets left out.
 pub(super) struct First {
     pub(super) solved: Solved,
-    /// Moving targets.
+    /// Numbers of the moving targets.
     pub(super) moving: BTreeSet<usize>,
     /// Unclassified targets that are not part of the track.
     pub(super) unknown: BTreeSet<usize>,
@@ -34,13 +34,16 @@ pub(super) struct First {
 ///
 /// # Errors
 /// [`TargetsError`].
-pub(super) fn first(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Result<First, TargetsError> {
-    let sorted = movers::sort(&seen.array, told, STRETCH)
+pub(super) fn first(
+    seen: &Detections,
+    sightings: &[Vec<crate::Sighting>],
+) -> Result<First, TargetsError> {
+    let classes = movers::classify(&seen.array, sightings, SEGMENT)
         .map_err(|(pulse, source)| TargetsError::Motion { pulse, source })?;
-    let moving: BTreeSet<usize> = sorted.moving.iter().copied().collect();
-    let unknown: BTreeSet<usize> = sorted.unknown.iter().copied().collect();
-    let solve = |left_out: &BTreeSet<usize>| Solved::new(seen, without(told, left_out));
-    if !sorted.standing.is_empty() {
+    let moving: BTreeSet<usize> = classes.moving.iter().copied().collect();
+    let unknown: BTreeSet<usize> = classes.unknown.iter().copied().collect();
+    let solve = |left_out: &BTreeSet<usize>| Solved::new(seen, without(sightings, left_out));
+    if !classes.standing.is_empty() {
         let all = solve(&moving);
         let fits = |solved: &Solved| misfit(solved) < FITS;
         if unknown.is_empty() || all.as_ref().is_ok_and(fits) {
@@ -74,40 +77,43 @@ pub(super) fn first(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Result<First,
             }),
         };
     }
-    let nobody = BTreeSet::new();
-    let all = solve(&nobody);
+    let no_target = BTreeSet::new();
+    let all = solve(&no_target);
     if all.as_ref().is_ok_and(|solved| misfit(solved) < FITS) {
         return Ok(First {
             solved: all?,
-            moving: nobody.clone(),
-            unknown: nobody,
+            moving: no_target.clone(),
+            unknown: no_target,
             of_pair: false,
         });
     }
-    if let Some((solved, moving)) = only_group(seen, told) {
+    if let Some((solved, moving)) = only_group(seen, sightings) {
         return Ok(First {
             solved,
             moving,
-            unknown: nobody,
+            unknown: no_target,
             of_pair: true,
         });
     }
-    // Three targets or more of which no three agree: no track.
+    // At least three targets, but no three that agree: no track.
     let decides = |doubt: &&Doubt| !matches!(doubt, Doubt::Few { .. });
-    match sorted.doubts.into_iter().find(|doubt| decides(&doubt)) {
+    match classes.doubts.into_iter().find(|doubt| decides(&doubt)) {
         Some(doubt) => Err(TargetsError::Movers(doubt)),
         None => Ok(First {
             solved: all?,
-            moving: nobody.clone(),
-            unknown: nobody,
+            moving: no_target.clone(),
+            unknown: no_target,
             of_pair: false,
         }),
     }
 }
 
 /// Track of the only pair of targets that fits.
-fn only_group(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Option<(Solved, BTreeSet<usize>)> {
-    let names: BTreeSet<usize> = told.iter().flatten().map(|s| s.target).collect();
+fn only_group(
+    seen: &Detections,
+    sightings: &[Vec<crate::Sighting>],
+) -> Option<(Solved, BTreeSet<usize>)> {
+    let names: BTreeSet<usize> = sightings.iter().flatten().map(|s| s.target).collect();
     let names: Vec<usize> = names.into_iter().collect();
     if !(3..=MAX_TRIED).contains(&names.len()) {
         return None;
@@ -120,7 +126,7 @@ fn only_group(seen: &Seen, told: &[Vec<crate::Sighting>]) -> Option<(Solved, BTr
                 .filter(|n| *n != a && *n != b)
                 .copied()
                 .collect();
-            if let Ok(solved) = Solved::new(seen, without(told, &left_out)) {
+            if let Ok(solved) = Solved::new(seen, without(sightings, &left_out)) {
                 tried.push((misfit(&solved), solved, left_out));
             }
         }

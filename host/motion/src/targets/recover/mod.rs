@@ -36,7 +36,7 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Channels;
 
 use crate::targets::fault::Fault;
-use crate::targets::see::{Seen, Settings, TargetsError, see};
+use crate::targets::see::{Detections, Settings, TargetsError, detect_targets};
 use aligned::Aligned;
 use first::{First, first};
 use moving::Moving;
@@ -47,14 +47,14 @@ use trust::{FITS, Residuals, misfit};
 pub use moment::Moment;
 
 /// Rounds of second association.
-const LOOKS: usize = 2;
-/// The same while each round finds more poses.
-const MAX_LOOKS: usize = 5;
+const ROUNDS: usize = 2;
+/// Largest number of rounds, while each round finds more poses.
+const MAX_ROUNDS: usize = 5;
 /// Squared residuals of a block of pulses over their expectation that are reported.
 const UNEVEN: f64 = 9.0;
 /// Squared residuals over their expectation beyond which a track is refused.
 const REFUSED: f64 = 4.0;
-/// The same for two targets at a time: half of the measurements then determine poses and fit whatever the targets do.
+/// The same for two targets at a time: half of the measurements then determine poses and fit in any case.
 const REFUSED_OF_TWO: f64 = 1.5;
 /// Pulses without a pose, as a fraction of all, from which on movers without a steady velocity are a reason for doubt: echoes so weak lose targets, and
 /// phases are unwrapped over the gaps.
@@ -73,7 +73,7 @@ pub struct Place {
     pub position_m: DVec3,
 }
 
-/// Moving target.
+/// Moving target in the scene frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mover {
     /// Numbers under which it was followed, one after another.
@@ -97,18 +97,18 @@ pub struct Mover {
 pub struct Recovered {
     /// Poses in the order of pulses; pulses that do not determine one have none.
     pub moments: Vec<Moment>,
-    /// Increments between poses in the body's axes, with covariances of x, y and turn that stand for independent errors ([`Track::steps`]).
+    /// Increments between poses in the body's axes, with covariances of x, y and turn for use as independent errors ([`Track::steps`]).
     pub steps: Vec<(Increment, DMat3)>,
-    /// Standing targets.
+    /// Positions of the standing targets.
     pub places: Vec<Place>,
-    /// Moving targets.
+    /// Moving targets with their velocities.
     pub movers: Vec<Mover>,
     /// Targets and sightings of the recording.
-    pub seen: Seen,
+    pub seen: Detections,
     /// Sum of squared residuals in standard deviations, and its expectation: measurements less unknowns.
     pub chi_square: [f64; 2],
     /// Whether the least squares converged.
-    pub settled: bool,
+    pub converged: bool,
     /// RMS distance from the recorded positions, metres; `None` if these do not move.
     pub recorded_off_m: Option<f64>,
 }
@@ -137,16 +137,16 @@ impl Recovered {
             true => most.min(FITS),
             false => most,
         };
-        match misfit > most || !self.settled {
+        match misfit > most || !self.converged {
             true => Err(TargetsError::Diverged {
                 ratio: misfit.sqrt(),
-                settled: self.settled,
+                converged: self.converged,
             }),
             false => Ok(()),
         }
     }
 
-    /// Faults by which the track may be wrong beyond its covariances.
+    /// Faults that may make the track wrong beyond its covariances.
     pub fn doubts(&self) -> impl Iterator<Item = &Fault> {
         self.seen.faults.iter().filter(|fault| fault.is_doubt())
     }
@@ -170,24 +170,24 @@ pub fn recover(
     monitor: &dyn Monitor,
 ) -> Result<Recovered, TargetsError> {
     let nominal_m = recorded_m(&channels);
-    let mut seen = see(channels, settings, monitor)?;
-    let told = solved_for(&seen.pulses);
+    let mut seen = detect_targets(channels, settings, monitor)?;
+    let sightings = solved_for(&seen.pulses);
     let apart_m = second::APART * settings.follow.apart_cells * seen.cell_m;
     let First {
         mut solved,
         moving,
         unknown,
         of_pair,
-    } = first(&seen, &told)?;
+    } = first(&seen, &sightings)?;
     let all = |solved: &Solved, moving: &BTreeSet<usize>, unknown: &BTreeSet<usize>| {
-        moving::all(&seen, solved, &told, moving, unknown, apart_m)
+        moving::all(&seen, solved, &sightings, moving, unknown, apart_m)
     };
     let (mut movers, standing) = all(&solved, &moving, &unknown);
     if !standing.is_empty() && !of_pair {
         // Targets that a segment took for movers, or did not classify, may stand still by the whole track.
         let left_out: BTreeSet<usize> = moving.union(&unknown).copied().collect();
         let left_out: BTreeSet<usize> = left_out.difference(&standing).copied().collect();
-        if let Ok(more) = Solved::new(&seen, without(&told, &left_out))
+        if let Ok(more) = Solved::new(&seen, without(&sightings, &left_out))
             && is_better(&more, &solved)
         {
             solved = more;
@@ -195,17 +195,17 @@ pub fn recover(
         }
     }
     // Assign echoes to the estimated positions, and join targets in one place.
-    for look in 0..MAX_LOOKS {
+    for round in 0..MAX_ROUNDS {
         let before = solved.kept.len();
         let [standing, of_movers] = second_sightings(&seen, &solved, &movers, settings.follow);
         match Solved::new(&seen, solved_for(&standing)) {
             Ok(better) if is_better(&better, &solved) => solved = better,
             _ => break,
         }
-        if look + 1 >= LOOKS && solved.kept.len() <= before {
+        if round + 1 >= ROUNDS && solved.kept.len() <= before {
             break;
         }
-        movers = again(&seen, &solved, &movers, &of_movers, apart_m);
+        movers = updated_movers(&seen, &solved, &movers, &of_movers, apart_m);
     }
     let counts = solved.times_seen();
     let residuals = Residuals::new(&seen, &solved);
@@ -225,7 +225,7 @@ pub fn recover(
         true => Datum::Shape,
         false => Datum::First,
     };
-    let known = found.known.laid(&found.poses, datum);
+    let known = found.joint_covariances.aligned(&found.poses, datum);
     let covariance =
         |i: usize| known[i].own * residuals.own[i] + known[i].by_targets * residuals.by_targets;
     let moments = kept.iter().enumerate().map(|(i, &n)| Moment {
@@ -290,7 +290,7 @@ pub fn recover(
         movers,
         seen,
         chi_square: found.chi_square,
-        settled: found.settled,
+        converged: found.converged,
         recorded_off_m,
     })
 }
@@ -302,17 +302,17 @@ fn is_better(after: &Solved, before: &Solved) -> bool {
     fits && (after.kept.len() >= before.kept.len() || before_misfit > FITS)
 }
 
-/// Movers by their sightings of another round; unchanged where there are too few.
-fn again(
-    seen: &Seen,
+/// Movers estimated from the sightings of another round; unchanged where these are too few.
+fn updated_movers(
+    seen: &Detections,
     solved: &Solved,
     movers: &[Moving],
-    told: &[Vec<crate::Sighting>],
+    sightings: &[Vec<crate::Sighting>],
     apart_m: f64,
 ) -> Vec<Moving> {
     let one = |before: &Moving| {
         let names = BTreeSet::from([before.names[0]]);
-        let found = moving::all(seen, solved, told, &names, &BTreeSet::new(), apart_m).0;
+        let found = moving::all(seen, solved, sightings, &names, &BTreeSet::new(), apart_m).0;
         let better = found.into_iter().next();
         let kept = better
             .filter(|after| before.mover.is_steady() && after.mover.pulses >= before.mover.pulses);

@@ -7,7 +7,7 @@ use crate::{Pose, Sighting, Target};
 
 use super::solved::Solved;
 use crate::targets::follow::differences_rad;
-use crate::targets::see::Seen;
+use crate::targets::see::Detections;
 
 /// Squared velocity over its variance that one standing target in ten million exceeds.
 const MOVES: f64 = 32.0;
@@ -35,21 +35,23 @@ struct Posed {
 
 /// Movers among these targets, with velocities beyond their errors, in the track's frame; and those of them that stand still on the track. Sightings within `apart_m` in range of a place of the track are not used.
 pub(super) fn all(
-    seen: &Seen,
+    seen: &Detections,
     solved: &Solved,
-    told: &[Vec<Sighting>],
+    all_sightings: &[Vec<Sighting>],
     certain: &BTreeSet<usize>,
     doubtful: &BTreeSet<usize>,
     apart_m: f64,
 ) -> (Vec<Moving>, BTreeSet<usize>) {
-    let told = &clear(seen, solved, told, certain, doubtful, apart_m);
+    let all_sightings = &clear(seen, solved, all_sightings, certain, doubtful, apart_m);
     let posed = Posed {
         poses: solved.found.poses.clone(),
         times_s: solved.kept.iter().map(|&n| seen.times_s[n]).collect(),
     };
     let of = |names: &[usize]| -> Option<Mover> {
         let pulse = |&n: &usize| -> Vec<Sighting> {
-            let own = told[n].iter().filter(|s| names.contains(&s.target));
+            let own = all_sightings[n]
+                .iter()
+                .filter(|s| names.contains(&s.target));
             let named = own.map(|s| Sighting {
                 target: names[0],
                 ..s.clone()
@@ -65,7 +67,7 @@ pub(super) fn all(
         let v = mover.velocity_m_s;
         let square = v.dot(mover.covariance.inverse() * v) / mover.misfit().max(1.0);
         let gone_m = v.length() * (mover.seen_s[1] - mover.seen_s[0]);
-        // A target that fits no velocity moves if that was found before.
+        // A target without a constant velocity moves if the classification says so.
         let square = match certain.contains(&mover.target) && !mover.is_steady() {
             true => f64::INFINITY,
             false => square,
@@ -111,18 +113,18 @@ pub(super) fn all(
     }
     let each = groups.into_iter();
     let movers = each.map(|(names, mover)| Moving {
-        expected: expected(seen, solved, told, &names, &mover),
+        expected: expected(seen, solved, all_sightings, &names, &mover),
         names,
         mover,
     });
     (movers.collect(), standing)
 }
 
-/// Sightings of these targets farther than this in range from every place of the track: a nearer one may be the echo of that place, or be distorted by it.
+/// Sightings of these targets at more than `apart_m` in range from every place of the track: a nearer one may be the echo of that place, or be distorted by it.
 fn clear(
-    seen: &Seen,
+    seen: &Detections,
     solved: &Solved,
-    told: &[Vec<Sighting>],
+    all_sightings: &[Vec<Sighting>],
     certain: &BTreeSet<usize>,
     doubtful: &BTreeSet<usize>,
     apart_m: f64,
@@ -140,14 +142,14 @@ fn clear(
         let alone = |s: &&Sighting| places_m.iter().all(|m| (m - s.range_m).abs() > apart_m);
         own.into_iter().filter(alone).cloned().collect()
     };
-    told.iter().enumerate().map(pulse).collect()
+    all_sightings.iter().enumerate().map(pulse).collect()
 }
 
 /// Expected range and phase differences of a mover in every pulse: by its velocity if constant, else interpolated from its sightings.
 fn expected(
-    seen: &Seen,
+    seen: &Detections,
     solved: &Solved,
-    told: &[Vec<Sighting>],
+    all_sightings: &[Vec<Sighting>],
     names: &[usize],
     mover: &Mover,
 ) -> Vec<Option<(f64, Vec<f64>)>> {
@@ -165,7 +167,7 @@ fn expected(
         };
         return (0..count).map(at).collect();
     }
-    let own: Vec<(usize, &Sighting)> = told
+    let own: Vec<(usize, &Sighting)> = all_sightings
         .iter()
         .enumerate()
         .flat_map(|(n, pulse)| pulse.iter().map(move |s| (n, s)))

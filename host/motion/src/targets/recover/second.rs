@@ -6,7 +6,7 @@ use super::moving::Moving;
 use super::solved::Solved;
 use crate::targets::echo::Echo;
 use crate::targets::follow::{TrackerSettings, associate, differences_rad, sighting};
-use crate::targets::see::Seen;
+use crate::targets::see::Detections;
 
 /// Targets up to this multiple of the follower's distance distort each other's phases by more than noise.
 pub(super) const APART: f64 = 4.0 / 3.0;
@@ -14,7 +14,7 @@ pub(super) const APART: f64 = 4.0 / 3.0;
 /// Sightings of all pulses by the positions of the track's targets and the expected positions of movers. Targets in one place are joined, and targets too near to each other in range are left out. Returns those of standing
 /// targets, then those of movers by their first number.
 pub(super) fn second_sightings(
-    seen: &Seen,
+    seen: &Detections,
     solved: &Solved,
     movers: &[Moving],
     follow: TrackerSettings,
@@ -42,7 +42,7 @@ pub(super) fn second_sightings(
                 .map(|(range_m, rad)| (*range_m, rad.as_slice()))
         });
         let taken = associate(each, echoes, gate_m);
-        let mut told = [Vec::new(), Vec::new()];
+        let mut assigned = [Vec::new(), Vec::new()];
         for (i, echo) in taken.into_iter().enumerate() {
             let (Some(echo), Some((range_m, _))) = (echo, &expected[i]) else {
                 continue;
@@ -55,7 +55,7 @@ pub(super) fn second_sightings(
                 .count()
                 == 1;
             if alone {
-                let [standing, moving] = &mut told;
+                let [standing, moving] = &mut assigned;
                 match targets.get(i) {
                     Some((name, _)) => standing.push(sighting(*name, &echoes[echo])),
                     None => {
@@ -64,7 +64,7 @@ pub(super) fn second_sightings(
                 }
             }
         }
-        told
+        assigned
     };
     let (standing, moving) = seen
         .echoes

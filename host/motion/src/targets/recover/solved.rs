@@ -4,11 +4,11 @@ use std::collections::{BTreeSet, HashMap};
 
 use crate::{Array, MotionError, Pose, Sighting, Track, Tracker, track_numbered};
 
-use crate::targets::see::{Seen, TargetsError, WINDOW};
+use crate::targets::see::{Detections, TargetsError, WINDOW};
 
 /// Largest number of targets of a track, most sightings first: the time of a pulse grows with the cube of their number.
 const MAX_SOLVED: usize = 48;
-/// Least number of pulses of a target: it adds three unknowns, and fewer pulses contribute nothing to the others.
+/// Least number of pulses of a target: it adds three unknowns, and fewer pulses do not contribute to the other unknowns.
 const MIN_PULSES_SEEN: usize = 10;
 
 /// Track of some pulses.
@@ -21,7 +21,7 @@ pub(super) struct Solved {
 }
 
 impl Solved {
-    pub(super) fn new(seen: &Seen, pulses: Vec<Vec<Sighting>>) -> Result<Self, TargetsError> {
+    pub(super) fn new(seen: &Detections, pulses: Vec<Vec<Sighting>>) -> Result<Self, TargetsError> {
         let mut kept: Vec<usize> = (0..pulses.len()).filter(|&n| pulses[n].len() > 1).collect();
         if kept.len() < 2 {
             return Err(too_few(&seen.pulses));
@@ -32,7 +32,7 @@ impl Solved {
         let solve = |kept: &[usize]| track_numbered(&seen.array, &own(kept), kept, WINDOW);
         let found = solve(&kept).or_else(|(n, error)| match error {
             MotionError::NoEstimate(_) if n < kept.len() => {
-                kept = tellable(&seen.array, &own(&kept), &kept)?;
+                kept = with_pose(&seen.array, &own(&kept), &kept)?;
                 solve(&kept)
             }
             error => Err((n, error)),
@@ -84,7 +84,7 @@ const BEYOND: usize = 30;
 const AT_END: usize = 16;
 
 impl Solved {
-    /// Pose so many pulses beyond an end, by the mean motion there.
+    /// Pose `pulses` pulses beyond an end, extrapolated by the mean motion there.
     fn beyond(&self, end: usize, pose: Pose, pulses: usize) -> Pose {
         let poses = &self.found.poses;
         let other = end.abs_diff(AT_END.min(poses.len() - 1));
@@ -144,26 +144,26 @@ fn too_few(pulses: &[Vec<Sighting>]) -> TargetsError {
     }
 }
 
-/// Pulses that determine their pose given those before.
-fn tellable(
+/// Pulses that determine their pose, given the pulses before.
+fn with_pose(
     array: &Array,
     pulses: &[Vec<Sighting>],
     numbers: &[usize],
 ) -> Result<Vec<usize>, (usize, MotionError)> {
     let mut tracker = Tracker::new(array.clone(), WINDOW).map_err(|error| (0, error))?;
-    let mut tellable = Vec::with_capacity(numbers.len());
+    let mut with_pose = Vec::with_capacity(numbers.len());
     let mut first_error = None;
     for (i, (&n, sightings)) in numbers.iter().zip(pulses).enumerate() {
         tracker.skip(i.checked_sub(1).map_or(0, |m| n - numbers[m] - 1));
         match tracker.push(sightings) {
-            Ok(_) => tellable.push(n),
+            Ok(_) => with_pose.push(n),
             Err(error) => {
                 first_error.get_or_insert((i, error));
             }
         }
     }
     match first_error {
-        Some(error) if tellable.len() < 2 => Err(error),
-        _ => Ok(tellable),
+        Some(error) if with_pose.len() < 2 => Err(error),
+        _ => Ok(with_pose),
     }
 }

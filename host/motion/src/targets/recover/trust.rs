@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! misfit   s^2   = chi-square / expected, at least 1; of blocks of 32 pulses where it is larger there beyond chance
-//! lasting  kappa = 1 + 2 sum over lags of the autocorrelation of residuals, target by target and channel by channel, at least 1
+//! correlation length kappa = 1 + 2 sum over lags of the autocorrelation of residuals, target by target and channel by channel, at least 1
 //! ```
 //!
 //! The own part of a pose's covariance is multiplied by the misfit of the track, or of its block. The part from the targets' positions, which are averages over many pulses, is multiplied by `s^2 kappa`: clutter in a target's range cell
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use crate::Sighting;
 
 use super::solved::Solved;
-use crate::targets::see::Seen;
+use crate::targets::see::Detections;
 
 /// Squared residuals over their expectation up to which a track fits.
 pub(super) const FITS: f64 = 2.0;
@@ -42,13 +42,18 @@ pub(super) struct Residuals {
 }
 
 impl Residuals {
-    pub(super) fn new(seen: &Seen, solved: &Solved) -> Self {
+    pub(super) fn new(seen: &Detections, solved: &Solved) -> Self {
         let found = &solved.found;
         let channels = seen.array.num_channels();
         // Residuals of each target with the pulses' numbers.
         let mut series: HashMap<usize, Vec<(usize, Vec<f64>)>> = HashMap::new();
         let mut squares: Vec<(f64, usize)> = Vec::with_capacity(found.poses.len());
-        for (i, (pulse, pose)) in found.understood.iter().zip(&found.poses).enumerate() {
+        for (i, (pulse, pose)) in found
+            .unwrapped_sightings
+            .iter()
+            .zip(&found.poses)
+            .enumerate()
+        {
             let (mut sum, mut count) = (0.0, 0);
             for sighting in pulse {
                 let (_, target) = &found.targets[sighting.target];
@@ -82,8 +87,8 @@ impl Residuals {
             };
             own.extend(block.iter().map(|_| misfit));
         }
-        let phases = lasting(series.values(), 0..channels);
-        let ranges = lasting(series.values(), channels..channels + 1);
+        let phases = correlation_length(series.values(), 0..channels);
+        let ranges = correlation_length(series.values(), channels..channels + 1);
         Self {
             of_pulses,
             own,
@@ -116,7 +121,7 @@ fn errors(sighting: &Sighting, lines: &[crate::model::Line]) -> Vec<f64> {
 }
 
 /// Correlation length of residuals in pulses: 1 plus twice the sum of their autocorrelation up to the first insignificant lag.
-fn lasting<'a>(
+fn correlation_length<'a>(
     series: impl Iterator<Item = &'a Vec<(usize, Vec<f64>)>> + Clone,
     numbers: std::ops::Range<usize>,
 ) -> f64 {

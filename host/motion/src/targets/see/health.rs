@@ -7,10 +7,10 @@ use crate::targets::fault::Fault;
 
 /// Level below the strongest channel at which only leakage remains, dB.
 const DEAD_DB: f64 = 40.0;
-/// Median SNR below which a channel contains noise alone, if another channel's is above the second value.
+/// Median SNR below which a channel contains noise alone, if the median SNR of another channel is above [`SEEN`].
 const SILENT: f64 = 4.0;
 const SEEN: f64 = 100.0;
-/// Share of samples at the largest value from which on a channel is saturated: of a steady tone 0.2 % are within [`RAIL`] of it.
+/// Least share of samples at the largest value of a saturated channel: 0.2 % of an unsaturated steady tone are within [`RAIL`] of it.
 const SATURATED: f64 = 0.01;
 const RAIL: f64 = 2e-6;
 
@@ -68,11 +68,11 @@ impl Health {
 }
 
 /// Statistics of all channels.
-pub(super) struct Looked {
+pub(super) struct ChannelStatistics {
     pub(super) of: Vec<Health>,
 }
 
-impl Looked {
+impl ChannelStatistics {
     pub(super) fn most_power(&self) -> f64 {
         self.of.iter().fold(0.0, |most, own| most.max(own.power))
     }
@@ -89,7 +89,7 @@ impl Looked {
     }
 
     /// Channels with echoes, and the names of the others with their level below the strongest; `None` for zeros only.
-    pub(super) fn parted<'a>(&self, channels: Channels<'a>) -> Parted<'a> {
+    pub(super) fn split<'a>(&self, channels: Channels<'a>) -> Split<'a> {
         let most = self.most_power();
         let best = self.of.iter().filter_map(Health::snr).fold(0.0, f64::max);
         let (mut alive, mut dead) = (Vec::new(), Vec::new());
@@ -109,4 +109,4 @@ impl Looked {
 }
 
 /// Channels with echoes, and names of those without.
-pub(super) type Parted<'a> = (Vec<ChannelHistory<'a>>, Vec<(String, Option<f64>)>);
+pub(super) type Split<'a> = (Vec<ChannelHistory<'a>>, Vec<(String, Option<f64>)>);

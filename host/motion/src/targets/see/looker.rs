@@ -4,9 +4,9 @@ use num_complex::{Complex32, Complex64};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channels, Pulse, ReadError};
 
-use super::health::{Health, Looked};
+use super::health::{ChannelStatistics, Health};
 use super::lost::{Lost, Unreadable, turns};
-use super::{Seen, Settings, TargetsError};
+use super::{Detections, Settings, TargetsError};
 use crate::targets::arrangement::Arrangement;
 use crate::targets::cfar::{Detector, Search};
 use crate::targets::echo::{Echo, echoes};
@@ -15,14 +15,14 @@ use crate::targets::follow::TargetTracker;
 use crate::targets::profile::{Echoes, Profiler};
 
 /// Number of pulses from which the health of channels is judged.
-const LOOKED_AT: usize = 32;
+const HEALTH_PULSES: usize = 32;
 /// Peaks of a pulse that are examined beyond the largest number of targets.
-const BESIDE: usize = 16;
+const EXTRA_PEAKS: usize = 16;
 /// Bytes of a block of pulses.
 const BLOCK_BYTES: usize = 4 << 20;
 
 /// Detector of targets in pulses of several channels.
-pub(crate) struct Looker {
+pub(crate) struct TargetDetector {
     profiler: Profiler,
     settings: Settings,
     detector: Detector,
@@ -32,7 +32,7 @@ pub(crate) struct Looker {
     least_snr: f64,
 }
 
-impl Looker {
+impl TargetDetector {
     pub(crate) fn new(
         profiler: Profiler,
         settings: &Settings,
@@ -49,7 +49,7 @@ impl Looker {
     }
 
     /// Whether the echo is above noise in all channels.
-    pub(crate) fn is_heard(&self, echo: &Echo) -> bool {
+    pub(crate) fn is_above_noise(&self, echo: &Echo) -> bool {
         echo.snr.iter().all(|snr| *snr >= self.least_snr)
     }
 
@@ -70,7 +70,9 @@ impl Looker {
         let strongest = power.iter().fold(0.0, |most: f64, p| most.max(*p));
         let mut search = self.detector.search(&power, self.lobe * strongest);
         // Targets beyond the searched ranges are subtracted with the others.
-        search.peaks.truncate(self.settings.most_targets + BESIDE);
+        search
+            .peaks
+            .truncate(self.settings.most_targets + EXTRA_PEAKS);
         let mut found = echoes(
             &self.profiler,
             &self.detector,
@@ -93,39 +95,39 @@ impl Looker {
     }
 
     /// Collect the statistics of channels from some pulses.
-    pub(super) fn look(
+    pub(super) fn channel_statistics(
         &self,
         channels: &Channels,
         monitor: &dyn Monitor,
-    ) -> Result<Looked, TargetsError> {
+    ) -> Result<ChannelStatistics, TargetsError> {
         let count = channels.num_pulses();
-        let looked_at = count.min(LOOKED_AT);
-        let mut looked = Looked {
+        let examined = count.min(HEALTH_PULSES);
+        let mut statistics = ChannelStatistics {
             of: vec![Health::default(); channels.len()],
         };
-        for i in 0..looked_at {
+        for i in 0..examined {
             if monitor.cancelled() {
                 return Err(TargetsError::Cancelled);
             }
-            let n = i * count / looked_at;
+            let n = i * count / examined;
             let Ok(read) = read(channels, n..n + 1)? else {
                 continue;
             };
             let echoes = self.pulse(channels, &read, n, 0);
-            for (health, samples) in looked.of.iter_mut().zip(&read) {
+            for (health, samples) in statistics.of.iter_mut().zip(&read) {
                 health.take(samples);
             }
-            for (health, samples) in looked.of.iter_mut().zip(&echoes) {
+            for (health, samples) in statistics.of.iter_mut().zip(&echoes) {
                 health.take_echoes(samples);
             }
             let (found, _) = self.find(&echoes);
             for echo in &found {
-                for (health, snr) in looked.of.iter_mut().zip(&echo.snr) {
+                for (health, snr) in statistics.of.iter_mut().zip(&echo.snr) {
                     health.echoes.push(*snr);
                 }
             }
         }
-        Ok(looked)
+        Ok(statistics)
     }
 
     /// Samples of pulse `n`, the `i`-th of those read.
@@ -140,12 +142,13 @@ impl Looker {
         .collect()
     }
 
+    /// Detect the targets of all pulses and follow them from pulse to pulse.
     pub(super) fn follow(
         &self,
         channels: &Channels,
         arrangement: Arrangement,
         monitor: &dyn Monitor,
-    ) -> Result<Seen, TargetsError> {
+    ) -> Result<Detections, TargetsError> {
         let cell_m = 0.5 * self.profiler.cell_m();
         let order = arrangement.order();
         let mut follower =
@@ -187,8 +190,8 @@ impl Looker {
                     for n in run {
                         match read(channels, n..n + 1)? {
                             Ok(samples) => take(n, Some(&self.pulse(channels, &samples, n, 0))),
-                            Err(what) => {
-                                unreadable.take(n, what);
+                            Err(reason) => {
+                                unreadable.take(n, reason);
                                 take(n, None);
                             }
                         }
@@ -221,7 +224,7 @@ impl Looker {
             faults.extend(turns(channels, rate_m, array.rad_m()));
         }
         let names: Vec<String> = channels.about().map(|about| about.name.clone()).collect();
-        Ok(Seen {
+        Ok(Detections {
             arrangement,
             array,
             channels: order.iter().map(|&c| names[c].clone()).collect(),
@@ -235,7 +238,7 @@ impl Looker {
     }
 }
 
-/// Samples of a run of pulses, channel by channel, or the text of what is not finite.
+/// Samples of a run of pulses, channel by channel, or a text that names the first sample that is not finite.
 type Samples = Result<Vec<Vec<Complex32>>, String>;
 
 fn read(channels: &Channels, run: std::ops::Range<usize>) -> Result<Samples, ReadError> {
@@ -251,7 +254,7 @@ fn read(channels: &Channels, run: std::ops::Range<usize>) -> Result<Samples, Rea
         if let Some(i) = samples.iter().position(|z| !is_number(z)) {
             let (pulse, sample) = (run.start + i / width, i % width);
             return Ok(Err(format!(
-                "channel '{}': sample {sample} of pulse {pulse} is no finite number",
+                "channel '{}': sample {sample} of pulse {pulse} is not finite",
                 about.name
             )));
         }

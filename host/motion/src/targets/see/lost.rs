@@ -1,4 +1,4 @@
-//! Losses of a recording: unreadable pulses, echoes lost in one channel, and motion between the pulses of a turn.
+//! Losses of a recording: unreadable pulses, echoes lost in one channel, and motion between the pulses of a transmitter cycle.
 
 use subaperture_model::phase_history::Channels;
 
@@ -8,7 +8,7 @@ use crate::targets::fault::Fault;
 /// Share of echoes lost in one channel that is reported.
 const WEAK: f64 = 0.1;
 
-/// Unreadable pulses.
+/// Count of unreadable pulses.
 #[derive(Default)]
 pub(super) struct Unreadable {
     pub(super) count: usize,
@@ -16,17 +16,17 @@ pub(super) struct Unreadable {
 }
 
 impl Unreadable {
-    pub(super) fn take(&mut self, pulse: usize, what: String) {
+    pub(super) fn take(&mut self, pulse: usize, reason: String) {
         self.count += 1;
-        self.first.get_or_insert((pulse, what));
+        self.first.get_or_insert((pulse, reason));
     }
 
     pub(super) fn fault(self) -> Option<Fault> {
-        let (first, what) = self.first?;
+        let (first, reason) = self.first?;
         Some(Fault::Unreadable {
             pulses: self.count,
             first,
-            what,
+            reason,
         })
     }
 }
@@ -71,7 +71,7 @@ impl Lost {
     }
 }
 
-/// Fault if motion changes phases between the pulses of a turn.
+/// Fault if motion changes phases between the pulses of a transmitter cycle.
 pub(super) fn turns(channels: &Channels, rate_m: f64, rad_m: f64) -> Option<Fault> {
     let first = channels.channel(0).collection();
     let [a, b, ..] = first.pulses[..] else {

@@ -16,7 +16,7 @@ use crate::targets::fault::Fault;
 use crate::targets::follow::{Event, TrackerSettings};
 use crate::targets::profile::Profiler;
 
-pub(crate) use looker::Looker;
+pub(crate) use looker::TargetDetector;
 
 /// Lag of the fixed-lag smoother, pulses.
 pub(crate) const WINDOW: usize = 10;
@@ -26,9 +26,9 @@ pub(crate) const WINDOW: usize = 10;
 pub struct Settings {
     /// Window over frequency, Taylor with side lobes of -50 dB by default. Peaks below its side lobes of the strongest target are not searched for.
     pub window: Window,
-    /// CFAR detection.
+    /// Settings of the CFAR detector.
     pub cfar: Cfar,
-    /// Association from pulse to pulse.
+    /// Settings of the association from pulse to pulse.
     pub follow: TrackerSettings,
     /// Nearest and farthest range searched, metres; the whole unambiguous interval if `None`.
     pub ranges_m: Option<(f64, f64)>,
@@ -56,10 +56,10 @@ impl Default for Settings {
 
 /// Targets of a recording, and its array.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub struct Detections {
     /// Antennas of the channels that are used.
     pub arrangement: Arrangement,
-    /// The same in the plane; channels transmitter by transmitter, receiver by receiver, as in sightings.
+    /// The array in the plane of motion; channels transmitter by transmitter, receiver by receiver, as in sightings.
     pub array: Array,
     /// Names of the channels, in the array's order.
     pub channels: Vec<String>,
@@ -69,7 +69,7 @@ pub struct Seen {
     pub echoes: Vec<Vec<Echo>>,
     /// Times of the pulses, seconds from the collection's start.
     pub times_s: Vec<f64>,
-    /// Range resolution, metres.
+    /// Range resolution `c / (2 B)`, metres.
     pub cell_m: f64,
     /// Births, deaths and crossings of targets.
     pub events: Vec<Event>,
@@ -87,7 +87,7 @@ pub enum TargetsError {
     /// The channels do not form an array.
     #[error(transparent)]
     Arrangement(#[from] ArrangementError),
-    /// Invalid settings.
+    /// A setting is invalid.
     #[error("{0}")]
     Settings(&'static str),
     /// Channels or pulses differ in frequency.
@@ -98,10 +98,10 @@ pub enum TargetsError {
     Samples(usize),
     /// No target was detected for long enough.
     #[error(
-        "no target lasts over {pulses} pulses: the strongest range cell is at {most_db:+.1} dB of the detection threshold"
+        "no target lasts long enough in {pulses} pulses: the strongest range cell is at {most_db:+.1} dB relative to the detection threshold"
     )]
     Nothing {
-        /// Pulses searched.
+        /// Number of pulses searched.
         pulses: usize,
         /// Highest level of a cell over its threshold, dB.
         most_db: f64,
@@ -111,8 +111,8 @@ pub enum TargetsError {
     AllDead,
     /// Never two targets at a time.
     #[error(
-        "at most {most} target is seen at a time, in {pulses} pulses at ranges of {:.2} m to {:.2} m: a track needs two targets in different directions; the \
-         ranges are reliable",
+        "expected at least two targets in different directions at a time, found at most {most} target in {pulses} pulses at ranges of {:.2} m to {:.2} m; the ranges are \
+         reliable",
         ranges_m.0, ranges_m.1
     )]
     TooFew {
@@ -124,14 +124,14 @@ pub enum TargetsError {
         ranges_m: (f64, f64),
     },
     /// The channels with echoes do not form an array.
-    #[error("{left} of {} channels have echoes (dead: {}): direction of arrival needs two receivers of one transmitter, half a wavelength apart or less", left + dead.len(), dead.join(", "))]
+    #[error("{left} of {} channels have echoes (dead: {}): direction of arrival needs two receivers of one transmitter, at most half a wavelength apart", left + dead.len(), dead.join(", "))]
     Left {
-        /// Channels with echoes.
+        /// Number of channels with echoes.
         left: usize,
         /// Names of those without.
         dead: Vec<String>,
     },
-    /// Motion cannot be found with this array.
+    /// The array does not determine directions of arrival.
     #[error(transparent)]
     Array(crate::MotionError),
     /// No motion explains the sightings.
@@ -139,23 +139,23 @@ pub enum TargetsError {
     Motion {
         /// Number of the pulse in the recording.
         pulse: usize,
-        /// Reason.
+        /// Reason why the pulse has no pose.
         source: crate::MotionError,
     },
     /// The residuals contradict the track.
     #[error(
-        "the track diverges: its residuals are {ratio:.1} times the noise{}. Phases may be off by whole turns, targets be mistaken for others or move, or the radar move out of the plane of its antennas",
-        if *settled { "" } else { ", and the least squares do not converge" }
+        "the track diverges: its residuals are {ratio:.1} times the noise{}. Phases may be off by whole turns, targets may be mistaken for others or move, or the radar may move out of the plane of its antennas",
+        if *converged { "" } else { ", and the least squares do not converge" }
     )]
     Diverged {
         /// RMS of the residuals over that of the noise.
         ratio: f64,
         /// Whether the least squares converged.
-        settled: bool,
+        converged: bool,
     },
     /// Most pulses have no pose.
     #[error(
-        "two targets or more are seen in {poses} of {pulses} pulses: a track that can be checked needs half of them"
+        "expected at least two targets in half of the pulses, found them in {poses} of {pulses}: the track cannot be checked over the gaps"
     )]
     Sparse {
         /// Pulses with a pose.
@@ -163,10 +163,10 @@ pub enum TargetsError {
         /// Pulses of the recording.
         pulses: usize,
     },
-    /// Standing and moving targets cannot be told apart.
+    /// Standing and moving targets cannot be separated.
     #[error("no track: {0}")]
     Movers(crate::movers::Doubt),
-    /// The monitor cancelled.
+    /// The monitor cancelled the work.
     #[error("cancelled")]
     Cancelled,
 }
@@ -175,23 +175,23 @@ pub enum TargetsError {
 ///
 /// # Errors
 /// [`TargetsError`].
-pub fn see(
+pub fn detect_targets(
     channels: Channels,
     settings: &Settings,
     monitor: &dyn Monitor,
-) -> Result<Seen, TargetsError> {
+) -> Result<Detections, TargetsError> {
     let num_pulses = channels.num_pulses();
     if num_pulses == 0 {
         return Err(ArrangementError::NoPulses.into());
     }
     let profiler = profiler_of(&channels, settings)?;
-    let everyone = Looker::new(profiler.clone(), settings, channels.len())?;
-    let looked = everyone.look(&channels, monitor)?;
-    let mut faults = looked.saturated(&channels);
-    if looked.most_power() == 0.0 {
+    let all_channels = TargetDetector::new(profiler.clone(), settings, channels.len())?;
+    let statistics = all_channels.channel_statistics(&channels, monitor)?;
+    let mut faults = statistics.saturated(&channels);
+    if statistics.most_power() == 0.0 {
         return Err(TargetsError::AllDead);
     }
-    let (alive, dead) = looked.parted(channels);
+    let (alive, dead) = statistics.split(channels);
     let left = (!dead.is_empty()).then(|| TargetsError::Left {
         left: alive.len(),
         dead: dead.iter().map(|(name, _)| name.clone()).collect(),
@@ -210,8 +210,8 @@ pub fn see(
         (arrangement, _) => arrangement?,
     };
     Tracker::new(arrangement.array(middle_hz), 2).map_err(TargetsError::Array)?;
-    let looker = Looker::new(profiler, settings, channels.len())?;
-    let mut seen = looker.follow(&channels, arrangement, monitor)?;
+    let target_detector = TargetDetector::new(profiler, settings, channels.len())?;
+    let mut seen = target_detector.follow(&channels, arrangement, monitor)?;
     faults.append(&mut seen.faults);
     seen.faults = faults;
     Ok(seen)
@@ -252,12 +252,12 @@ pub(crate) fn profiler(
         && !(near_m >= 0.0 && far_m > near_m && far_m.is_finite())
     {
         return Err(TargetsError::Settings(
-            "expected ranges from 0 m or more to a larger and finite one",
+            "expected ranges from at least 0 m to a larger, finite one",
         ));
     }
     if !settings.least_snr_db.is_finite() || settings.most_targets < 2 {
         return Err(TargetsError::Settings(
-            "expected a finite least SNR and two targets or more",
+            "expected a finite least SNR in dB and at least two targets",
         ));
     }
     Ok(Profiler::new(

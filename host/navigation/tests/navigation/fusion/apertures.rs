@@ -1,4 +1,4 @@
-//! Errors within apertures of a second: what is left after the offset and the turn that make them least.
+//! Errors of track segments of 1 s, after least-squares alignment by translation and rotation.
 
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
@@ -7,7 +7,7 @@ use subaperture_navigation::fusion::{Basis, Fused};
 
 use super::sensors::{Sensors, gaussian, place};
 
-/// Errors of a stretch of track after the offset and the turn about z that make them least: RMS in the plane, and upwards.
+/// RMS errors of a track segment in the plane and vertically, metres, after least-squares alignment by translation and rotation about z.
 pub(crate) fn relative(errors: &[(DVec3, DVec3)]) -> [f64; 2] {
     let share = 1.0 / errors.len() as f64;
     let centre = errors.iter().map(|one| one.0).sum::<DVec3>() * share;
@@ -27,7 +27,7 @@ pub(crate) fn relative(errors: &[(DVec3, DVec3)]) -> [f64; 2] {
     [(level * share).sqrt(), (up * share).sqrt()]
 }
 
-/// Of every second of a track, half a second on from one to the next.
+/// [`relative`] errors of segments of 1 s that overlap by half.
 pub(crate) fn apertures(
     track: &[(f64, DVec3)],
     seconds: f64,
@@ -51,7 +51,7 @@ pub(crate) fn largest(apertures: &[[f64; 2]]) -> [f64; 2] {
     [most(0), most(1)]
 }
 
-/// RMS of all.
+/// RMS over all apertures.
 pub(crate) fn typical(apertures: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|k| {
         let sum: f64 = apertures.iter().map(|one| one[k] * one[k]).sum();
@@ -59,17 +59,17 @@ pub(crate) fn typical(apertures: &[[f64; 2]]) -> [f64; 2] {
     })
 }
 
-/// Errors within apertures of the estimate, largest and typical; and typical ones as its covariance has them.
-pub(crate) fn judged(sensors: &Sensors, fused: &Fused) -> [[f64; 2]; 3] {
-    // Every tenth pulse is enough of a curve that is smooth but for micrometres.
-    let thinned = fused.samples.iter().enumerate();
-    let track: Vec<(f64, DVec3)> = thinned
+/// Errors within apertures of the estimate: largest, RMS, and the RMS predicted by its covariance.
+pub(crate) fn aperture_errors(sensors: &Sensors, fused: &Fused) -> [[f64; 2]; 3] {
+    // Every tenth pulse is sufficient: the error is smooth except for micrometres.
+    let decimated = fused.samples.iter().enumerate();
+    let track: Vec<(f64, DVec3)> = decimated
         .filter(|(n, sample)| n % 10 == 0 || sample.basis == Basis::Bridged)
         .map(|(_, sample)| (sample.time_s, sample.position_m))
         .collect();
     let errors = apertures(&track, sensors.seconds, |i| place(track[i].0));
     let mut random = ChaCha8Rng::seed_from_u64(99);
-    let mut foretold = Vec::new();
+    let mut predicted = Vec::new();
     for _ in 0..12 {
         let other = fused.plausible(|| gaussian(&mut random));
         let known: Vec<DVec3> = {
@@ -88,19 +88,19 @@ pub(crate) fn judged(sensors: &Sensors, fused: &Fused) -> [[f64; 2]; 3] {
             .copied()
             .zip(other.positions_m)
             .collect();
-        foretold.extend(apertures(&track, sensors.seconds, |i| known[i]));
+        predicted.extend(apertures(&track, sensors.seconds, |i| known[i]));
     }
-    [largest(&errors), typical(&errors), typical(&foretold)]
+    [largest(&errors), typical(&errors), typical(&predicted)]
 }
 
-pub(crate) fn told(name: &str, [largest, typical, foretold]: [[f64; 2]; 3]) {
+pub(crate) fn print(name: &str, [largest, typical, predicted]: [[f64; 2]; 3]) {
     println!(
         "{name}: in the plane at most {:.1} um, RMS {:.1} um, by the covariance {:.1} um; upwards {:.1}, {:.1}, {:.1} um",
         largest[0] * 1e6,
         typical[0] * 1e6,
-        foretold[0] * 1e6,
+        predicted[0] * 1e6,
         largest[1] * 1e6,
         typical[1] * 1e6,
-        foretold[1] * 1e6
+        predicted[1] * 1e6
     );
 }

@@ -1,4 +1,4 @@
-//! Logs as measurements: velocities of receivers, and what they are worth.
+//! Measurements from logs: velocities of receivers and their benefit.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::monitor::Silent;
-use subaperture_navigation::fusion::{Inputs, Unstated, fuse, positions};
+use subaperture_navigation::fusion::{DefaultSigmas, Inputs, fuse, positions};
 use subaperture_navigation::{GpsTime, Kind, Log, Options};
 
 use super::sensors::{noise, place, sensors, velocity};
@@ -37,7 +37,7 @@ fn frame() -> SceneFrame {
     }
 }
 
-/// A position at a time after [`START`], and a velocity of 5 m/s towards 30 degrees from north, as a receiver tells both.
+/// BESTPOS record `seconds` after [`START`].
 fn position(seconds: f64) -> String {
     let header = format!(
         "COM1,0,58.5,FINESTEERING,2209,{:.3},02000020,18bc,16809",
@@ -48,6 +48,7 @@ fn position(seconds: f64) -> String {
     ))
 }
 
+/// BESTVEL record `seconds` after [`START`]: 5 m/s towards 30 degrees from north.
 fn moving(seconds: f64, latency: f64) -> String {
     let header = format!(
         "COM1,0,58.5,FINESTEERING,2209,{:.3},02000020,18bc,16809",
@@ -59,11 +60,11 @@ fn moving(seconds: f64, latency: f64) -> String {
 }
 
 #[test]
-fn velocities_beside_positions_are_theirs() {
+fn velocities_are_assigned_to_simultaneous_positions() {
     let text = position(0.0)
         + &moving(0.0, 0.0)
         + &position(1.0)
-        // Of 40 ms before, and of a fifth of a second before: too far away.
+        // 40 ms before the position, and 0.2 s before it: too early to be assigned.
         + &moving(1.0, 0.04)
         + &position(2.0)
         + &moving(2.0, 0.2)
@@ -85,11 +86,17 @@ fn velocities_beside_positions_are_theirs() {
     ]);
     assert_eq!(bytes.len(), 44);
     let bytes = binary(99, 2209, 502_062_000, &bytes);
-    let told = Log::read_from(&bytes[..], Path::new("log"), &Options::default()).unwrap();
+    let binary_log = Log::read_from(&bytes[..], Path::new("log"), &Options::default()).unwrap();
     let second = log.of(Kind::Bestvel).nth(1).unwrap();
-    assert_eq!(told.records[0].velocity_m_s, second.velocity_m_s);
-    assert!(told.records[0].time.since(second.time).abs() < 1e-6);
-    let found = positions(&log, Kind::Bestpos, &frame(), START, &Unstated::default());
+    assert_eq!(binary_log.records[0].velocity_m_s, second.velocity_m_s);
+    assert!(binary_log.records[0].time.since(second.time).abs() < 1e-6);
+    let found = positions(
+        &log,
+        Kind::Bestpos,
+        &frame(),
+        START,
+        &DefaultSigmas::default(),
+    );
     let velocities: Vec<Option<[DVec3; 2]>> = found.iter().map(|one| one.velocity_m_s).collect();
     let [Some([first, sigma]), Some([second, wider]), None, None] = velocities[..] else {
         panic!("{velocities:?}")
@@ -101,16 +108,16 @@ fn velocities_beside_positions_are_theirs() {
         "{first}"
     );
     assert!(sigma.distance(DVec3::splat(0.1)) < 1e-9, "{sigma}");
-    // A metre a second squared for 40 ms.
+    // The standard deviation grows by 1 m/s^2 times 40 ms.
     assert!(
         wider.distance(DVec3::splat(f64::hypot(0.1, 0.04))) < 1e-9,
         "{wider}"
     );
 }
 
-/// Positions every 20 ms and velocities among them: each is one measurement, of the position nearest to it, and of two for one position the nearer is taken.
+/// Positions every 20 ms with velocities between them: each velocity is assigned to the nearest position only, and of two velocities for one position the nearer is used.
 #[test]
-fn a_velocity_counts_once() {
+fn velocity_is_assigned_to_one_position() {
     let mut text = String::new();
     for n in 0..10 {
         text += &position(0.02 * f64::from(n));
@@ -118,9 +125,15 @@ fn a_velocity_counts_once() {
     for seconds in [0.019, 0.109, 0.142, 0.175, 0.181] {
         text += &moving(seconds, 0.0);
     }
-    // Records of both kinds are in the order of time by themselves.
+    // Each kind of record is ordered by time.
     let log = log(&text);
-    let found = positions(&log, Kind::Bestpos, &frame(), START, &Unstated::default());
+    let found = positions(
+        &log,
+        Kind::Bestpos,
+        &frame(),
+        START,
+        &DefaultSigmas::default(),
+    );
     let with: Vec<usize> = (0..10)
         .filter(|&n| found[n].velocity_m_s.is_some())
         .collect();
@@ -130,12 +143,12 @@ fn a_velocity_counts_once() {
 }
 
 #[test]
-fn speeds_over_ground_say_nothing_upwards() {
+fn nmea_velocity_has_negligible_vertical_weight() {
     let text = nmea("GPGGA,000000.00,5100.0,N,11400.0,W,4,10,1.0,1017.0,M,-17.0,M,,")
         + &nmea("GPRMC,000000.00,A,5100.0,N,11400.0,W,10.0,90.0,010120,,,A");
     let log = log(&text);
     let start = log.records[0].time;
-    let [one] = positions(&log, Kind::Nmea, &frame(), start, &Unstated::default())[..] else {
+    let [one] = positions(&log, Kind::Nmea, &frame(), start, &DefaultSigmas::default())[..] else {
         panic!("not one position")
     };
     let [velocity, sigma] = one.velocity_m_s.unwrap();
@@ -147,10 +160,10 @@ fn speeds_over_ground_say_nothing_upwards() {
     assert!((sigma.x - 0.1).abs() < 1e-9 && sigma.z > 100.0, "{sigma}");
 }
 
-/// Positions to a decimetre five times a second, with Doppler velocities to 1 cm/s and without, and no increments for four seconds: by velocities that follow one another
-/// within 0.2 s the way between is known to `0.5 m/s/sqrt(s) (0.2 s / 3)^(3/2)`, some millimetres a step, by positions to some centimetres.
+/// Positions with errors of 0.1 m at 5 Hz, with and without Doppler velocities of 1 cm/s, and no increments for 4 s. With velocities every 0.2 s the motion between them is
+/// known to `0.5 m/s/sqrt(s) (0.2 s / 3)^(3/2)`, some millimetres per step; with positions alone to some centimetres.
 #[test]
-fn velocities_bridge_gaps_of_the_radar() {
+fn velocities_bridge_gaps_of_increments() {
     let mut sensors = sensors();
     sensors.seconds = 12.0;
     sensors.out[0] = Some([4.0, 8.0]);
@@ -162,8 +175,8 @@ fn velocities_bridge_gaps_of_the_radar() {
         let truth = velocity(one.time_s);
         one.velocity_m_s = Some([truth + noise(&mut random, sigma), sigma]);
     }
-    // How far the way from 4.5 s to 7.5 s is off, and how uncertain its middle is.
-    let judged = |positions: &[_]| {
+    // RMS error of the track from 4.5 s to 7.5 s, and its standard deviation.
+    let errors_m = |positions: &[_]| {
         let inputs = Inputs {
             increments: &measured.increments,
             positions,
@@ -189,9 +202,9 @@ fn velocities_bridge_gaps_of_the_radar() {
         );
         [square / count, sigma_m / count].map(f64::sqrt)
     };
-    let [without, with] = [judged(&measured.positions), judged(&moving)];
+    let [without, with] = [errors_m(&measured.positions), errors_m(&moving)];
     println!("off and expected, m: {without:?} without velocities, {with:?} with");
     assert!(with[1] < 0.7 * without[1] && with[0] < without[0]);
-    // Errors of a gap go together: of some independent ones the RMS is within a factor of two.
+    // Errors within a gap are correlated: with few independent ones the RMS is within a factor of two.
     assert!((0.4..2.2).contains(&(with[0] / with[1])), "{with:?}");
 }

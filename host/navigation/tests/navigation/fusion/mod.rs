@@ -1,4 +1,4 @@
-//! Fused tracks against the truth, and against what their covariances say.
+//! Fused tracks, compared with the truth and with their covariances.
 
 mod apertures;
 mod logs;
@@ -12,7 +12,7 @@ use rand_chacha::rand_core::SeedableRng;
 use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_navigation::fusion::{Assumed, Basis, FusionError, Inputs, Measured, Model, fuse};
 
-use apertures::{judged, told};
+use apertures::{aperture_errors, print};
 use sensors::{Sensors, gaussian, heading, place, sensors};
 
 const WAVELENGTH_77_GHZ_M: f64 = 0.0039;
@@ -30,50 +30,50 @@ fn outages(base: &Sensors) -> [Sensors; 4] {
     })
 }
 
-/// The drift: within any second, after an offset and a turn, less than a twentieth of a wavelength, with 10 s of any of the three missing. In L band
-/// also upwards.
+/// In any second, after alignment by translation and rotation, the error is below a twentieth of a wavelength, also with 10 s of any of the three sources missing; in L band
+/// also vertically.
 #[test]
 fn l_band_apertures_stay_within_a_twentieth_of_a_wavelength() {
-    // As white noise that adds up to 2 mm along a metre: the worst that MPGA at 30 dB may be.
+    // White noise that accumulates to 2 mm over 1 m: the worst case of MPGA at 30 dB.
     let mut walk = sensors();
     walk.step = [63e-6, 10e-6, 20e-6];
     for (kind, base) in [("scale", sensors()), ("walk", walk)] {
         for (name, sensors) in NAMES.into_iter().zip(outages(&base)) {
             let fused = sensors.fused(1);
-            let judged = judged(&sensors, &fused);
-            told(&format!("{kind}, {name}"), judged);
-            let [most, typical, foretold] = judged;
+            let errors = aperture_errors(&sensors, &fused);
+            print(&format!("{kind}, {name}"), errors);
+            let [most, typical, predicted] = errors;
             let bound = WAVELENGTH_L_M / 20.0;
             assert!(most[0] < bound && most[1] < bound, "{kind}, {name}");
-            // RMS over 119 apertures that overlap by half, of errors with few degrees of freedom each: some 60 independent squares, 10 % of RMS;
-            // slow parts (scale) are one number for all, and may be twice what is typical.
+            // RMS over 119 apertures that overlap by half, with few degrees of freedom each: about 60 independent squares, 10 % of the RMS. Slow
+            // errors (scale) are common to all apertures and may be twice the expected ones.
             for k in [0, 1] {
-                let ratio = typical[k] / foretold[k];
+                let ratio = typical[k] / predicted[k];
                 assert!((0.4..2.2).contains(&ratio), "{kind}, {name}: {ratio}");
             }
         }
     }
 }
 
-/// At 77 GHz a twentieth is 0.2 mm. An error of 2 mm of scale is found well enough by positions to 2 cm (corrected ones), where there are increments.
+/// At 77 GHz a twentieth of a wavelength is 0.2 mm. Positions with 2 cm errors (corrected GNSS) determine a scale error of 2 mm/m well enough, where there are increments.
 #[test]
-fn millimetre_apertures_stay_within_a_twentieth_where_positions_hold_the_scale() {
+fn millimetre_apertures_stay_within_a_twentieth_of_a_wavelength() {
     let mut base = sensors();
     base.position = DVec3::new(0.02, 0.02, 0.04);
     for (n, (name, sensors)) in NAMES.into_iter().zip(outages(&base)).enumerate() {
         let fused = sensors.fused(2);
-        let judged = judged(&sensors, &fused);
-        told(name, judged);
-        // Without increments the inertial solution's millimetre is what is left: nobody knows better.
+        let errors = aperture_errors(&sensors, &fused);
+        print(name, errors);
+        // Without increments the error is that of the inertial solution, a millimetre.
         if n != 1 {
-            assert!(judged[0][0] < WAVELENGTH_77_GHZ_M / 20.0, "{name}");
+            assert!(errors[0][0] < WAVELENGTH_77_GHZ_M / 20.0, "{name}");
         }
     }
 }
 
-/// Errors of place and heading in their covariance: 4 on average of many tracks and times, whose sum is of chi-square.
+/// Squared errors of position and heading over their covariance have mean 4, and their sum is chi-square distributed.
 #[test]
-fn errors_agree_with_the_covariance() {
+fn errors_agree_with_covariance() {
     let mut base = sensors();
     base.seconds = 20.0;
     base.out[0] = Some([9.0, 11.0]);
@@ -81,12 +81,12 @@ fn errors_agree_with_the_covariance() {
     for seed in 0..24 {
         let mut random = ChaCha8Rng::seed_from_u64(1000 + seed);
         let mut sensors = base.clone();
-        // What is assumed to be of a spread is of it.
+        // Draw the true parameters from their priors.
         sensors.scale = sensors.model.scale * gaussian(&mut random);
         sensors.squint = sensors.model.squint_rad.sigma * gaussian(&mut random);
         let fused = sensors.fused(seed);
         chi = [0, 1].map(|k| chi[k] + fused.chi_square[k]);
-        // In an aperture's middle, between two moments, and in the gap.
+        // At the middle of an aperture, in the gap, and between two states.
         for t in [3.0137, 10.02, 17.4] {
             let sample = fused.samples.iter().min_by(|a, b| {
                 let off = |s: &&subaperture_navigation::fusion::Sample| (s.time_s - t).abs();
@@ -104,15 +104,15 @@ fn errors_agree_with_the_covariance() {
             count += 4;
         }
     }
-    // 288 numbers: their chi-square is 288 within 3.3 sqrt(2 * 288) = 79 in 999 of 1000. Times of a track share its slow errors, which
-    // adds to the spread, by half at most.
+    // 288 numbers: chi-square is within 3.3 sqrt(2 * 288) = 79 of 288 in 999 of 1000 cases. Times of a track share its slow errors, which
+    // increases the spread by half at most.
     let off = sum - f64::from(count);
     println!(
         "chi-square {sum:.0} of {count}; of residuals {:.4}",
         chi[0] / chi[1]
     );
     assert!(off.abs() < 1.5 * 79.0, "{sum} of {count}");
-    // What was measured fits: of 24 times 4000 numbers or so, whose squares have a spread of 0.5 %; motion is not the noise that it is taken for.
+    // Residuals fit the stated noise: 24 times about 4000 numbers, whose chi-square has a spread of 0.5 %. The ratio is below 1 as the true motion is smoother than the model's noise.
     assert!((0.93..1.02).contains(&(chi[0] / chi[1])), "{chi:?}");
 }
 
@@ -137,7 +137,7 @@ fn mahalanobis(covariance: &[[f64; 4]; 4], error: [f64; 4]) -> f64 {
 }
 
 #[test]
-fn clocks_arms_and_squint_are_found_where_the_data_tell_them() {
+fn observable_clocks_arms_and_squint_are_estimated() {
     let mut sensors = sensors();
     let known = |sigma| Assumed { value: 0.0, sigma };
     let arm = |sigma| Assumed {
@@ -158,7 +158,7 @@ fn clocks_arms_and_squint_are_found_where_the_data_tell_them() {
             "{name}: {:.5} +- {:.5}, is {truth}",
             found.value, found.sigma
         );
-        // Within 4 standard deviations, one of which is of ten thousand.
+        // Within 4 standard deviations.
         assert!(
             (found.value - truth).abs() < 4.0 * found.sigma,
             "{name}: {found:?}"
@@ -171,20 +171,20 @@ fn clocks_arms_and_squint_are_found_where_the_data_tell_them() {
     for k in 0..3 {
         near("arm", fused.receiver_arm_m[k], sensors.receiver_arm[k]);
     }
-    assert!(fused.inertial_clock_s.sigma < 1e-3 && fused.receiver_clock_s.told());
+    assert!(fused.inertial_clock_s.sigma < 1e-3 && fused.receiver_clock_s.is_observed());
     assert!(fused.receiver_arm_m[0].sigma < 0.1 && fused.receiver_arm_m[1].sigma < 0.1);
-    // A level body never tells how high its antenna is, where the heights of both are not told apart.
+    // The height of the antenna on a level body is not observable.
     assert!(
-        !fused.receiver_arm_m[2].told(),
+        !fused.receiver_arm_m[2].is_observed(),
         "{:?}",
         fused.receiver_arm_m[2]
     );
-    // What is held stays.
+    // A parameter with a prior standard deviation of 0 keeps its value.
     assert!(fused.inertial_arm_m[0].value.abs() < 1e-5);
 }
 
 #[test]
-fn outliers_of_every_kind_move_nothing() {
+fn outliers_of_every_kind_do_not_move_track() {
     let mut sensors = sensors();
     sensors.seconds = 20.0;
     let mut measured = sensors.measure(7);
@@ -199,12 +199,12 @@ fn outliers_of_every_kind_move_nothing() {
         without.inertial[n].position_m = None;
         without.inertial[n].heading_rad = None;
     }
-    // A wrap of the phase: half a wavelength at once.
+    // A phase slip: half a wavelength in one increment.
     measured.increments[12_345].moved_m[1] += WAVELENGTH_77_GHZ_M / 2.0;
     without.increments.remove(12_345);
     let [fused, known] =
         [&measured, &without].map(|all| fuse(&all.inputs(), &sensors.model, &Silent).unwrap());
-    let of = |what: Measured| fused.outliers.iter().filter(|one| one.of == what).count();
+    let of = |kind: Measured| fused.outliers.iter().filter(|one| one.of == kind).count();
     assert_eq!(
         [
             of(Measured::Position),
@@ -221,14 +221,14 @@ fn outliers_of_every_kind_move_nothing() {
         .iter()
         .find(|one| one.of == Measured::Increments);
     assert!((wrapped.unwrap().time_s - 12.345).abs() < 1e-9);
-    // One of 20,000 is bridged.
+    // One of 20,000 increments is bridged.
     let bridged = fused
         .samples
         .iter()
         .filter(|s| s.basis == Basis::Bridged)
         .count();
     assert!(bridged <= 2, "{bridged}");
-    // The track is that of who knew: what is left out weighs nothing, and least squares end within a hundredth of a standard deviation.
+    // The track equals the one without the outliers: they have weight 0, and the least squares converge within a hundredth of a standard deviation.
     assert_eq!(fused.samples.len(), known.samples.len());
     for (one, other) in fused.samples.iter().zip(&known.samples) {
         let off = one.position_m.distance(other.position_m);
@@ -241,7 +241,7 @@ fn outliers_of_every_kind_move_nothing() {
 }
 
 #[test]
-fn a_heading_that_nobody_states_follows_from_the_way() {
+fn heading_without_inertial_solution_follows_from_track() {
     let mut sensors = sensors();
     sensors.position = DVec3::splat(0.05);
     let mut measured = sensors.measure(8);
@@ -252,12 +252,12 @@ fn a_heading_that_nobody_states_follows_from_the_way() {
     let off = off - TAU * (off / TAU).round();
     let sigma = middle.covariance[3][3].sqrt();
     println!("heading off by {off:.5} rad, standard deviation {sigma:.5} rad");
-    // 5 cm over 60 m, by 300 positions, and as much of the random walk of headings: some tenths of a milliradian.
+    // 5 cm over 60 m from 300 positions, and as much from the random walk of headings: some tenths of a milliradian.
     assert!(off.abs() < 4.0 * sigma && sigma < 2e-3);
 }
 
 #[test]
-fn unsuited_logs_are_refused_with_a_reason() {
+fn invalid_measurements_and_models_are_refused() {
     let measured = sensors().measure(1);
     let model = Model::default();
     let refused = |inputs: Inputs<'_>, model: &Model| {
@@ -277,7 +277,7 @@ fn unsuited_logs_are_refused_with_a_reason() {
     assert!(refused(with(&nan), &model).contains("position 4, at 0.6003 s, has numbers"));
     let mut back = measured.positions.clone();
     back.swap(1, 2);
-    assert!(refused(with(&back), &model).contains("a time that is not after"));
+    assert!(refused(with(&back), &model).contains("a time that is not later"));
     let mut flat = measured.increments[..10].to_vec();
     flat[7].covariance = DMat3::ZERO;
     let inputs = Inputs {
@@ -285,11 +285,11 @@ fn unsuited_logs_are_refused_with_a_reason() {
         ..measured.inputs()
     };
     assert!(refused(inputs, &model).contains("increment 8, at 0.007 s, has a covariance"));
-    let endless = Model {
+    let infinite = Model {
         acceleration: f64::INFINITY,
         ..model
     };
-    assert!(refused(measured.inputs(), &endless).contains("acceleration is inf"));
+    assert!(refused(measured.inputs(), &infinite).contains("acceleration is inf"));
     struct Stop;
     impl Monitor for Stop {
         fn progress(&self, _fraction: f64) {}
@@ -301,9 +301,9 @@ fn unsuited_logs_are_refused_with_a_reason() {
     assert_eq!(stopped, Some(FusionError::Cancelled));
 }
 
-/// Positions alone, one of them, and two at one time of the clock's resolution: a track with the spread it has.
+/// Positions alone, 1, 2 or 20 of them, give a track with a large covariance.
 #[test]
-fn little_makes_a_track_of_little_certainty() {
+fn few_positions_give_track_with_large_covariance() {
     let measured = sensors().measure(3);
     for count in [1, 2, 20] {
         let inputs = Inputs {

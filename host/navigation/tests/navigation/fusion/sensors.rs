@@ -1,4 +1,4 @@
-//! A track of which all is known, measured as by a radar at 1 kHz, a receiver at 5 Hz and an inertial solution at 20 Hz.
+//! Simulated measurements of a known track by a radar at 1 kHz, a receiver at 5 Hz and an inertial solution at 20 Hz.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +10,7 @@ use subaperture_navigation::fusion::{
     Assumed, Fused, Increment, Inertial, Inputs, Model, Position, fuse,
 };
 
-/// Pulses a second.
+/// Pulse repetition frequency, Hz.
 pub(crate) const PULSES_HZ: f64 = 1000.0;
 
 pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
@@ -19,12 +19,12 @@ pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     (-2.0 * a.ln()).sqrt() * (TAU * b).cos()
 }
 
-/// A standard deviation for each axis.
+/// Gaussian noise with a standard deviation for each axis.
 pub(crate) fn noise(random: &mut ChaCha8Rng, sigma: DVec3) -> DVec3 {
     DVec3::new(gaussian(random), gaussian(random), gaussian(random)) * sigma
 }
 
-/// A metre a second, give or take a fifth, along a bend with a sway of 3 mm, up and down by 5 cm.
+/// Position at time `t`: about 1 m/s along a curve with a sway of 3 mm, and 5 cm up and down.
 pub(crate) fn place(t: f64) -> DVec3 {
     DVec3::new(
         t + 0.6 * (TAU * t / 17.0).sin(),
@@ -41,7 +41,7 @@ pub(crate) fn velocity(t: f64) -> DVec3 {
     )
 }
 
-/// Half a radian of bend, and 5 degrees of wander.
+/// Heading at time `t`, radians: 0.5 rad along the curve, and 5 degrees of oscillation.
 pub(crate) fn heading(t: f64) -> f64 {
     0.5 * (TAU * t / 45.0).cos() + 0.087 * (TAU * t / 7.3).sin()
 }
@@ -54,30 +54,30 @@ pub(crate) fn body(t: f64) -> DMat3 {
     DMat3::from_rotation_z(heading(t))
 }
 
-/// What is measured, and how well.
+/// True parameters and noise of the sensors.
 #[derive(Clone)]
 pub(crate) struct Sensors {
     pub(crate) seconds: f64,
-    /// Of an increment along x and y, metres, and of its turn, radians.
+    /// Standard deviations of an increment along x and y, metres, and of its turn, radians.
     pub(crate) step: [f64; 3],
-    /// By which share x is too long.
+    /// Relative scale error of x.
     pub(crate) scale: f64,
     pub(crate) position: DVec3,
     pub(crate) inertial_position: f64,
     pub(crate) inertial_velocity: f64,
     pub(crate) inertial_heading: f64,
-    /// What is true of what `Model` assumes.
+    /// Priors of the fusion; the fields below are the true values.
     pub(crate) model: Model,
     pub(crate) receiver_clock_s: f64,
     pub(crate) inertial_clock_s: f64,
     pub(crate) squint: f64,
     pub(crate) receiver_arm: DVec3,
     pub(crate) inertial_arm: DVec3,
-    /// When there are no increments, positions and inertial moments.
+    /// Times without increments, positions and inertial states, seconds.
     pub(crate) out: [Option<[f64; 2]>; 3],
 }
 
-/// Random walks of 3 micrometres and microradians an increment, 2 mm too long over a metre, positions to a decimetre.
+/// Sensors with increment noise of 3 um and 3 urad, a scale error of 2 mm/m, and position errors of 0.1 m.
 pub(crate) fn sensors() -> Sensors {
     Sensors {
         seconds: 60.0,
@@ -155,7 +155,7 @@ impl Sensors {
         }
         let mut positions = Vec::new();
         for n in 0..=(self.seconds * 5.0) as usize {
-            // Not at an increment's edge.
+            // Between two edges of increments.
             let t = n as f64 / 5.0 + 0.0003;
             let at = place(t) + body(t) * self.receiver_arm + noise(random, self.position);
             if !self.out(1, t) && t < self.seconds {
@@ -167,7 +167,7 @@ impl Sensors {
                 });
             }
         }
-        // Drifts as random walks of a hundredth of a second.
+        // Drifts as random walks with steps of 0.01 s.
         let model = &self.model;
         let mut b = noise(random, DVec3::splat(model.inertial_position[0]));
         let mut c = noise(random, DVec3::splat(model.inertial_velocity[0]));

@@ -242,7 +242,7 @@ impl InParts<'_> {
                     None => refusal,
                 }
             }
-            error => explained(error),
+            error => with_advice(error),
         })?;
         progress.finish();
         Ok(executed)
