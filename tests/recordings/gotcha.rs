@@ -192,7 +192,7 @@ fn missing_and_misshapen_fields_are_named() {
         let text = message(&with(name, None));
         assert!(text.contains(&format!("data.{name} is missing")), "{text}");
         assert!(text.contains("fields found:"), "{text}");
-        let text = message(&with(name, Some(Value::Nothing)));
+        let text = message(&with(name, Some(Value::Empty)));
         assert!(text.contains(&format!("data.{name} is 0 x 0")), "{text}");
         let text = message(&with(name, Some(Value::Text("none"))));
         assert!(
