@@ -106,10 +106,10 @@ fn corrected_track_is_read_by_other_commands() {
         "autofocus shaken.cphd {GRID} -m sharpness --unknown track --rounds 3 -o track.csv"
     );
     let ran = run(at, &line);
-    let printed = ran.succeeded();
+    let told = ran.succeeded();
     assert!(
-        printed.contains("track moved by") && printed.contains("entropy"),
-        "{printed}"
+        told.contains("track moved by") && told.contains("entropy"),
+        "{told}"
     );
     let fixes = track_csv::read(&at.join("track.csv")).unwrap();
     assert_eq!(fixes.len(), 512);

@@ -328,10 +328,10 @@ fn live_view_changes_no_sample_and_reports_who_can_connect() {
             && !result.contains("warning: --listen"),
         "{result}"
     );
-    let (_, result) = captured("open", "--listen 0.0.0.0:0");
+    let (_, told) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        result.contains("warning: --listen 0.0.0.0:") && result.contains("whoever reaches"),
-        "{result}"
+        told.contains("warning: --listen 0.0.0.0:") && told.contains("whoever reaches"),
+        "{told}"
     );
 }
 

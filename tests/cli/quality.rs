@@ -100,7 +100,7 @@ fn product_is_measured_and_plotted() {
         assert!(table.succeeded().contains(part), "{part}: {}", table.stdout);
     }
     assert!(!table.stdout.contains("half a turn"), "{}", table.stdout);
-    // An array without a record is measured in pixels: the same width in steps of 0.35 m, and its phase with a caveat.
+    // An array alone is measured in pixels: the same width, in steps of 0.35 m, and its phase with a proviso.
     let pixels = run(at, "quality fast/image.npy --at 29,46");
     assert!(pixels.succeeded().contains("half a turn a pixel"));
     let line = "quality fast/image.npy --at 29,46 --window taylor --json";

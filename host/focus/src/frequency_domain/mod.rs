@@ -238,7 +238,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         drop(spectrum);
         observe(&Stage::new(
             axes,
-            StageKind::RangeDopplerBackprojection,
+            StageKind::RangeDoppler,
             &ranges,
         ));
         let image = read_out::compress(self, work, &ranges)?;
