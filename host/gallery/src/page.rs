@@ -183,6 +183,9 @@ mod tests {
         // 1, 2, 3 in base64: 000000 010000 001000 000011.
         assert!(html.contains("data:image/png;base64,AQID"));
         assert!(html.contains("0 of 1 agree") && html.contains("differs"));
-        assert!(!html.contains("http"), "the page must not load external resources");
+        assert!(
+            !html.contains("http"),
+            "the page must not load external resources"
+        );
     }
 }

@@ -61,9 +61,7 @@ impl<'a> Stage<'a> {
         let (range, along) = (&axes.range, &axes.along);
         let (rows, columns, carriers) = match kind {
             StageKind::Spectrum => (wavenumber, along_wavenumber, [0.0, 0.0]),
-            StageKind::RangeDoppler => {
-                (along_wavenumber, metres(range), [0.0, range.carrier])
-            }
+            StageKind::RangeDoppler => (along_wavenumber, metres(range), [0.0, range.carrier]),
             StageKind::Image => (metres(range), metres(along), [range.carrier, along.carrier]),
         };
         Self {

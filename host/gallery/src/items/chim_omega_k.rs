@@ -114,7 +114,10 @@ fn observed(
         })
     })?;
     let (Some(before), Some(after)) = (before, after) else {
-        return Err(ItemError::Measure("expected the stages before and after Stolt interpolation; the former reported none".to_owned()));
+        return Err(ItemError::Measure(
+            "expected the stages before and after Stolt interpolation; the former reported none"
+                .to_owned(),
+        ));
     };
     Ok(Observed {
         before,
