@@ -18,7 +18,7 @@ use super::{RecordingFile, Take};
 pub enum SignStated {
     /// Samples are real: their analytic signal has the sign of image formers.
     Real,
-    /// The key.
+    /// Stated by the key `recording.phase`.
     Stated(PhaseSign),
     /// Not stated. Histories are then read as `minus`.
     Unstated,

@@ -13,7 +13,7 @@ use subaperture_signal::phase::{cis, narrow};
 use glam::{DQuat, DVec3};
 use num_complex::{Complex32, Complex64};
 
-/// Pulses in use.
+/// Selection of the pulses in use.
 pub(super) struct Pulses {
     pub(super) frame: SceneFrame,
     /// Whether times are stated.

@@ -18,7 +18,7 @@ pub(super) struct Facts<'a> {
     pub(super) receiver: Option<&'a str>,
     /// Whether the radar moves during a sweep.
     pub(super) moves: bool,
-    /// Antennas to describe.
+    /// Antennas that the text describes.
     pub(super) antennas: Option<&'a Carried>,
 }
 

@@ -47,7 +47,7 @@ const BLOCK_BYTES: usize = 1 << 20;
 /// Track positions in a sweep, first and last sample included.
 const FIXES: usize = 9;
 
-/// Echoes to write.
+/// Echoes of one channel to write.
 pub struct Raw<'a> {
     /// Identifier of the channel, part of its file names if there are several: letters, digits, `-` and `_`.
     pub id: String,
