@@ -130,9 +130,9 @@ fn every_command_on_images_opens_every_format() {
     }
     // A plane of velocities is not an image over positions.
     run(at, "compare velocity product").failed(1, &["velocity and product", "velocities"]);
-    run(at, "velocity scene.cphd --at 3,3 --out other").succeeded();
-    run(at, "compare velocity other").failed(1, &["velocity and other", "another place"]);
-    // Point responses of detected images are not measured, and the output states this.
+    run(at, "velocity scene.cphd --at 3,3 --out beside").succeeded();
+    run(at, "compare velocity beside").failed(1, &["velocity and beside", "another place"]);
+    // Responses of detected images are not measured, which is said.
     let detected = run(at, "quality sidd.nitf");
     assert!(detected.stderr.contains("complex values"), "{detected:?}");
     run(at, "quality sidd.nitf --at 0,0").failed(1, &["sidd.nitf", "complex values"]);

@@ -180,12 +180,12 @@ fn images_of_other_surfaces_and_places_are_refused() {
     simulate(at, SOUTH);
     focus(at, "low", GRID);
     focus(at, "high", &format!("{GRID},z=1"));
-    focus(at, "shifted", "x=100:120:0.4,y=-16:20:0.25");
+    focus(at, "beside", "x=100:120:0.4,y=-16:20:0.25");
     run(at, "compare low high").failed(
         1,
         &["low and high", "different surfaces", "up to 1 m apart"],
     );
-    run(at, "compare low shifted").failed(1, &["different places"]);
+    run(at, "compare low beside").failed(1, &["different places"]);
     // The same local grid at another position on the Earth.
     run(at, "export low --place 52,4,0 -o here.nitf").succeeded();
     run(at, "export low --place 52,5,0 -o there.nitf").succeeded();
@@ -194,7 +194,7 @@ fn images_of_other_surfaces_and_places_are_refused() {
     let of = compared(at, "low low/image.npy");
     assert_eq!(error_db(&of), f64::NEG_INFINITY);
     assert!(notes(&of).contains("by row and column alone"), "{of}");
-    run(at, "compare low shifted/image.npy").failed(1, &["different size", "no metadata"]);
+    run(at, "compare low beside/image.npy").failed(1, &["different size", "no metadata"]);
 }
 
 #[test]

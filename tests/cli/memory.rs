@@ -56,15 +56,12 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
         return None;
     }
     let marker = " of memory at the most";
-    let printed = ran
+    let told = ran
         .stderr
         .lines()
         .find_map(|line| line.strip_suffix(marker));
-    let printed = printed.unwrap_or_else(|| panic!("no peak in {ran:?}"));
-    let (number, unit) = printed
-        .trim_start_matches("note: ")
-        .split_once(' ')
-        .unwrap();
+    let told = told.unwrap_or_else(|| panic!("no peak in {ran:?}"));
+    let (number, unit) = told.trim_start_matches("note: ").split_once(' ').unwrap();
     let peak = number.parse::<f64>().unwrap()
         * match unit {
             "KiB" => 1024.0 / MIB,

@@ -278,7 +278,7 @@ fn track_fusion_reports_mismatched_inputs() {
         &["late.csv", "of the recording's clock", "--navigation-start"],
     );
     track("--navigation far.csv --navigation far.csv").failed(1, &["one log each"]);
-    // One position 10 m off is left out and does not affect the others.
+    // One place 10 m off is left out, and does not make the others worse.
     let good = log(1.0, place_m);
     let wild = |n: usize, line: &str| {
         let mut fields: Vec<&str> = line.split(',').collect();
