@@ -6,7 +6,7 @@ use super::pulses::{Antennas, Chosen};
 use subaperture_model::phase_history::Beam;
 use subaperture_model::radar::Carried;
 
-/// Beam of these pulses, if they belong to one channel whose antennas have a pattern and a constant angle to the track: [`Carried::beam`].
+/// The beam of these pulses, if they are of one channel whose antennas have a pattern and keep their angle to the track: [`Carried::beam`].
 pub(super) fn stated(antennas: &Antennas, chosen: &[Chosen]) -> Option<Beam> {
     let channel = chosen.first()?.channel;
     if chosen.iter().any(|pulse| pulse.channel != channel) {

@@ -1,26 +1,26 @@
-//! Echoes written as a recording: arrays, and the description for [`super::RecordingFile`].
+//! Echoes written as a recording: arrays, and the description that [`super::RecordingFile`] reads.
 //!
-//! | file | content |
+//! | file | holds |
 //! |---|---|
-//! | `echoes.npy` | samples as received, complex64, pulses x samples |
-//! | `times.npy` | times of the pulses, seconds |
-//! | `track-times.npy` | times of the track, seconds |
-//! | `transmitter.npy` | positions of the transmitter on the measured track, x, y, z, metres |
-//! | `receiver.npy` | the same for the receiver, if it is separate |
-//! | `recording.toml` | description |
+//! | `echoes.npy` | the samples as received, complex64, pulses x samples |
+//! | `times.npy` | the pulses' times, seconds |
+//! | `track-times.npy` | the times of the track, seconds |
+//! | `transmitter.npy` | where the transmitter is by the measured track, x, y, z, metres |
+//! | `receiver.npy` | the same of the receiver, if it is ever elsewhere |
+//! | `recording.toml` | the description |
 //!
-//! With several channels, the file names of a channel end in its identifier: `echoes-T1R2.npy`. A recording has one antenna pair, so each
-//! pair has a description.
+//! Of several channels a channel's names end in its identifier: `echoes-T1R2.npy`. A recording is of one pair
+//! of antennas, so each has a description.
 //!
-//! The track has one position per pulse, where spline and record agree to the last digit. For a radar that moves during its sweeps there
-//! are [`FIXES`] per sweep and one at its middle: between them the error of the spline is `5/384 h^4` of the path's fourth derivative, `h`
-//! an eighth of the sweep; 1 cm at 2 Hz and sweeps of 50 ms leave 5 nm.
+//! The track has a fix a pulse, where spline and record agree to the last digit. Of a radar that moves while its sweeps
+//! last there are [`FIXES`] a sweep and one at its middle: between them the spline is off by `5/384 h^4` of the path's
+//! fourth derivative, `h` a sweep's length by 8; 1 cm at 2 Hz and sweeps of 50 ms leave 5 nm.
 //!
-//! Echoes are written in float32, as every reader receives them, and all numbers with all digits: reading them back gives the phase history
-//! of the echoes up to float64 rounding. (Positions in a CPHD, by contrast, are Earth-centred: rounded to 1 nm, a phase of `4 pi 1 nm /
-//! lambda`.)
+//! Echoes are written as any reader of them gets them, in float32, and all numbers to the last digit: what
+//! is read back makes the phase history that the echoes make, but for rounding in float64. (A CPHD's
+//! positions, by contrast, are Earth-centred: rounded to 1 nm, a phase of `4 pi 1 nm / lambda`.)
 //!
-//! Memory: blocks of one MiB, or one pulse. Cost: that of the echoes.
+//! Memory: the blocks of a MiB, or one pulse. Cost: the echoes'.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -41,23 +41,23 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Carried, Waveform};
 
-/// Maximum of bytes of samples read at a time, or one pulse.
+/// Bytes of samples read at a time, at most, or one pulse.
 const BLOCK_BYTES: usize = 1 << 20;
 
-/// Track positions in a sweep, first and last sample included.
+/// Fixes of the track in a sweep, first and last sample included.
 const FIXES: usize = 9;
 
-/// Echoes of one channel to write.
+/// Echoes to be written.
 pub struct Raw<'a> {
-    /// Identifier of the channel, part of its file names if there are several: letters, digits, `-` and `_`.
+    /// The channel's identifier, part of its files' names if there are several: letters, digits, `-` and `_`.
     pub id: String,
-    /// Echoes of the channel.
+    /// Its echoes.
     pub echoes: &'a dyn Echoes,
-    /// Antennas of the channel, described if one has a pattern.
+    /// Its antennas, described if one of them has a pattern.
     pub antennas: Option<Carried>,
 }
 
-/// Error of writing echoes.
+/// Why echoes were not written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {
@@ -67,20 +67,20 @@ pub enum WriteError {
     /// The echoes could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The echoes cannot be described.
+    /// They cannot be described.
     #[error("{name}: cannot be described as a recording: {what}")]
     Unsuited {
         /// Name of the collection.
         name: String,
-        /// The reason.
+        /// Why.
         what: String,
     },
-    /// The monitor cancelled.
+    /// The monitor asked to stop.
     #[error("interrupted")]
     Cancelled,
 }
 
-/// Names of the files that [`write()`] makes for channels with these identifiers; a file of the receiver only if it is separate.
+/// Names of the files that [`write()`] makes of channels of these identifiers; a receiver's file only if it is apart.
 pub fn names(ids: &[&str]) -> Vec<String> {
     let stems = [
         ("echoes", "npy"),
@@ -101,18 +101,18 @@ fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
     }
 }
 
-/// Write `channels` into `folder`, complete or not at all: to temporary files, which are then renamed. In an existing folder, descriptions
-/// are removed first and written last, so that an existing description has its arrays.
+/// Writes `channels` into `folder`, complete or not at all: beside it first, then renamed. In a folder that
+/// exists, descriptions are removed first and come last: who finds one finds its arrays.
 ///
 /// # Errors
-/// [`WriteError`]; the folder is then unchanged.
+/// [`WriteError`]; then the folder is as it was.
 pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(), WriteError> {
     let mut alone = FileSet::new();
     add_to(&mut alone, folder, channels, monitor)?;
     Ok(alone.commit()?)
 }
 
-/// Like [`write()`], as part of a set of files that are put in place together.
+/// As [`write()`], put in place with the other files of a set.
 ///
 /// # Errors
 /// [`WriteError`].
@@ -143,7 +143,7 @@ pub fn add_to(
             monitor.progress(done as f64 / total_bytes as f64);
         })?;
         arrays.push((&plan.samples, echoes));
-        // Mark by which a later run recognises the arrays that it may replace.
+        // By which a later run knows the arrays that it may replace.
         let mut text = plan.text.clone() + "\n";
         for (name, about) in arrays {
             let (bytes, crc32) = (about["bytes"].as_u64(), about["crc32"].as_str());
@@ -167,7 +167,7 @@ pub fn add_to(
     Ok(())
 }
 
-/// Files of one channel.
+/// One channel's files.
 struct Plan<'a> {
     echoes: &'a dyn Echoes,
     samples: String,
@@ -177,7 +177,7 @@ struct Plan<'a> {
     receiver: Option<String>,
     description: String,
     text: String,
-    /// Samples of a pulse at which the track is written, the middle one included.
+    /// The samples of a pulse at which the track is written; the middle one is among them.
     fixes: Vec<usize>,
 }
 
@@ -243,13 +243,13 @@ impl<'a> Plan<'a> {
         names.into_iter().chain(&self.receiver).map(String::as_str)
     }
 
-    /// Bytes of the samples; all other files are small.
+    /// Bytes of the samples: all the rest is small beside them, or next to nothing.
     fn bytes(&self) -> u64 {
         let collection = self.echoes.collection();
         8 * collection.pulses.len() as u64 * collection.waveform.num_samples() as u64
     }
 
-    /// Times and antenna positions; size and CRC-32 of every array.
+    /// Times, and where the antennas are; the size and CRC-32 of every array.
     fn write_track(&self, staged: &Staged) -> Result<Vec<(&str, Value)>, WriteError> {
         let pulses = &self.echoes.collection().pulses;
         let mut written: Vec<(&str, Value)> = Vec::new();
@@ -259,7 +259,7 @@ impl<'a> Plan<'a> {
                 .try_for_each(|pulse| times.put(&[pulse.time_s]))
         })?;
         written.push((&self.times, about));
-        // A track has at least two positions: a single one is repeated a second later.
+        // A track has at least two fixes: a lone one is said twice, a second apart.
         let lone = pulses.len() * self.fixes.len() == 1;
         let count = if lone {
             2
@@ -290,7 +290,7 @@ impl<'a> Plan<'a> {
         Ok(written)
     }
 
-    /// Time of sample `k` of pulse `n`, and positions of transmitter and receiver.
+    /// Time of sample `k` of pulse `n`, and where transmitter and receiver are.
     fn fix(&self, n: usize, k: usize) -> (f64, [DVec3; 2]) {
         let collection = self.echoes.collection();
         let (pulse, waveform) = (&collection.pulses[n], &collection.waveform);
@@ -347,9 +347,9 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Whether the radar moves during a sweep.
+/// Whether the radar moves while a sweep lasts.
 fn moves(echoes: &dyn Echoes) -> bool {
-    // A pulse is short: its filter uses one path for all of it.
+    // A pulse is short: its filter takes one path for all of it.
     let waveform = &echoes.collection().waveform;
     let swept = matches!(waveform, Waveform::Fmcw { .. } | Waveform::Stepped { .. });
     swept && echoes.moves()
