@@ -426,7 +426,7 @@ fn image_by_another_run_is_not_replaced() {
     // An invalid state file is an error.
     fs::write(at.join("job/job.json"), "{\"schema\":\"subaperture-job\"").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json", "no state of a job"]);
-    // A file by another program is kept.
+    // What somebody else put there stays.
     fs::write(at.join("job/job.json"), "{}").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json"]);
 }
