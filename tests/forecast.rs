@@ -1,6 +1,6 @@
-//! What `--dry-run` says: estimates of time against the time taken.
+//! Forecasts of `--dry-run`: estimated time against measured time.
 //!
-//! An executable of its own: beside the threads of other tests times would tell nothing.
+//! A separate executable, because other tests' threads would distort the times.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::subap::{listing, run};
 
-/// The machine may do something else meanwhile: the best of so many tries counts.
+/// Number of tries; the best one counts, as the machine may be busy.
 const TRIES: usize = 4;
 
 #[track_caller]
@@ -36,15 +36,15 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
     };
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {
-        let told = forecast(former, &task).unwrap().expect("an estimate");
+        let result = forecast(former, &task).unwrap().expect("an estimate");
         let start = Instant::now();
         former.form_asked(&task, BoundPolicy::Allowed).unwrap();
         let taken_s = start.elapsed().as_secs_f64();
-        let ratio = told.seconds / taken_s;
+        let ratio = result.seconds / taken_s;
         println!(
-            "{}: {:.2} s told, {taken_s:.2} s taken",
+            "{}: {:.2} s forecast, {taken_s:.2} s taken",
             former.name(),
-            told.seconds
+            result.seconds
         );
         best = f64::min(best, ratio.max(1.0 / ratio));
         if best < 2.0 {
@@ -54,8 +54,8 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
     panic!("{}: off by {best:.1}", former.name());
 }
 
-/// Whether others are at work here: time tells nothing then. Measured beside a dozen compilers the estimates were off by
-/// up to 4, for what is short gets more of a processor than what is long.
+/// Whether the machine is busy with other work, so that times are meaningless: with a dozen compilers running, forecasts were off by up to
+/// a factor of 4, because short tasks get more of a processor than long ones.
 fn is_busy() -> bool {
     let load = std::fs::read_to_string("/proc/loadavg").ok();
     let load: Option<f64> = load.and_then(|text| text.split(' ').next()?.parse().ok());
@@ -66,7 +66,7 @@ fn is_busy() -> bool {
 #[test]
 fn estimates_are_within_a_factor_of_two() {
     if is_busy() {
-        println!("skipped: the machine is busy with other work, so that times tell nothing");
+        println!("skipped: the machine is busy with other work, so that times are meaningless");
         return;
     }
     let error_db = -60.0;
@@ -89,7 +89,7 @@ fn estimates_are_within_a_factor_of_two() {
 }
 
 #[test]
-fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
+fn dry_run_reports_time_memory_and_disk_and_writes_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o scene.cphd").succeeded();
@@ -122,7 +122,7 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
         &format!("focus scene.cphd {grid} --out image --dry-run"),
     );
     assert!(ran.succeeded().contains("4.9 MiB in image"), "{ran:?}");
-    // Its points would be measured on chips formed of the recording.
+    // Points would be measured on chips formed from the recording.
     run(
         at,
         "focus scene.cphd --grid x=-9:9:0.3,y=-9:9:0.3 --out small",
@@ -138,7 +138,7 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
     assert!(said.contains("time             about "), "{said}");
     assert_eq!(listing(at), before);
     run(at, "quality small --dry-run").failed(2, &["--from"]);
-    // What a file takes is known to the byte.
+    // The size of the file is exact to the byte.
     let ran = run(at, "simulate --preset table-4-1 -o again.cphd --dry-run");
     let mib = at.join("scene.cphd").metadata().unwrap().len() as f64 / 1024.0 / 1024.0;
     assert!(
@@ -151,29 +151,29 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
 #[test]
 fn items_take_the_forecast_time() {
     if is_busy() {
-        println!("skipped: the machine is busy with other work, so that times tell nothing");
+        println!("skipped: the machine is busy with other work, so that times are meaningless");
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // Cuts of images, a second or two.
+    // Cuts of images take a second or two.
     let line = "reproduce --only s-4-4 --json";
     let mut best = f64::INFINITY;
     for i in 0..TRIES {
         let ran = run(at, &format!("{line} --out {i} --dry-run"));
-        let told: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
-        let told_s = told["time_s"].as_f64().unwrap();
+        let result: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
+        let forecast_s = result["time_s"].as_f64().unwrap();
         let start = Instant::now();
         run(at, &format!("{line} --out {i}")).succeeded();
         let taken_s = start.elapsed().as_secs_f64();
-        println!("{told_s:.2} s told, {taken_s:.2} s taken");
-        best = best.min((told_s / taken_s).max(taken_s / told_s));
+        println!("{forecast_s:.2} s forecast, {taken_s:.2} s taken");
+        best = best.min((forecast_s / taken_s).max(taken_s / forecast_s));
         if best < 2.0 {
             break;
         }
     }
     assert!(best < 2.0, "off by {best:.1}");
-    // What is there is not made again.
+    // Existing items are not made again.
     let ran = run(at, "reproduce --only s-4-4 --out 0 --dry-run");
     assert!(
         ran.succeeded()
@@ -191,22 +191,22 @@ fn search_is_forecast_from_one_of_its_images() {
     run(at, "simulate s.toml --echoes raw --set radar.pulses=40").succeeded();
     let before = listing(at);
     let line = "tune raw/recording.toml --vary recording.range_bias=-0.5:0.6:0.1m --dry-run";
-    // 12 values, both ends among them, 5 halvings with 2 neighbours each, and a scan of 12 and 4 close to the best.
+    // 12 values including both ends, 5 halvings with 2 neighbours each, and a scan of 12 and 4 close to the best.
     let said = run(at, &format!("{line} --at 2,16,0"));
     let said = said.succeeded();
     assert!(said.contains("about 38 images of 1 points"), "{said}");
     assert!(said.contains("time             about "), "{said}");
-    // Of an image two rounds more, in turn.
+    // The search on an image has two more rounds in turn.
     let grid = "--grid x=-4:4:0.5,y=2:18:0.5";
     let ran = run(at, &format!("{line} {grid} --json"));
-    let told: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
-    assert!(told["time_s"].as_f64().unwrap() > 0.0, "{told}");
+    let result: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert!(result["time_s"].as_f64().unwrap() > 0.0, "{result}");
     assert!(
-        told["work"]
+        result["work"]
             .as_str()
             .unwrap()
             .contains("images of 16 x 32 pixels"),
-        "{told}"
+        "{result}"
     );
     assert_eq!(listing(at), before);
 }

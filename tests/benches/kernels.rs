@@ -1,8 +1,8 @@
-//! Kernels by themselves, on one thread, in each instruction set that the processor has.
+//! Single kernels on one thread, in each instruction set of the processor.
 //!
-//! `cargo bench --bench kernels [-- PATTERN]`, for instance `-- tile` or `-- "halving.*avx512"`. An item is a sample, a point or, of backprojection, a pixel of
-//! one pulse; kernels without an instruction set's name are plain Rust. The beam comes along the columns of a tile, and turned by so many
-//! degrees.
+//! `cargo bench --bench kernels [-- PATTERN]`, for instance `-- tile` or `-- "decimation.*avx512"`. An item is a sample, a point or, in
+//! backprojection, a pixel of one pulse; kernels without the name of an instruction set are plain Rust. The line of sight is along the
+//! columns of a tile, or rotated by the given degrees.
 
 use std::fmt;
 
@@ -37,14 +37,14 @@ const PIXEL_M: f64 = 0.2;
 const CARRIER_CYCLES_M: f64 = 33.3;
 /// Samples of a pulse.
 const SAMPLES: usize = 4096;
-/// Points: their coordinates stay in the first cache.
+/// Number of points: their coordinates stay in the first-level cache.
 const POINTS: usize = 1024;
 
 fn main() {
     divan::main();
 }
 
-/// What a kernel is done in, and with.
+/// A kernel's instruction set and parameters.
 struct In<T> {
     instructions: Instructions,
     with: T,
@@ -60,7 +60,7 @@ impl<T: fmt::Display> fmt::Display for In<T> {
     }
 }
 
-/// Every instruction set with each of these.
+/// Every instruction set with each of these parameters.
 fn each<T: Clone>(with: &[T]) -> Vec<In<T>> {
     let all = Instructions::available();
     let each = all.into_iter().flat_map(|instructions| {
@@ -136,7 +136,7 @@ fn tiles() -> Vec<In<Tile>> {
     each(&tiles)
 }
 
-/// The pulses of a tile looked at and added.
+/// Preparation and addition of the pulses on a tile.
 #[divan::bench(args = tiles(), max_time = LONGEST_S)]
 fn tile(bencher: Bencher, tile: &In<Tile>) {
     let &In {
@@ -166,7 +166,7 @@ fn tile(bencher: Bencher, tile: &In<Tile>) {
     });
 }
 
-/// A pulse's pieces of its profile.
+/// Spline coefficients of a pulse's range profile.
 #[divan::bench(args = each(&[2, 3]), max_time = LONGEST_S)]
 fn pieces(
     bencher: Bencher,
@@ -183,7 +183,7 @@ fn pieces(
         .bench_local(|| layout.make(instructions, &profile, 1.0, &mut pieces));
 }
 
-/// A pulse at points anywhere.
+/// A pulse at scattered points.
 #[divan::bench(args = each(&[2, 3]), max_time = LONGEST_S)]
 fn scattered_points(
     bencher: Bencher,
@@ -209,7 +209,7 @@ fn scattered_points(
 }
 
 #[derive(Clone, Copy)]
-struct Way {
+struct DecimationCase {
     name: &'static str,
     pulses: bool,
     samples: bool,
@@ -217,7 +217,7 @@ struct Way {
     num_samples: usize,
 }
 
-impl fmt::Display for Way {
+impl fmt::Display for DecimationCase {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             name,
@@ -229,8 +229,8 @@ impl fmt::Display for Way {
     }
 }
 
-fn ways() -> Vec<In<Way>> {
-    let mut ways = Vec::new();
+fn decimations() -> Vec<In<DecimationCase>> {
+    let mut decimations = Vec::new();
     for [num_pulses, num_samples] in [[128, 4096], [256, 520], [112, 104], [64, 60]] {
         for (name, pulses, samples) in [
             ("turn", false, false),
@@ -239,7 +239,7 @@ fn ways() -> Vec<In<Way>> {
             ("both", true, true),
             ("recorded", true, true),
         ] {
-            ways.push(Way {
+            decimations.push(DecimationCase {
                 name,
                 pulses,
                 samples,
@@ -248,19 +248,19 @@ fn ways() -> Vec<In<Way>> {
             });
         }
     }
-    each(&ways)
+    each(&decimations)
 }
 
-/// Items are samples before.
-#[divan::bench(args = ways(), max_time = LONGEST_S)]
-fn halving(
+/// Items are samples before decimation.
+#[divan::bench(args = decimations(), max_time = LONGEST_S)]
+fn decimation(
     bencher: Bencher,
     &In {
         instructions,
-        with: way,
-    }: &In<Way>,
+        with: case,
+    }: &In<DecimationCase>,
 ) {
-    let (num_pulses, num_samples) = (way.num_pulses, way.num_samples);
+    let (num_pulses, num_samples) = (case.num_pulses, case.num_samples);
     let layout = Layout::new(num_samples);
     let values = vec![0.5; num_pulses * layout.values()];
     let turning = PhaseRamp {
@@ -270,11 +270,11 @@ fn halving(
     let phase_ramps = vec![turning; num_pulses];
     let recorded = vec![Complex32::ONE; num_pulses * num_samples];
     let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
-    let halving = Decimation {
-        pulses: way.pulses,
-        samples: way.samples,
+    let decimation = Decimation {
+        pulses: case.pulses,
+        samples: case.samples,
         layout,
-        rows: match way.name {
+        rows: match case.name {
             "recorded" => Rows::Samples {
                 samples: &recorded,
                 fast: &fast,
@@ -285,18 +285,18 @@ fn halving(
         first: 0,
         phase_ramps: &phase_ramps,
     };
-    let count = match way.pulses {
+    let count = match case.pulses {
         true => halved(num_pulses, 8),
         false => num_pulses,
     };
-    let mut out = vec![0.0; count * halving.after(8).values()];
+    let mut out = vec![0.0; count * decimation.after(8).values()];
     let mut scratch = DecimationScratch::default();
     bencher
         .counter(ItemsCount::new(num_pulses * num_samples))
-        .bench_local(|| halving.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
+        .bench_local(|| decimation.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
 }
 
-/// A pulse at 64 delays, narrowly: items are samples, once for all delays.
+/// A pulse at 64 delays by narrow-band sums; an item is a sample for all delays.
 #[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
 fn narrow_sums_of_64(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let row = vec![Complex32::ONE; SAMPLES];
@@ -307,7 +307,7 @@ fn narrow_sums_of_64(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
         .bench_local(|| horner::narrow_sums(instructions, &row, &weights, &steps));
 }
 
-/// A pulse at 16 delays in float64: likewise.
+/// A pulse at 16 delays in float64; an item is a sample for all delays.
 #[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
 fn sums_of_16(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let row = vec![Complex32::ONE; SAMPLES];
@@ -352,7 +352,7 @@ fn lines_of_a_sub_cpi(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     });
 }
 
-/// Two profiles of a pulse, read between them.
+/// Interpolation between two profiles of a pulse (range migration blur).
 #[divan::bench(max_time = LONGEST_S)]
 fn blurred_points(bencher: Bencher) {
     let profiles = vec![Complex32::ONE; 2 * (BINS + 1)];
@@ -382,7 +382,7 @@ fn compensation_of_a_pulse(bencher: Bencher) {
         .bench_local(|| compensation::refer(&mut samples, &weights, ramp));
 }
 
-/// A block of some pulses' samples, into planes.
+/// A block of samples of some pulses, into planes.
 #[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
 fn compensation_of_a_block(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let samples = vec![Complex32::ONE; PULSES * BLOCK];
@@ -405,7 +405,7 @@ fn compensation_of_a_block(bencher: Bencher, &In { instructions, .. }: &In<&str>
         });
 }
 
-/// A block's slow time to so many Doppler bins; items are pulses times bins.
+/// Doppler transform of a block; items are pulses times bins.
 #[divan::bench(args = each(&[17, 33, 65]), max_time = LONGEST_S)]
 fn doppler_product(bencher: Bencher, of: &In<usize>) {
     let outputs = of.with;
@@ -434,7 +434,7 @@ fn doppler_product(bencher: Bencher, of: &In<usize>) {
         });
 }
 
-/// A pulse's samples along a slanted line of a raster, by as many taps.
+/// Gridding of a pulse's samples along a slanted line of a raster; the constant is the number of taps.
 #[divan::bench(consts = [4, 6, 8], args = each(&[""]), max_time = LONGEST_S)]
 fn spreading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const COLUMNS: usize = 1024;
@@ -458,7 +458,7 @@ fn spreading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&st
         });
 }
 
-/// Points of a range-Doppler map, by as many taps.
+/// Interpolation of points in a range-Doppler map; the constant is the number of taps.
 #[divan::bench(consts = [4, 6], args = each(&[""]), max_time = LONGEST_S)]
 fn map_reading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const DOPPLER: usize = 128;
@@ -485,7 +485,7 @@ fn map_reading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&
         .bench_local(|| map.add(instructions, &lines, &mut pixels, |_| Complex32::ZERO));
 }
 
-/// What none of them can exceed: items are products with sums.
+/// Upper limit of every kernel: items are products with sums.
 #[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
 fn ceiling_of_multiply_adds(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const ROUNDS: usize = 10_000;

@@ -1,4 +1,4 @@
-//! Keystone and range-Doppler map of a sub-CPI: the embedded core's, run on this machine, and the host's own that it is compared with. One thread.
+//! Keystone and range-Doppler map of a sub-CPI: the embedded core's on this machine, and the host's. One thread.
 //!
 //! `cargo bench --bench maps`. An item is a recorded sample.
 
@@ -27,7 +27,7 @@ fn main() {
     divan::main();
 }
 
-/// With maps twice as large as the data, as `subap crosscheck` has them.
+/// Maps twice as large as the data, as in `subap crosscheck`.
 fn shape([num_pulses, num_frequencies]: [usize; 2]) -> Shape {
     Shape {
         num_pulses,

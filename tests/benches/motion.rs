@@ -1,6 +1,7 @@
-//! A radar followed live, pulse by pulse: [`Tracker`], one thread. `cargo bench --bench motion`. An item is a pulse: at a kilohertz, 1000 a second keep up.
+//! A live track, pulse by pulse: [`Tracker`], one thread. `cargo bench --bench motion`. An item is a pulse: a radar at 1 kHz needs 1000
+//! items per second.
 //!
-//! One transmitter and four receivers, four targets, a window of ten pulses; in the midst of a track, where a push leaves a pulse behind.
+//! One transmitter and four receivers, four targets, a window of ten pulses in the middle of a track, where each push marginalises a pulse.
 
 use std::f64::consts::TAU;
 
@@ -13,7 +14,7 @@ use subaperture::motion::{Array, Heading, Pairwise, Robust, Sighting, Tracker};
 const LONGEST_S: f64 = 2.0;
 const WAVELENGTH_M: f64 = 299_792_458.0 / 77e9;
 const PLACES_M: [[f64; 2]; 4] = [[-0.8, 2.2], [0.3, 3.1], [1.6, 3.6], [-1.1, 4.7]];
-/// A millimetre each.
+/// Number of pulses, 1 mm of track each.
 const PULSES: usize = 500;
 
 fn main() {
@@ -30,7 +31,7 @@ fn array() -> Array {
     }
 }
 
-/// Phases with errors of 0.03 rad or so, which no random numbers are wanted for.
+/// Phases with errors of about 0.03 rad, without a random generator.
 fn pulses(array: &Array) -> Vec<Vec<Sighting>> {
     let sighting = |n: usize, target: usize| {
         let at_m = DVec2::from_array(PLACES_M[target]) - DVec2::new(1e-3 * n as f64, 0.0);
@@ -65,14 +66,14 @@ fn jointly(bencher: Bencher) {
     let array = array();
     let pulses = pulses(&array);
     bencher.counter(ItemsCount::new(PULSES)).bench_local(|| {
-        let mut tracker = Tracker::new(array.clone(), 10).expect("an array that tells angles");
+        let mut tracker = Tracker::new(array.clone(), 10).expect("the array measures angles");
         for pulse in &pulses {
-            divan::black_box(tracker.push(pulse).expect("four targets tell a pose"));
+            divan::black_box(tracker.push(pulse).expect("four targets determine a pose"));
         }
     });
 }
 
-/// Pulse by pulse with the true path lengths: (b).
+/// Pulse by pulse with exact path lengths: (b).
 #[divan::bench(max_time = LONGEST_S)]
 fn robustly(bencher: Bencher) {
     let array = array();
@@ -81,12 +82,12 @@ fn robustly(bencher: Bencher) {
         let mut robust =
             Robust::new(array.clone(), Heading::Estimated, 100).expect("such an array");
         for pulse in &pulses {
-            divan::black_box(robust.push(pulse).expect("four targets tell a motion"));
+            divan::black_box(robust.push(pulse).expect("four targets determine a motion"));
         }
     });
 }
 
-/// Pulse by pulse as the thesis does: (a).
+/// Pulse by pulse by the thesis's method: (a).
 #[divan::bench(max_time = LONGEST_S)]
 fn by_pairs(bencher: Bencher) {
     let array = array();
@@ -94,7 +95,11 @@ fn by_pairs(bencher: Bencher) {
     bencher.counter(ItemsCount::new(PULSES)).bench_local(|| {
         let mut pairwise = Pairwise::new(array.clone(), Heading::Estimated).expect("such an array");
         for pulse in &pulses {
-            divan::black_box(pairwise.push(pulse).expect("four targets tell a motion"));
+            divan::black_box(
+                pairwise
+                    .push(pulse)
+                    .expect("four targets determine a motion"),
+            );
         }
     });
 }

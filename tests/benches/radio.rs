@@ -1,10 +1,10 @@
 //! A capture at a B210's highest rate, from the simulated radio to disk: two channels at 30.72 MS/s of 16-bit I and Q, 245.8 MB/s. `cargo bench --bench
 //! radio`; the recordings, 1.2 GB each, are in the folder for temporary files (`TMPDIR`) and removed.
 //!
-//! Two runs: as fast as this machine can, which says what room there is; and held back to true time, as a device would be. The radio has a
-//! converter of 12 bits, unequal I and Q, DC and random phases, and neither noise nor settling, so that it repeats periods
-//! (`radio::simulated`): it is the way of the samples that is measured, from the buffers of bursts by the reference tone's mixing and the queue to
-//! the disk. Bursts last 120 ms; between them two retunes take 4 ms and the command 1 ms, so a device in true time does not send all of the time.
+//! Two runs: as fast as this machine can, which shows the margin, and at the rate of a device. The radio has a converter of 12 bits, I/Q
+//! imbalance, DC offset and random phases, but no noise and no settling, so that it repeats periods (`radio::simulated`). The bench thus
+//! measures the path of the samples from the buffers of bursts through the mixing with the reference tone and the queue to the disk. Bursts
+//! last 120 ms; between them two retunes take 4 ms and the command 1 ms, so a real device does not send all the time.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ use subaperture::radio::simulated::{Analogue, SimulatedRadio, Wiring};
 use subaperture::simulate::scenario::Scenario;
 use subaperture_xtask::processor::{self, Of};
 
-/// What has to be sustained, bytes a second.
+/// Required rate, bytes per second.
 const NEEDED: f64 = 8.0 * 30.72e6;
 
 const PLAN: &str = r#"

@@ -1,7 +1,7 @@
-//! Ways to sum over scatterers side by side: time a scatterer and pulse, and error, in one run.
+//! Methods of summation over scatterers: time per scatterer and pulse, and error, in one run.
 //!
-//! `cargo bench --bench simulate`. Ways take turns, so that a change of the machine's speed meets them all;
-//! ratios are medians over turns. One thread; pulses are independent, so cores add up.
+//! `cargo bench --bench simulate`. Methods alternate, so that a change of the machine's speed affects all; ratios are medians. One thread;
+//! pulses are independent, so cores add up.
 
 use std::time::Instant;
 
@@ -35,7 +35,7 @@ fn main() {
     let uniform = |random: &mut ChaCha8Rng| random.next_u32() as f64 / 2f64.powi(32) - 0.5;
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let side = 1000;
-    // A lattice along the track, 0.125 m apart: what the radar moves in a pulse.
+    // A lattice along the track with the radar's motion per pulse, 0.125 m.
     let points = (0..side * side)
         .map(|i| Scatterer {
             position_m: DVec3::new((i % side) as f64 * 0.125, (i / side) as f64 * 0.15, 0.0),
@@ -80,19 +80,19 @@ fn main() {
         start.elapsed().as_secs_f64(),
         recycled.recycles()
     );
-    let ways: [(&str, &Engine, Motion, usize); 4] = [
+    let methods: [(&str, &Engine, Motion, usize); 4] = [
         ("sum", &sum, Motion::StopAndGo, 1),
         ("fast", &fast, Motion::StopAndGo, PULSES),
         ("recycled", &recycled, Motion::StopAndGo, PULSES),
         ("fast, true motion", &fast, Motion::True, PULSES),
     ];
-    let mut seconds = vec![Vec::new(); ways.len()];
-    let mut outs = vec![vec![Complex64::ZERO; SAMPLES]; ways.len()];
+    let mut seconds = vec![Vec::new(); methods.len()];
+    let mut outs = vec![vec![Complex64::ZERO; SAMPLES]; methods.len()];
     let mut scratch = Scratch::default();
     for turn in 0..TURNS {
-        for (i, (_, engine, motion, pulses)) in ways.iter().enumerate() {
+        for (i, (_, engine, motion, pulses)) in methods.iter().enumerate() {
             if i == 0 && turn > 0 {
-                // The slowest once.
+                // The slowest method is measured once.
                 let first = seconds[0][0];
                 seconds[0].push(first);
                 continue;
@@ -105,9 +105,9 @@ fn main() {
         }
     }
     println!(
-        "way                 ns a scatterer and pulse   ratio to sum   error dB   1e6 x 10,000, 2 cores"
+        "method              ns per scatterer and pulse  ratio to sum   error dB   1e6 x 10,000, 2 cores"
     );
-    for (i, (name, _, motion, _)) in ways.iter().enumerate() {
+    for (i, (name, _, motion, _)) in methods.iter().enumerate() {
         let ratio = median(seconds[0].iter().zip(&seconds[i]).map(|(a, b)| a / b));
         let time = median(seconds[i].iter().copied());
         let error = error_db(&outs[i], &outs[0]);

@@ -1,4 +1,4 @@
-//! One opener of images for all commands, and `subap info` of every kind of file that this program reads or writes.
+//! Commands on images of every format, and `subap info` on every kind of file that the program reads or writes.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::Value;
 use subaperture_tests::subap::run;
 
-/// An aeroplane over three points, in a frame of the Earth.
+/// An aeroplane passing three points, in an Earth frame.
 const SCENE: &str = r#"name = "three"
 
 [scene]
@@ -40,7 +40,7 @@ velocity = "7500, 0, 0 m/s"
 
 const GRID: &str = "x=-20:12:0.4,y=-16:20:0.25";
 
-/// A product and the same image in every other format. The point at x 2 m, y 3 m is the brightest.
+/// Write a product and the same image in every other format. The point at x 2 m, y 3 m is the brightest.
 fn images(at: &Path) {
     fs::write(at.join("scene.toml"), SCENE).unwrap();
     for line in [
@@ -84,10 +84,10 @@ fn every_command_on_images_opens_every_format() {
     let at = folder.path();
     images(at);
     for image in IMAGES {
-        let told = json(at, &format!("info {image}"));
-        let told = &told["stored"][0];
-        let kind = told["kind"].as_str().unwrap();
-        assert!(["image", "array"].contains(&kind), "{image}: {told}");
+        let result = json(at, &format!("info {image}"));
+        let result = &result["stored"][0];
+        let kind = result["kind"].as_str().unwrap();
+        assert!(["image", "array"].contains(&kind), "{image}: {result}");
         let measured = json(at, &format!("quality {image}"));
         assert!(
             measured["statistics"]["peak_level_db"].is_number(),
@@ -107,7 +107,7 @@ fn every_command_on_images_opens_every_format() {
             }
         }
     }
-    // A point has one level and one pair of widths, whatever the format holds complex values.
+    // A point has the same level and widths in every format with complex values.
     let level = |image: &str| {
         let measured = json(at, &format!("quality {image}"));
         let response = &measured["points"][0]["response"];
@@ -128,7 +128,7 @@ fn every_command_on_images_opens_every_format() {
             assert!((a - b).abs() < 0.005 * a, "{image}: {a} {b}");
         }
     }
-    // A plane of velocities is no image of places.
+    // A plane of velocities is not an image over positions.
     run(at, "compare velocity product").failed(1, &["velocity and product", "velocities"]);
     run(at, "velocity scene.cphd --at 3,3 --out beside").succeeded();
     run(at, "compare velocity beside").failed(
@@ -139,13 +139,13 @@ fn every_command_on_images_opens_every_format() {
     let detected = run(at, "quality sidd.nitf");
     assert!(detected.stderr.contains("complex values"), "{detected:?}");
     run(at, "quality sidd.nitf --at 0,0").failed(1, &["sidd.nitf", "complex values"]);
-    // Values of a detected image stay what they are in a stack.
+    // Values of a detected image are unchanged in a stack.
     run(at, "export sidd.nitf -o grey.zarr").succeeded();
     assert_eq!(
         json(at, "compare product grey.zarr")["values"],
         "amplitudes"
     );
-    // A stack has the record that maps and SICD take.
+    // A stack contains the record that maps and SICD need.
     run(at, "export stack.zarr -o again.tif --layout complex").succeeded();
     assert_eq!(
         json(at, "compare again.tif complex.tif")["correlation"],
@@ -168,8 +168,8 @@ fn quality_compares_images_of_any_two_formats() {
         // Half a step of 60 dB over 254.
         ("product --against sidd.nitf", "amplitudes", -37.0),
     ] {
-        let told = json(at, &format!("quality {pair}"));
-        let against = &told["against"];
+        let result = json(at, &format!("quality {pair}"));
+        let against = &result["against"];
         let error_db = against["comparison"]["error_db"].as_f64();
         assert!(error_db.is_none_or(|db| db < most_db), "{pair}: {against}");
         assert_eq!(against["values"], values, "{pair}");
@@ -199,7 +199,7 @@ fn info_describes_every_kind_of_file() {
     example("capture --example rail-scene", "rail-scene.toml");
     example("capture --example rail", "rail.toml");
     example("run --example", "job.toml");
-    // The scene of the experiment has the name that the experiment asks for.
+    // The file of the scene has the name that the experiment refers to.
     let text = fs::read_to_string(at.join("rail.toml")).unwrap();
     let name = text
         .lines()
@@ -221,7 +221,7 @@ fn info_describes_every_kind_of_file() {
         r#"{"type":"FeatureCollection","features":[{"type":"Feature","properties":{},"geometry":{"type":"Point","coordinates":[4,52]}}]}"#,
     )
     .unwrap();
-    // A fix of the GGA sentence's own documentation, checksum and all.
+    // A fix from the GGA sentence's documentation, with its checksum.
     fs::write(
         at.join("log.nmea"),
         "$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n",
@@ -255,16 +255,16 @@ fn info_describes_every_kind_of_file() {
     ] {
         let shown = run(at, &format!("info {path}"));
         assert!(shown.succeeded().contains(words), "{path}: {shown:?}");
-        let told = json(at, &format!("info {path}"));
-        assert_eq!(told["stored"][0]["kind"], kind, "{path}");
+        let result = json(at, &format!("info {path}"));
+        assert_eq!(result["stored"][0]["kind"], kind, "{path}");
     }
-    // 3 m by 4 m a second.
+    // 3 m by 4 m in a second.
     assert_eq!(json(at, "info track.csv")["stored"][0]["length_m"], 10.0);
     run(at, "info scene.cphd").succeeded();
-    // What nobody knows is left to the reader of recordings, which says what it reads.
+    // An unknown file is passed to the reader of recordings, whose error lists the formats.
     fs::write(at.join("notes.txt"), "a,b\n").unwrap();
     run(at, "info notes.txt").failed(1, &["notes.txt", "CPHD"]);
-    // What is damaged says so.
+    // A damaged file is reported as damaged.
     fs::write(
         at.join("walk.sigmf-meta"),
         "{\"global\":{\"core:datatype\":\"ci16_le\"",
@@ -273,7 +273,7 @@ fn info_describes_every_kind_of_file() {
     run(at, "info walk.sigmf-meta").failed(1, &["walk.sigmf-meta"]);
 }
 
-/// The default grid holds the velocity that the target has.
+/// The default grid contains the velocity of the target.
 #[test]
 fn velocities_have_a_default_grid() {
     let folder = tempfile::tempdir().unwrap();
@@ -283,17 +283,17 @@ fn velocities_have_a_default_grid() {
         .replace("[radar]", "[[scene.mover]]\nkind = \"linear\"\nposition = \"2, 3, 0 m\"\nvelocity = \"0, 0.4, 0 m/s\"\n\n[radar]");
     fs::write(at.join("moving.toml"), moving).unwrap();
     run(at, "simulate moving.toml -o moving.cphd").succeeded();
-    let told = json(at, "velocity moving.cphd --at 2,3 --out plane");
-    let brightest = &told["brightest"]["velocity_m_s"];
-    let resolution = told["resolution_m_s"]["v_y"].as_f64().unwrap();
+    let result = json(at, "velocity moving.cphd --at 2,3 --out plane");
+    let brightest = &result["brightest"]["velocity_m_s"];
+    let resolution = result["resolution_m_s"]["v_y"].as_f64().unwrap();
     let found = brightest[1].as_f64().unwrap();
-    assert!((found - 0.4).abs() < resolution, "{told}");
-    let step = told["velocities"]["rows"]["step"].as_f64().unwrap();
-    assert!((step - resolution / 2.0).abs() < 1e-9 * step, "{told}");
+    assert!((found - 0.4).abs() < resolution, "{result}");
+    let step = result["velocities"]["rows"]["step"].as_f64().unwrap();
+    assert!((step - resolution / 2.0).abs() < 1e-9 * step, "{result}");
     // One axis may be given.
-    let told = json(
+    let result = json(
         at,
         "velocity moving.cphd --at 2,3 --vx -1:1.5:0.5 --out plane",
     );
-    assert_eq!(told["velocities"]["columns"]["count"], 5);
+    assert_eq!(result["velocities"]["columns"]["count"], 5);
 }

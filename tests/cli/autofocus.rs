@@ -1,4 +1,4 @@
-//! `subap autofocus`: what it finds, what it leaves, and that `focus` takes it again.
+//! `subap autofocus`: its estimates, its outputs, and `focus` on them.
 
 use std::fs;
 use std::path::Path;
@@ -10,8 +10,8 @@ use subaperture_tests::subap::{command, listing, run};
 
 const GRID: &str = "--grid x=-40:40:0.4,y=-40:40:0.4";
 
-/// A folder with `shaken.cphd`: the example of a spotlight, on a track of which the recording tells fixes that are 1.5 cm rms off along each
-/// axis, a wavelength of path.
+/// A folder with `shaken.cphd`: the spotlight example with recorded positions that have errors of 1.5 cm RMS along each axis, a wavelength
+/// of path.
 fn shaken() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let example = run(folder.path(), "simulate --example spotlight");
@@ -36,7 +36,7 @@ fn brightest_db(folder: &Path, name: &str) -> f64 {
 }
 
 #[test]
-fn phases_are_found_written_and_taken_away() {
+fn phases_are_estimated_written_and_corrected() {
     let folder = shaken();
     let at = folder.path();
     let found = run(
@@ -57,12 +57,12 @@ fn phases_are_found_written_and_taken_away() {
     )
     .succeeded();
     let gained_db = brightest_db(at, "after") - brightest_db(at, "before");
-    let told_db =
+    let reported_db =
         found["after"]["peak_db"].as_f64().unwrap() - found["before"]["peak_db"].as_f64().unwrap();
     // Both images are within -60 dB of the exact ones.
     assert!(
-        gained_db > 2.0 && (gained_db - told_db).abs() < 0.05,
-        "{gained_db} {told_db}"
+        gained_db > 2.0 && (gained_db - reported_db).abs() < 0.05,
+        "{gained_db} {reported_db}"
     );
     let record: Value =
         serde_json::from_slice(&fs::read(at.join("after/image.json")).unwrap()).unwrap();
@@ -72,7 +72,7 @@ fn phases_are_found_written_and_taken_away() {
         record["inputs"]
     );
 
-    // Its own files are replaced, those of others are not.
+    // The command replaces its own files, but not those of other programs.
     run(
         at,
         &format!("autofocus shaken.cphd {GRID} --rounds 1 -o phase.csv"),
@@ -99,7 +99,7 @@ fn phases_are_found_written_and_taken_away() {
 }
 
 #[test]
-fn a_track_is_one_that_is_read_again() {
+fn corrected_track_is_read_by_other_commands() {
     let folder = shaken();
     let at = folder.path();
     let line = format!(
@@ -128,8 +128,8 @@ fn autofocus_without_output_reports_the_gain() {
             folder.path(),
             &format!("autofocus shaken.cphd {GRID} {options}"),
         );
-        let told = ran.succeeded();
-        assert!(parts.iter().all(|part| told.contains(part)), "{told}");
+        let printed = ran.succeeded();
+        assert!(parts.iter().all(|part| printed.contains(part)), "{printed}");
     }
     assert_eq!(listing(folder.path()), before);
     for (line, part) in [

@@ -1,4 +1,4 @@
-//! Every kind of bad input through the command itself: a clear message, exit status 1, nothing left.
+//! Every kind of bad input through the command: a clear message, exit status 1, no file left.
 
 use std::fs;
 use std::path::Path;
@@ -8,8 +8,7 @@ use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "--grid x=-1:1:0.5,y=-1:1:0.5,z=0";
 
-/// Focuses `input` (bytes of a file) and asserts that it fails with `parts` in the message and that
-/// the folder holds nothing but the input afterwards.
+/// Focus `input` (bytes of a file) and assert that it fails with `parts` in the message, and that the folder then contains only the input.
 #[track_caller]
 fn refuse(name: &str, input: &[u8], parts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
@@ -21,7 +20,7 @@ fn refuse(name: &str, input: &[u8], parts: &[&str]) {
     ] {
         let ran = run(folder.path(), &line);
         ran.failed(1, parts);
-        // One line that names the file, or the collection, which is called like it.
+        // One line that names the file, or the collection, which has the same name.
         assert_eq!(ran.stderr.lines().count(), 1, "{line}: {}", ran.stderr);
         let stem = name.split('.').next().unwrap();
         assert!(ran.stderr.contains(stem), "{line}: {}", ran.stderr);
@@ -40,8 +39,8 @@ fn with(name: &str, value: Option<Value>) -> Vec<u8> {
 }
 
 #[test]
-fn the_whole_file_is_accepted() {
-    // What the other tests damage is sound before they do.
+fn undamaged_file_is_accepted() {
+    // The file that the other tests damage is valid.
     let folder = tempfile::tempdir().unwrap();
     fs::write(
         folder.path().join("a.mat"),
@@ -102,7 +101,7 @@ fn samples_that_are_not_numbers() {
     let mut real: Vec<f32> = (0..12).map(|i| i as f32).collect();
     real[7] = f32::NAN;
     let value = Value::Complex(4, 3, real, vec![0.0; 12]);
-    // Stored frequency by frequency within a pulse: element 7 is sample 3 of pulse 1.
+    // Stored by frequency within a pulse: element 7 is sample 3 of pulse 1.
     refuse(
         "nan.mat",
         &with("fp", Some(value)),
@@ -136,7 +135,7 @@ fn other_formats() {
     assert!(listing(folder.path()).is_empty());
 }
 
-/// A small but whole CPHD of our own writer.
+/// A small complete CPHD file by our own writer.
 fn simulated(folder: &Path) -> Vec<u8> {
     run(folder, "simulate --preset table-4-1 -o whole.cphd").succeeded();
     fs::read(folder.join("whole.cphd")).unwrap()
@@ -147,7 +146,7 @@ fn cphd_cut_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let whole = simulated(folder.path());
     let cut = folder.path().join("cut.cphd");
-    // All about the seams of header and XML, and at 40 places over the whole length.
+    // All positions near the boundary of header and XML, and 40 over the whole length.
     let header_end = whole.windows(2).position(|w| w == b"\x0c\n").unwrap() + 2;
     let near = |at: usize| (at - 2)..(at + 3);
     let seams = near(header_end).chain(near(whole.len() - 2));

@@ -1,4 +1,4 @@
-//! `subap focus --beam`: a long strip without the ghosts that pulses make whose beam is elsewhere.
+//! `subap focus --beam`: a long strip without the ghosts from pulses whose beam does not cover the position.
 
 use std::fs;
 use std::path::Path;
@@ -10,19 +10,19 @@ use subaperture::monitor::Silent;
 use subaperture::simulate::scenario::Scenario;
 use subaperture_tests::subap::run;
 
-/// Half-power width of the antenna, degrees: of each of both ways.
+/// Half-power width of each antenna, degrees.
 const WIDTH_DEG: f64 = 2.0;
 const RANGE_M: f64 = 1000.0;
 const SPEED_M_S: f64 = 100.0;
 const PRI_S: f64 = 1.0 / 300.0;
 const WAVELENGTH_M: f64 = 299_792_458.0 / 10e9;
 
-/// A strip of 240 m past one point, by an antenna that sees 35 m of it at a time.
+/// A strip of 240 m past one point, by an antenna whose beam covers 35 m.
 fn strip() -> String {
     strip_looking("0, 1, 0", "kind = \"ideal\"")
 }
 
-/// The same by antennas with this boresight, body axes, and a radar of this kind.
+/// The same strip by antennas with this boresight, body axes, and kind of radar.
 fn strip_looking(boresight: &str, radar: &str) -> String {
     format!(
         r#"name = "strip"
@@ -65,7 +65,7 @@ at = "middle"
     )
 }
 
-/// Write `strip.cphd` of a scenario without its antenna patterns, as many files are.
+/// Write `strip.cphd` from a scenario, without its antenna patterns.
 fn write_without_antennas(at: &Path, scenario: &str) {
     let experiment = Scenario::new("strip", scenario, at).experiment().unwrap();
     let recorded = experiment.record(experiment.pairs()[0]).unwrap();
@@ -85,7 +85,7 @@ fn focused(at: &Path, options: &str) -> Image {
     npy::read(&at.join("image/image.npy")).unwrap()
 }
 
-/// Largest level in a stretch of x along the point's range, dB.
+/// Largest level between two positions along x at the point's range, dB.
 fn level_db(image: &Image, from_m: f64, to_m: f64) -> f64 {
     assert_eq!((image.rows, image.columns), (3, COLUMNS));
     let column = |x_m: f64| ((x_m + 60.0) / STEP_M).round() as usize;
@@ -97,20 +97,21 @@ fn level_db(image: &Image, from_m: f64, to_m: f64) -> f64 {
     10.0 * most.log10()
 }
 
-/// Amplitude of both ways at an angle from the beam's middle, degrees: half the power one way at half the width.
+/// Amplitude of the two-way pattern at an angle from the beam's middle, degrees: half the power one way at half the width.
 fn two_way(angle_deg: f64) -> f64 {
     (-4.0 * std::f64::consts::LN_2 * (angle_deg / WIDTH_DEG).powi(2)).exp()
 }
 
-/// Mean of both ways' amplitude over a beam's width about an angle.
+/// Mean two-way amplitude over the beam's width about an angle.
 fn mean(angle_deg: f64) -> f64 {
     let count = 2001;
     let at = |i: i32| angle_deg + WIDTH_DEG * (f64::from(i) / f64::from(count - 1) - 0.5);
     (0..count).map(|i| two_way(at(i))).sum::<f64>() / f64::from(count)
 }
 
-/// An echo is sampled at the repetition frequency, so that it also fits a place that is `lambda R / (2 v T)` along the track. Of all pulses that ghost is as high as the
-/// point but for its range, which is off by a metre and a half of three; of those that see the ghost's place the point is in the antenna's flank.
+/// An echo is sampled at the pulse repetition frequency, so it also fits a position `lambda R / (2 v T)` further along the track. With all
+/// pulses this ghost is as strong as the point except for its range, off by a metre and a half of three. With the pulses whose beam covers
+/// the ghost's position, the point is on the flank of the antenna pattern.
 #[test]
 fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
     let folder = tempfile::tempdir().unwrap();
@@ -132,19 +133,19 @@ fn beam_suppresses_azimuth_ambiguities_and_keeps_the_scale() {
         "ghost at {ghost_m:.1} m: {before_db:.1} dB of all pulses, {after_db:.1} dB in the beam"
     );
     assert!(before_db > -8.0, "{before_db}");
-    // Coherent at the worst: the mean amplitude that the point has in pulses that see the ghost's place, shifted towards it by half an eighth of the
-    // aperture, which is what a block's aperture is off at the most, and 4 m for where the ghost is sought; over the point's own.
+    // Upper limit by coherent addition: the mean amplitude of the point in pulses whose beam covers the ghost, shifted towards it by half an eighth of the
+    // aperture, the largest offset of a block's aperture, and by the 4 m within which the ghost is searched; relative to the point's own.
     let nearest_deg = ghost_deg - WIDTH_DEG / 16.0 - (4.0 / RANGE_M).to_degrees();
     let bound_db = 20.0 * (mean(nearest_deg) / mean(WIDTH_DEG / 16.0)).log10();
     assert!(after_db < bound_db, "{after_db} {bound_db}");
     assert!(after_db < before_db - 15.0, "{after_db} {before_db}");
-    // A unit scatterer reads the mean of its amplitude over the pulses of its aperture: between that of an aperture about it and of one that is shifted.
+    // A unit scatterer has the mean of its amplitude over its aperture: between that of an aperture about it and of a shifted one.
     let [least_db, most_db] = [WIDTH_DEG / 16.0, 0.0].map(|off| 20.0 * mean(off).log10());
     assert!(
         point_db > least_db - 0.05 && point_db < most_db + 0.05,
         "{point_db}"
     );
-    // Another former, the same image: each within -60 dB of its sums.
+    // Another former gives the same image; each is within -60 dB of its sum.
     let line = "focus strip.cphd --grid x=-60:60.1:0.25,y=999:1001.1:1 --window none --slow-window none -a ffbp --beam 2deg --out other";
     run(at, line).succeeded();
     let compared = run(at, "compare other image --error-db -54");
@@ -160,7 +161,7 @@ fn pixels_outside_the_beam_are_zero_or_refused() {
     let grid = "--grid x=100:160:1,y=999:1001.1:1 -a bp --out edge";
     let edge = run(at, &format!("focus strip.cphd {grid} --beam 2deg"));
     edge.succeeded();
-    assert!(edge.stderr.contains("illuminated by no pulse"), "{edge:?}");
+    assert!(edge.stderr.contains("seen by no pulse"), "{edge:?}");
     let grid = "--grid x=1000:1060:1,y=999:1001.1:1 -a bp --out away";
     run(at, &format!("focus strip.cphd {grid} --beam 2deg")).failed(1, &["no pulse sees the grid"]);
     run(
@@ -170,7 +171,7 @@ fn pixels_outside_the_beam_are_zero_or_refused() {
     .failed(2, &["--beam", "along the track"]);
 }
 
-/// Of a beam line, the width and the squint, degrees.
+/// Width and squint of a printed beam, degrees.
 fn beam_line(stderr: &str) -> [f64; 2] {
     let (_, line) = stderr
         .split_once("note: beam: ")
@@ -186,13 +187,13 @@ fn record(at: &Path, image: &str) -> serde_json::Value {
     serde_json::from_str(&text).unwrap()
 }
 
-/// A tenth of the beam: the spectrum of one point that passes through the whole Gaussian beam is the pattern itself, over angles that the track cuts
-/// off at 3 widths, where the power
-/// is below 1e-20 of its middle's, and weighted by `d theta / d x = cos^2 theta / R`, which differs by 1 % over it. The 48 frequencies differ by 0.5
-/// %. A tenth is far more.
+/// A tenth of the beam width. The spectrum of one point that passes through the whole Gaussian beam is the pattern itself, over angles that
+/// the track limits to 3 widths, where the power is below 1e-20 of the maximum, weighted by `d theta / d x = cos^2 theta / R`, which varies
+/// by 1 %. The 48 frequencies differ by 0.5 %. A tenth is far more.
 const TOLERANCE_DEG: f64 = 0.1 * WIDTH_DEG;
 
-/// Places are seen under 13.7 deg and the pulses sample 2.6 deg without ambiguity: without an option the beam is estimated, weighted by, and stated.
+/// Positions are seen within 13.7 deg, and the pulses sample 2.6 deg without ambiguity: without an option the beam is estimated, used as
+/// weight, and reported.
 #[test]
 fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
     let folder = tempfile::tempdir().unwrap();
@@ -217,7 +218,7 @@ fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
     let beam = record(at, "image")["settings"]["resolved"]["beam"].clone();
     assert_eq!(beam["source"], "estimated");
     assert!((beam["width_deg"].as_f64().unwrap() - width_deg).abs() < 1e-3);
-    // The error against the float64 sum of the same pulses is measured within the bound.
+    // The measured error against the float64 sum of the same pulses is within the bound.
     let checked = run(
         at,
         &format!("focus strip.cphd {grid} --check 200 --out checked"),
@@ -228,7 +229,7 @@ fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
         check["relative_to_image_db"].as_f64().unwrap() < -60.0,
         "{check}"
     );
-    // Tiles, a plan carried out and a rehearsal are of the same beam.
+    // Tiles, an executed plan and a dry run use the same beam.
     run(at, &format!("focus strip.cphd {grid} --tiled --out tiled")).succeeded();
     run(at, "compare image tiled --error-db -120").succeeded();
     run(at, &format!("plan focus strip.cphd {grid} --out plan.json")).succeeded();
@@ -238,7 +239,7 @@ fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
     let rehearsed = run(at, &format!("focus strip.cphd {grid} --dry-run --out none"));
     rehearsed.succeeded();
     assert_eq!(beam_line(&rehearsed.stderr), [width_deg, squint_deg]);
-    // A target at rest is one that moves at 0 m/s.
+    // A stationary target is one with velocity 0.
     run(
         at,
         &format!("focus strip.cphd {grid} --velocity 0,0 --beam auto --out still"),
@@ -247,9 +248,9 @@ fn strip_is_weighted_by_its_doppler_spectrum_by_default() {
     run(at, "compare image still --error-db -100").succeeded();
 }
 
-/// At 5 deg forward, 1.94 turns a pulse, the squint is one of several that differ by 2.6 deg.
+/// At 5 deg forward, 1.94 cycles per pulse, the squint is ambiguous with a spacing of 2.6 deg.
 #[test]
-fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
+fn squinted_beam_is_estimated_near_given_squint() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let boresight = format!(
@@ -268,7 +269,7 @@ fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
     println!("{width_deg} deg at {squint_deg} deg");
     assert!((width_deg - WIDTH_DEG).abs() < TOLERANCE_DEG, "{width_deg}");
     assert!((squint_deg - 5.0).abs() < TOLERANCE_DEG, "{squint_deg}");
-    // The point reads what the beam's mean amplitude is, as it does at broadside.
+    // The level of the point is the mean amplitude of the beam, as at broadside.
     let image = npy::read(&at.join("image/image.npy")).unwrap();
     let brightest = image.pixels.iter().map(|&z| power(z)).fold(0.0, f64::max);
     let [least_db, most_db] =
@@ -278,16 +279,16 @@ fn squinted_beam_is_estimated_near_the_squint_that_is_said() {
         level_db > least_db - 0.5 && level_db < most_db + 0.5,
         "{level_db}"
     );
-    // Without an option the samples decide, or nothing is weighted: never at the wrong one.
-    let unsaid = run(at, &format!("focus strip.cphd {grid} --out unsaid"));
-    unsaid.succeeded();
-    if unsaid.stderr.contains("note: beam: ") {
-        let [_, squint_deg] = beam_line(&unsaid.stderr);
+    // Without an option the samples decide, or the image is not weighted; a wrong ambiguity is never used.
+    let unstated = run(at, &format!("focus strip.cphd {grid} --out unstated"));
+    unstated.succeeded();
+    if unstated.stderr.contains("note: beam: ") {
+        let [_, squint_deg] = beam_line(&unstated.stderr);
         assert!((squint_deg - 5.0).abs() < TOLERANCE_DEG, "{squint_deg}");
     }
 }
 
-/// Antennas that look everywhere, on the same track: all pulses form all pixels, and who asks for the spectrum's beam is refused.
+/// Isotropic antennas on the same track: all pulses contribute to all pixels, and a request for the beam from the spectrum is refused.
 #[test]
 fn recording_without_a_beam_is_not_weighted() {
     let folder = tempfile::tempdir().unwrap();
@@ -309,7 +310,8 @@ fn recording_without_a_beam_is_not_weighted() {
     assert!(!plain.stderr.contains("note: beam"), "{}", plain.stderr);
     let all = record(at, "image");
     assert!(all["settings"]["resolved"]["beam"].is_null());
-    // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. The run and the record say so, and a narrower grid has no warning.
+    // Pulses a third of a metre apart: lambda R / (2 d) is 45 m, on a grid of 120 m. Output and record warn of ghosts; a narrower grid has
+    // no warning.
     let ghosts = "ghosts of targets are possible about 45 m from them";
     assert!(plain.stderr.contains(ghosts), "{}", plain.stderr);
     assert!(
@@ -329,7 +331,7 @@ fn recording_without_a_beam_is_not_weighted() {
     .failed(1, &["Doppler spectrum", "shows no beam"]);
 }
 
-/// Widths and boresights of a scenario are in its files, and are taken from there without an option.
+/// Files of a scenario contain beam widths and boresights, which are used without an option.
 #[test]
 fn simulated_files_state_the_beam_of_their_antennas() {
     let folder = tempfile::tempdir().unwrap();
@@ -355,7 +357,7 @@ fn simulated_files_state_the_beam_of_their_antennas() {
         );
         let resolved = record(at, image)["settings"]["resolved"]["beam"].clone();
         assert_eq!(resolved["source"], "stated");
-        // A width of rounding off 2 deg moves no block by a pulse.
+        // A rounding error of a width of 2 deg shifts no block by a pulse.
         run(
             at,
             &format!("focus {input} {grid} --beam 2deg --out {image}-given"),

@@ -1,4 +1,4 @@
-//! The benches' program on a case so small that it takes no time: its table, its one measurement, what it says of what it cannot do.
+//! The benchmark program on a case so small that it takes no time: its table, a single measurement, and refusals.
 
 use std::fs;
 use std::path::Path;
@@ -7,10 +7,10 @@ use std::process::Command;
 use serde_json::Value;
 use subaperture_tests::subap::Ran;
 
-/// Pulses, samples and pixels of a side.
+/// Pulses, samples, and pixels along each side.
 const TINY: &str = "40x48x24";
 
-/// Runs it with what it makes kept in `folder`.
+/// Run the program with its files kept in `folder`.
 fn bench(folder: &Path, line: &str) -> Ran {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bench"));
     command
@@ -20,7 +20,7 @@ fn bench(folder: &Path, line: &str) -> Ran {
     command.output().unwrap().into()
 }
 
-/// The cells of a Markdown table's rows, its head and the line below left out.
+/// Cells of a Markdown table's rows, without its header.
 fn rows(text: &str) -> Vec<Vec<&str>> {
     let lines = text.lines().filter(|line| line.starts_with("| "));
     let rows = lines.map(|line| line.trim_matches('|').split('|').map(str::trim).collect());
@@ -29,11 +29,11 @@ fn rows(text: &str) -> Vec<Vec<&str>> {
 
 fn number(cell: &str) -> f64 {
     cell.parse()
-        .unwrap_or_else(|_| panic!("'{cell}' is no number"))
+        .unwrap_or_else(|_| panic!("'{cell}' is not a number"))
 }
 
 #[test]
-fn a_table_has_a_row_for_each_former_and_number_of_threads() {
+fn table_has_row_for_each_former_and_thread_count() {
     let folder = tempfile::tempdir().unwrap();
     let line = format!("{TINY} --formers exact,bp:-45,ffbp,rdbp-thesis --threads 1,2 --no-peers");
     let ran = bench(folder.path(), &line);
@@ -55,7 +55,7 @@ fn a_table_has_a_row_for_each_former_and_number_of_threads() {
         assert_eq!(row[0], TINY);
         let [seconds, rate, error_db, scaled_db] = [3, 5, 6, 7].map(|i| number(row[i]));
         assert!(seconds >= 0.0 && rate > 0.0, "{row:?}");
-        // Two float64 sums in different orders agree to the image's own float32, 1e-7: -140 dB. The thesis's mode keeps no bound.
+        // Two float64 sums in different orders agree to the float32 of the image, 1e-7: -140 dB. The thesis's mode has no bound.
         let bound_db = match row[1] {
             "exact" => -130.0,
             "bp:-45" => -45.0,
@@ -63,13 +63,13 @@ fn a_table_has_a_row_for_each_former_and_number_of_threads() {
             _ => 20.0,
         };
         assert!(error_db <= bound_db, "{row:?}");
-        // The best factor is no worse than 1, but for the last digit printed.
+        // The best complex factor is not worse than 1, except for the last printed digit.
         assert!(scaled_db <= error_db + 0.11, "{row:?}");
         assert!(row[9].ends_with(" %") && row[10].ends_with(" %"), "{row:?}");
     }
 }
 
-/// What another revision is asked for: JSON, of files that were prepared, in time over pixels and pulses.
+/// The measurement of another revision: JSON, from prepared files, with times as a function of pixels and pulses.
 #[test]
 fn one_measurement_is_a_line_of_json() {
     let folder = tempfile::tempdir().unwrap();
@@ -86,13 +86,13 @@ fn one_measurement_is_a_line_of_json() {
     let ran = bench(folder.path(), &format!("measure {TINY} bp 100"));
     let measured: Value = serde_json::from_str(ran.succeeded()).unwrap();
     assert_eq!(measured["pairs"], 24.0 * 24.0 * 40.0);
-    // 8 bytes a sample and a pixel.
+    // 8 bytes for each sample and pixel.
     assert_eq!(measured["least_bytes"], 8.0 * (40.0 * 48.0 + 24.0 * 24.0));
     assert!(measured["seconds"].as_f64().unwrap() > 0.0);
     assert!(measured["error_db"].as_f64().unwrap() < -60.0);
     assert!(measured["operations"].as_f64().unwrap() > 24.0 * 24.0 * 40.0);
 
-    // Samples as others read them: a header of 128 bytes, 8 bytes each.
+    // Samples in a format for other programs: a header of 128 bytes, and 8 bytes each.
     let cases = fs::read_dir(folder.path().join("bench")).unwrap();
     let cases: Vec<_> = cases.map(|entry| entry.unwrap().path()).collect();
     assert_eq!(cases.len(), 1, "{cases:?}");
@@ -110,7 +110,7 @@ fn bench_refuses_unsupported_requests() {
     said("--threads 0", &["'0'"]);
     said("--round 3", &["--round"]);
     said("--against no-such-revision", &["no-such-revision"]);
-    // A former that refuses, here for 1.2 MiB of pixels, is a row.
+    // A former that refuses, here because of 1.2 MiB of pixels, has a row.
     let line = "40x48x400 --formers pfa --threads 1 --no-peers --memory-mib 1";
     let ran = bench(folder.path(), line);
     let text = ran.succeeded();

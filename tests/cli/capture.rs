@@ -1,4 +1,4 @@
-//! Captures by the simulated radio as their users make them: profiles, faults, a full disk, Ctrl-C, `kill -9`.
+//! Captures by the simulated radio through the command: profiles, faults, a full disk, Ctrl-C, `kill -9`.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use subaperture_tests::subap::{Ran, command, listing, run};
 use subaperture_tests::tiny_disk::TinyDisk;
 use tempfile::TempDir;
 
-/// Without noise and settling, so that captures are fast: what is recorded is the same.
+/// Without noise and settling, so that captures are fast; the recorded format is the same.
 const QUIET: &str = "--set device.impairments=false";
 
 /// A folder with the examples `thesis.toml` and `scene.toml`.
@@ -28,7 +28,7 @@ fn json(ran: &Ran) -> Value {
     serde_json::from_str(ran.succeeded()).unwrap()
 }
 
-/// The scene without its points, and one with a reflector of 4 m^2 at 5 m; the calibration of captures of both.
+/// Capture the empty scene and one with a reflector of 4 m^2 at 5 m, and calibrate from both.
 fn calibrate(folder: &Path) {
     let scene = fs::read_to_string(folder.join("scene.toml")).unwrap();
     let (sky, _) = scene.split_once("[[scene.point]]").unwrap();
@@ -43,19 +43,19 @@ fn calibrate(folder: &Path) {
         );
         run(folder, &line).succeeded();
     }
-    // Half the way from the transmitter to 5 m and to the receiver, 0.1 m beside it.
+    // Half of the path from the transmitter to 5 m and back to the receiver, 0.1 m from it.
     let line = "radio calibrate --sky sky --reflector reflector.sigmf-data --range 5.0005 -o calibration.json";
     run(folder, line).succeeded();
 }
 
-/// The three objects of C 5.6 are within 2 cm of where they are (the antennas are 0.1 m apart, so half the path is up to 5 mm longer; the derivation is with
-/// the radio's own tests), and nothing else is seen.
+/// Assert that the three objects of C 5.6 are within 2 cm of their ranges, and that there are no other peaks. (The antennas are 0.1 m
+/// apart, so half of the path is up to 5 mm longer; the derivation is in the radio's own tests.)
 fn assert_thesis(folder: &Path, recording: &str, sweep: u64) {
     let line = format!(
         "profile {recording} --sweep {sweep} --calibration calibration.json --window kaiser:7 --reach 25 --json"
     );
-    let told = json(&run(folder, &line));
-    let peaks = told["peaks"].as_array().unwrap();
+    let result = json(&run(folder, &line));
+    let peaks = result["peaks"].as_array().unwrap();
     assert_eq!(peaks.len(), 3, "{peaks:?}");
     for (peak, range_m) in peaks.iter().zip([1.0, 6.3, 16.0f64]) {
         let half_path_m = 0.5 * (range_m + range_m.hypot(0.1));
@@ -65,16 +65,16 @@ fn assert_thesis(folder: &Path, recording: &str, sweep: u64) {
 }
 
 #[test]
-fn an_experiment_is_captured_calibrated_shown_and_replayed() {
+fn experiment_is_captured_calibrated_profiled_and_replayed() {
     let folder = examples();
     let at = folder.path();
     calibrate(at);
-    let told = json(&run(
+    let result = json(&run(
         at,
         "capture thesis.toml -o walk --set plan.sweeps=3 --json",
     ));
     assert_eq!(
-        (&told["ended"], told["steps"].as_u64()),
+        (&result["ended"], result["steps"].as_u64()),
         (&"done".into(), Some(150))
     );
     let recording = Recording::open(&at.join("walk")).unwrap();
@@ -95,10 +95,10 @@ fn an_experiment_is_captured_calibrated_shown_and_replayed() {
             "{name}"
         );
     }
-    // 13 dB and more lower, and nowhere: phases at random.
+    // At least 13 dB lower and without a consistent position: phases are random.
     let strongest = |more: &str| {
-        let told = json(&run(at, &format!("profile walk.sigmf-meta {more} --json")));
-        let levels = told["peaks"].as_array().unwrap();
+        let result = json(&run(at, &format!("profile walk.sigmf-meta {more} --json")));
+        let levels = result["peaks"].as_array().unwrap();
         levels
             .iter()
             .map(|peak| peak["level_db"].as_f64().unwrap())
@@ -112,7 +112,7 @@ fn an_experiment_is_captured_calibrated_shown_and_replayed() {
     .succeeded();
     let data = |name: &str| fs::read(at.join(name)).unwrap();
     assert!(data("again.sigmf-data") == data("walk.sigmf-data"));
-    // A calibration of other gains is refused, and so is writing over a recording.
+    // A calibration for other gains is refused, as is overwriting a recording.
     run(
         at,
         "capture thesis.toml -o louder --set radio.receive_gain=43 --set plan.sweeps=1",
@@ -136,9 +136,9 @@ fn an_experiment_is_captured_calibrated_shown_and_replayed() {
     assert_eq!(listing(at), before);
 }
 
-/// Six carriers side by side are not sent: 24 MHz of 200. What fills them is good to more than the floor of what is told, 25 dB.
+/// Six adjacent carriers are not sent: 24 MHz of 200. Their interpolated values are accurate to more than the 25 dB of the reported range.
 #[test]
-fn a_band_to_avoid_is_not_sent_and_filled() {
+fn avoided_band_is_not_sent_and_interpolated() {
     let folder = examples();
     let at = folder.path();
     calibrate(at);
@@ -172,7 +172,7 @@ fn faults_are_reported_marked_and_left_out_of_profiles() {
         at,
         "capture faults.toml -o faults --set plan.sweeps=2 --json",
     );
-    let told = json(&ran);
+    let result = json(&ran);
     assert!(
         ran.stderr.contains("warning: of 100 steps "),
         "{}",
@@ -184,19 +184,22 @@ fn faults_are_reported_marked_and_left_out_of_profiles() {
         .iter()
         .filter(|step| !step.lost.is_empty())
         .count() as u64;
-    let flagged = |name: &str| told["flagged"][name].as_u64().unwrap();
+    let flagged = |name: &str| result["flagged"][name].as_u64().unwrap();
     assert!(
         flagged("late") > 0 && flagged("with_lost_samples") > 0,
-        "{told}"
+        "{result}"
     );
     assert_eq!(flagged("late") + flagged("with_lost_samples"), marked);
     for kind in ["overflows", "underflows", "late_commands", "lost_packets"] {
-        assert!(told["events"][kind].as_u64() > Some(0), "{kind}: {told}");
+        assert!(
+            result["events"][kind].as_u64() > Some(0),
+            "{kind}: {result}"
+        );
     }
     for sweep in 0..2 {
         assert_thesis(at, "faults.sigmf-meta", sweep);
     }
-    // In the third sweep; the two before are whole.
+    // A fault in the third sweep; the two before are complete.
     fs::write(
         at.join("gone.toml"),
         format!("{text}\n[faults]\nunplug_at = 130\n"),
@@ -211,7 +214,7 @@ fn faults_are_reported_marked_and_left_out_of_profiles() {
     assert_thesis(at, "gone.sigmf-meta", 1);
 }
 
-/// 256 KiB: half a sweep of 400 kB.
+/// 256 KiB: half of a sweep of 400 kB.
 #[test]
 fn full_disk_keeps_the_earlier_samples() {
     let Some(disk) = TinyDisk::mount() else {
@@ -225,7 +228,7 @@ fn full_disk_keeps_the_earlier_samples() {
     ran.failed(1, &["full.sigmf-", "No space left", "make room"]);
     let recording = Recording::open(&out).unwrap();
     let steps = recording.steps().len();
-    // A step of 1000 samples of two channels is 8000 bytes, and its line some 300.
+    // A step of 1000 samples of two channels has 8000 bytes, and its line some 300.
     assert!(
         recording.interrupted() && (20..33).contains(&steps),
         "{steps}"
@@ -234,7 +237,7 @@ fn full_disk_keeps_the_earlier_samples() {
     ran.failed(1, &["killed", "of 50 steps are usable"]);
 }
 
-/// Starts an endless capture and returns when it has recorded this many steps at least.
+/// Start an endless capture and return when it has recorded at least `steps` steps.
 fn begun(at: &Path, name: &str, more: &str, steps: usize) -> std::process::Child {
     let line = format!("capture thesis.toml -o {name} {QUIET} {more}");
     let child = command(at, line.split_whitespace())
@@ -247,7 +250,7 @@ fn begun(at: &Path, name: &str, more: &str, steps: usize) -> std::process::Child
     while fs::read(&journal).map_or(0, |text| text.split(|&b| b == b'\n').count()) <= steps {
         assert!(
             began.elapsed() < Duration::from_secs(60),
-            "nothing is recorded"
+            "no step recorded in time"
         );
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -255,11 +258,11 @@ fn begun(at: &Path, name: &str, more: &str, steps: usize) -> std::process::Child
 }
 
 #[test]
-fn a_capture_killed_opens_with_all_steps_whose_lines_are_whole() {
+fn killed_capture_opens_with_all_complete_steps() {
     let folder = examples();
     let at = folder.path();
     let mut child = begun(at, "killed", "--set plan.sweeps=0", 120);
-    // On Unix that is SIGKILL: nothing of the program runs after it.
+    // SIGKILL on Unix: no code of the program runs afterwards.
     child.kill().unwrap();
     child.wait().unwrap();
     let lines = fs::read_to_string(at.join("killed.sigmf-journal"))
@@ -271,14 +274,14 @@ fn a_capture_killed_opens_with_all_steps_whose_lines_are_whole() {
     assert_eq!(recording.steps().len(), lines);
     let ran = run(at, "profile killed --sweep 1 --json");
     assert!(ran.stderr.contains("warning: the capture was killed"));
-    // Not calibrated: the three objects, and the leakage, which the longer cable of the loop puts before zero, so at the far end.
+    // Uncalibrated: the three objects, and the leakage, which the longer loopback cable shifts below zero and so to the far end.
     let peaks = json(&ran)["peaks"].as_array().unwrap().len();
     assert_eq!(peaks, 4);
 }
 
 #[cfg(unix)]
 #[test]
-fn a_capture_interrupted_is_whole() {
+fn interrupted_capture_is_complete() {
     let folder = examples();
     let at = folder.path();
     for (name, sweeps, code) in [("endless", 0, 0), ("some", 1_000_000, 130)] {
@@ -306,7 +309,7 @@ fn wrong_options_and_keys_are_reported_with_advice() {
         ("capture", 2, vec!["EXPERIMENT"]),
         ("capture thesis.toml", 2, vec!["--out", "files.recording"]),
         ("capture thesis.toml -o a --keys", 2, vec!["--keys"]),
-        ("capture --example nothing", 2, vec!["--example", "thesis"]),
+        ("capture --example unknown", 2, vec!["--example", "thesis"]),
         ("capture none.toml -o a", 1, vec!["none.toml"]),
         (
             "capture thesis.toml -o a --replay none",
@@ -350,7 +353,7 @@ fn wrong_options_and_keys_are_reported_with_advice() {
     ] {
         run(at, line).failed(code, &parts);
     }
-    // A build without UHD, as this one is, lists the simulated radio and says how to get the others.
+    // A build without UHD lists the simulated radio and states how to enable others.
     let listed = run(at, "radio list");
     assert!(listed.succeeded().contains("simulated"), "{listed:?}");
     for word in ["libuhd-dev", "feature uhd", "GPL"] {
@@ -370,10 +373,10 @@ fn wrong_options_and_keys_are_reported_with_advice() {
     ] {
         assert!(keys.succeeded().contains(key), "{key}");
     }
-    let told = json(&run(at, "capture thesis.toml -o a --dry-run --json"));
-    // 50 carriers of twice 2 ms to retune, 1 ms of lead and 1 of dwell; 8000 bytes each.
-    assert!((told["sweep_s"].as_f64().unwrap() - 0.3).abs() < 1e-9);
-    assert_eq!(told["disk"][0]["bytes"].as_f64().unwrap().round(), 8e6);
+    let result = json(&run(at, "capture thesis.toml -o a --dry-run --json"));
+    // 50 carriers of twice 2 ms to retune, 1 ms of lead and 1 ms of dwell; 8000 bytes each.
+    assert!((result["sweep_s"].as_f64().unwrap() - 0.3).abs() < 1e-9);
+    assert_eq!(result["disk"][0]["bytes"].as_f64().unwrap().round(), 8e6);
     let probed = run(at, "radio probe thesis.toml");
     assert!(probed.succeeded().contains("simulated B210") && probed.stdout.contains("locked"));
     let probed = run(at, "radio probe thesis.toml --set plan.pri=0.1s");
@@ -386,25 +389,25 @@ fn wrong_options_and_keys_are_reported_with_advice() {
     assert_eq!(listing(at), before);
 }
 
-/// Ten minutes of the radio's time at the plan of C 5.6, with all impairments, as fast as this machine can: nothing is lost, and the last sweep is as right
-/// as the first. Some three minutes on one processor, and 800 MB of disk.
+/// Ten minutes of radio time with the plan of C 5.6 and all impairments, as fast as this machine allows: no sample is lost, and the last
+/// sweep is as accurate as the first. About three minutes on one processor, and 800 MB of disk.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
 fn ten_minutes_are_captured_without_loss() {
     let folder = examples();
     let at = folder.path();
     calibrate(at);
-    let told = json(&run(
+    let result = json(&run(
         at,
         "capture thesis.toml -o soak --set plan.sweeps=2000 --json",
     ));
-    println!("{told}");
+    println!("{result}");
     assert_eq!(
-        (&told["ended"], told["steps"].as_u64()),
+        (&result["ended"], result["steps"].as_u64()),
         (&"done".into(), Some(100_000))
     );
-    assert_eq!(told["lost_samples"].as_u64(), Some(0));
-    for counts in [&told["flagged"], &told["events"]] {
+    assert_eq!(result["lost_samples"].as_u64(), Some(0));
+    for counts in [&result["flagged"], &result["events"]] {
         let counts = counts.as_object().unwrap();
         assert!(
             counts.values().all(|count| count.as_u64() == Some(0)),

@@ -1,7 +1,7 @@
-//! Recordings and logs on which earlier versions gave wrong answers, each with its right value.
+//! Recordings and logs on which earlier versions gave wrong answers, each with its correct result.
 //!
-//! The files are read from `../shared/cases`; a test prints what it skips where they are missing. Every fault has a test on input of its own too, named in the
-//! doc of the case.
+//! The files are in `../shared/cases`; a test prints which case it skips where they are missing. Every fault also has a test with its own
+//! input, named in the documentation of the case.
 
 use std::fs;
 use std::path::Path;
@@ -31,7 +31,7 @@ fn case(name: &str) -> Option<TempDir> {
     Some(folder)
 }
 
-/// Place and amplitude of the brightest pixel, as the record states them.
+/// Position and amplitude of the brightest pixel from the record.
 fn brightest(folder: &Path, image: &str) -> ([f64; 2], f64) {
     let record = fs::read(folder.join(image).join("image.json")).unwrap();
     let record: Value = serde_json::from_slice(&record).unwrap();
@@ -88,7 +88,7 @@ fn fmcw_real_and_plain_iq_show_the_target() {
     let Some(folder) = case("fmcw-real-and-plain-iq") else {
         return;
     };
-    // The description states no order: that of the sharper image is taken.
+    // The description states no order: that of the sharper image is used.
     for (file, amplitude) in [("iqiq", 3000.0), ("real", 1500.0)] {
         let line =
             format!("focus {file}.toml --grid x=-0.1:0.1:0.002,y=1.1:1.3:0.005,z=0 --out {file}");
@@ -108,7 +108,7 @@ fn h5_half_precision_is_read_and_its_sign_asked_for() {
     let Some(folder) = case("h5-half-and-integer-complex") else {
         return;
     };
-    // As sharp with either sign: the file must state it.
+    // Equally sharp with both signs, so the file must state it.
     run(folder.path(), "info half.h5").failed(1, &["half.h5", "give 'sign'"]);
 }
 
@@ -172,7 +172,7 @@ fn nav_novatel_abbreviated_is_read() {
     };
     let ran = run(folder.path(), "navigation abbreviated.asc -o t.csv");
     assert!(ran.succeeded().contains("BESTPOS   5 records"), "{ran:?}");
-    // The frame's origin is the first place; its height above the ellipsoid is 90 - 20 m.
+    // The origin of the frame is the first position; its height above the ellipsoid is 90 - 20 m.
     let text = fs::read_to_string(folder.path().join("t.csv")).unwrap();
     assert!(text.contains("height 70.0"), "{text}");
 }
@@ -225,7 +225,7 @@ fn nav_undulation_comes_and_goes() {
     );
 }
 
-/// A stepped radar on a road, in the near field: antennas of 40 deg, intra-pulse motion, errors of navigation.
+/// A stepped-frequency radar on a road, in the near field: antennas of 40 deg, intra-pulse motion, navigation errors.
 const TRUCK: &str = r#"name = "truck"
 seed = 5
 [scene]
@@ -313,7 +313,7 @@ fn truck_is_focused_within_the_default_bound_on_its_default_grid() {
     assert!((error_db + 65.71).abs() < 0.5, "{error_db}");
 }
 
-/// Two receivers 0.25 m before and behind one transmitter.
+/// Two receivers 0.25 m ahead of and behind one transmitter.
 const GMTI: &str = r#"name = "gmti"
 seed = 11
 [scene]
@@ -352,7 +352,7 @@ velocity = "125, 0, 0 m/s"
 "#;
 
 #[test]
-fn gmti_has_both_channels_as_its_scenario_states_them() {
+fn gmti_has_both_channels_of_its_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("gmti.toml"), GMTI).unwrap();
@@ -361,7 +361,7 @@ fn gmti_has_both_channels_as_its_scenario_states_them() {
     let info: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let channels = info["containers"][0]["channels"].as_array().unwrap();
     assert_eq!(channels.len(), 2);
-    // Midpoints of transmitter and receiver: 0.125 m before and behind the transmitter.
+    // Midpoints of transmitter and receiver: 0.125 m ahead of and behind the transmitter.
     for (channel, (id, offset_m)) in channels.iter().zip([("T1R1", 0.0), ("T1R2", -0.25)]) {
         assert_eq!(channel["id"], id);
         assert_eq!(
@@ -375,7 +375,7 @@ fn gmti_has_both_channels_as_its_scenario_states_them() {
         }
     }
     let centre_hz = channels[0]["centre_hz"].as_f64().unwrap();
-    // 200 samples of 150 MHz about 10 GHz: their middle is half a step below.
+    // 200 samples of 150 MHz about 10 GHz: their mean is half a step below.
     assert!(
         (centre_hz - (10e9 - 0.5 * 150e6 / 200.0)).abs() < 1.0,
         "{centre_hz}"
@@ -383,7 +383,7 @@ fn gmti_has_both_channels_as_its_scenario_states_them() {
     assert!(info["beam"].is_null(), "{info}");
 }
 
-/// Four reflectors alone (mp, mpt) and with a fifth target that stands (mpm0) or moves (mpm). Also tests/cli/track.rs.
+/// Four reflectors alone (mp, mpt), and with a fifth target that is stationary (mpm0) or moves (mpm). Also tests/cli/track.rs.
 #[test]
 fn mp_mpm_mpm0_and_mpt_give_tracks_of_9_6_m() {
     for (name, movers) in [("mp", 0), ("mpt", 0), ("mpm0", 0), ("mpm", 1)] {

@@ -1,4 +1,4 @@
-//! Recordings of several channels: listed side by side, one chosen, or their coherent sum.
+//! Recordings of several channels: listed, one selected, or their coherent sum.
 
 use std::fs;
 use std::path::Path;
@@ -55,10 +55,10 @@ fn names(record: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn all_channels_make_one_image_and_its_record_names_them() {
+fn coherent_sum_of_channels_is_one_image_whose_record_names_them() {
     let folder = mimo();
     let at = folder.path();
-    // 1001 pixels of 576: all are checked against the exact sum.
+    // 1001 x 576 pixels: all are compared with the exact sum.
     run(
         at,
         &format!("focus mimo.cphd --channels all --check 1001 --out all {GRID}"),
@@ -69,18 +69,18 @@ fn all_channels_make_one_image_and_its_record_names_them() {
     assert_eq!(all["collection"]["num_pulses"], 512);
     assert_eq!(all["settings"]["given"]["channels"], "all");
     assert!(all["check"]["relative_rms_db"].as_f64().unwrap() < -60.0);
-    // The scatterer is of 1 m^2 and reads 1, as with one channel.
+    // The scatterer of 1 m^2 has amplitude 1, as with one channel.
     assert!(all["brightest"]["level_db"].as_f64().unwrap().abs() < 0.05);
     let position = &all["brightest"]["position_m"];
     assert_eq!((&position[0], &position[1]), (&3.0.into(), &4.0.into()));
-    // Some of them, by name and by number.
+    // Some channels, by name and by number.
     run(
         at,
         &format!("focus mimo.cphd --channels T1R1,4 --out some {GRID}"),
     )
     .succeeded();
     assert_eq!(names(&record(at, "some")), ["T1R1", "T2R2"]);
-    // One, and by default the reference channel, which is the first.
+    // One channel; by default the reference channel, which is the first.
     run(at, &format!("focus mimo.cphd --channel 1 --out one {GRID}")).succeeded();
     run(at, &format!("focus mimo.cphd --out reference {GRID}")).succeeded();
     assert_eq!(names(&record(at, "one")), ["T1R1"]);
@@ -94,7 +94,7 @@ fn all_channels_make_one_image_and_its_record_names_them() {
             .succeeded()
             .contains("error   none")
     );
-    // A plan of all is carried out of all, to the same bits, and of nothing else.
+    // A plan for all channels is executed on all of them with the same bits, and refused on others.
     run(
         at,
         &format!("plan focus mimo.cphd --channels all -o plan.json {GRID}"),
@@ -115,24 +115,24 @@ fn all_channels_make_one_image_and_its_record_names_them() {
         "focus mimo.cphd --channel 2 --plan plan.json --out other",
     );
     other.failed(1, &["plan"]);
-    // What was formed of all is measured of all.
+    // An image of all channels is measured on all channels.
     run(at, "quality all --from mimo.cphd").succeeded();
-    // A named former that cannot keep its bound forms the image and says so.
+    // A former that the user names but that cannot keep its bound forms the image and warns.
     let missed = run(at, "focus mimo.cphd -a omega-k --channels all --out no");
     missed.failed(3, &["--error-db"]);
 }
 
 #[test]
-fn info_shows_channels_side_by_side() {
+fn info_lists_channels_with_their_geometry() {
     let folder = mimo();
     let ran = run(folder.path(), "info mimo.cphd");
     let text = ran.succeeded();
     for part in [
         "T1R1: 128 vectors of 64 samples (reference)",
-        // From the first frequency to the last; the middle between the antennas, in the frame of a track eastwards.
+        // Band from the first frequency to the last; midpoints of antennas in the frame of a track eastwards.
         "T1R2: 128 vectors of 64 samples, 196.875 MHz about 9.99844 GHz, antennas x -0.1500 m, y 0.0000 m, z 0.0000 m from those \
          of T1R1",
-        // A turn later: 1 ms at 100 m/s.
+        // One cycle of transmitters later: 1 ms at 100 m/s.
         "x 0.1000 m, y 0.0000 m, z 0.1000 m from those of T1R1",
     ] {
         assert!(text.contains(part), "{part}: {text}");
@@ -146,11 +146,11 @@ fn info_shows_channels_side_by_side() {
 }
 
 #[test]
-fn echoes_of_pairs_are_described_apart_and_their_channels_are_the_recordings() {
+fn echoes_have_a_description_for_each_antenna_pair() {
     let folder = mimo();
     let at = folder.path();
     run(at, "simulate mimo.toml --echoes raw").succeeded();
-    // Each pair's description is a recording of one channel.
+    // The description of each pair is a recording of one channel.
     run(
         at,
         &format!("focus raw/recording-T2R2.toml --channel T1R1 --out pair {GRID}"),
@@ -164,7 +164,7 @@ fn echoes_of_pairs_are_described_apart_and_their_channels_are_the_recordings() {
 }
 
 #[test]
-fn channels_that_do_not_fit_are_refused() {
+fn incompatible_channels_are_refused() {
     let folder = mimo();
     let at = folder.path();
     let refuse = |line: &str, code: i32, parts: &[&str]| {
@@ -189,7 +189,7 @@ fn channels_that_do_not_fit_are_refused() {
     );
     refuse("focus mimo.cphd mimo.cphd --channels all", 1, &["share"]);
     run(at, "plan module --ram 512K mimo.cphd --channels all").failed(2, &["--channel "]);
-    // A turn that is broken off leaves transmitters a pulse apart.
+    // An incomplete last cycle gives the transmitters different numbers of pulses.
     let text = MIMO.replace("pulses = 256", "pulses = 255");
     fs::write(at.join("odd.toml"), text).unwrap();
     run(at, "simulate odd.toml -o odd.cphd").succeeded();

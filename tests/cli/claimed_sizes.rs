@@ -14,7 +14,7 @@ use subaperture_tests::subap::{command, run};
 
 use crate::memory::{self, peak_of};
 
-/// `--memory`, and the limit on the address space: what is reserved and never touched counts in the latter alone.
+/// `--memory` and the limit on the address space, MiB. Only the latter counts memory that is reserved but never touched.
 const MIB: u32 = 64;
 const SPACE_MIB: u32 = 1024;
 
@@ -47,7 +47,7 @@ fn npy(dtype: &str, shape: &str) -> Vec<u8> {
 }
 
 fn npz(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    // Stored, with a local header and a central one for each; lengths are true, shapes are not.
+    // Stored, with a local and a central header for each; lengths are correct, shapes are not.
     let (mut file, mut directory) = (Vec::new(), Vec::new());
     for (name, bytes) in arrays {
         let (at, name) = (file.len() as u32, format!("{name}.npy"));
@@ -135,7 +135,7 @@ fn words(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// An array of `data` with a side of 2^31 - 1, within an element that ends where the file does.
+/// An array of `data` with a side of 2^31 - 1, in an element that ends at the end of the file.
 fn matlab_array() -> Vec<u8> {
     let side = i32::MAX as u32;
     let array = [

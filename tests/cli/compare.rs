@@ -67,14 +67,14 @@ fn notes(of: &Value) -> String {
     of["notes"].to_string()
 }
 
-/// The grid is longer than wide and not about the origin, so that a pixel at a wrong place cannot read its neighbour's value.
+/// The grid is longer than wide and not centred, so that a pixel at a wrong position cannot have its neighbour's value.
 const GRID: &str = "x=-20:12:0.4,y=-16:20:0.25";
 
 #[test]
-fn an_image_and_its_own_sicd_are_the_same_from_every_side() {
+fn image_and_its_sicd_are_equal_from_every_direction() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // Rows of a SICD run away from the radar: all four quarters are met.
+    // Rows of a SICD point away from the radar, so all four orientations occur.
     let mut turns = std::collections::BTreeSet::new();
     for views in [
         SOUTH,
@@ -97,9 +97,9 @@ fn an_image_and_its_own_sicd_are_the_same_from_every_side() {
     assert!(turns.len() >= 3, "{turns:?}");
 }
 
-/// One sample of the SICD is replaced by zero: the error is that sample's share of the energy, by the definition.
+/// One sample of the SICD is replaced by zero: the error is that sample's share of the energy, by definition.
 #[test]
-fn a_changed_sample_of_a_sicd_shows_as_its_share_of_the_energy() {
+fn error_of_changed_sicd_sample_is_its_share_of_energy() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     simulate(at, SOUTH);
@@ -112,7 +112,7 @@ fn a_changed_sample_of_a_sicd_shows_as_its_share_of_the_energy() {
         .unwrap();
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).unwrap();
-    // Samples are the file's longest part, float32 pairs; its header and XML are elsewhere.
+    // Samples are the longest part of the file, float32 pairs; header and XML are elsewhere.
     let text = |range: std::ops::Range<usize>| String::from_utf8_lossy(&bytes[range]).into_owned();
     let header: usize = text(354..360).parse().unwrap();
     let image_header: usize = text(363..369).parse().unwrap();
@@ -139,7 +139,7 @@ fn a_changed_sample_of_a_sicd_shows_as_its_share_of_the_energy() {
 }
 
 #[test]
-fn products_of_different_grids_are_compared_on_the_pixels_of_the_second() {
+fn products_on_different_grids_are_compared_on_pixels_of_the_second() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     simulate(at, SOUTH);
@@ -148,7 +148,8 @@ fn products_of_different_grids_are_compared_on_the_pixels_of_the_second() {
     focus(at, "turned", "x=-12:12:0.3,y=-12:12:0.22,yaw=33");
     focus(at, "polar", "r=4:12:0.2,theta=20:80:1");
     focus(at, "part", "x=-10:10:0.4,y=-8:8:0.25");
-    // An error of each image against the sum, -66 dB at the most, and that of resampling, -60 dB: in amplitude 5.0e-4, 5.0e-4 and 1.0e-3, -54 dB together.
+    // The error of each image against the sum, at most -66 dB, and that of resampling, -60 dB: in amplitude 5.0e-4, 5.0e-4 and 1.0e-3,
+    // together -54 dB.
     for pair in ["a b", "b a", "a turned", "turned a", "turned b", "b polar"] {
         let of = compared(at, pair);
         assert!(error_db(&of) < -54.0, "{pair}: {of}");
@@ -156,7 +157,7 @@ fn products_of_different_grids_are_compared_on_the_pixels_of_the_second() {
         assert!(notes(&of).contains("resampled"), "{pair}: {of}");
         assert_eq!(of["values"], "complex");
     }
-    // The same pixels, a part of them: nothing is resampled. Formed apart, each to -66 dB.
+    // Common pixels are not resampled. The images are formed separately, each to -66 dB.
     let of = compared(at, "a part");
     assert!(error_db(&of) < -60.0, "{of}");
     assert!(!notes(&of).contains("resampled"), "{of}");
@@ -165,10 +166,10 @@ fn products_of_different_grids_are_compared_on_the_pixels_of_the_second() {
         (&of["pixels"], &of["of_pixels"]),
         (&3200.into(), &(80 * 144).into())
     );
-    let told = run(at, "compare part a");
+    let printed = run(at, "compare part a");
     assert!(
-        told.succeeded().contains("3200 of 11520 pixels"),
-        "{told:?}"
+        printed.succeeded().contains("3200 of 11520 pixels"),
+        "{printed:?}"
     );
 }
 
@@ -185,11 +186,11 @@ fn images_of_other_surfaces_and_places_are_refused() {
         &["low and high", "different surfaces", "up to 1 m apart"],
     );
     run(at, "compare low beside").failed(1, &["different places"]);
-    // The same local grid somewhere else on the Earth.
+    // The same local grid at another position on the Earth.
     run(at, "export low --place 52,4,0 -o here.nitf").succeeded();
     run(at, "export low --place 52,5,0 -o there.nitf").succeeded();
     run(at, "compare here.nitf there.nitf").failed(1, &["here.nitf and there.nitf", "different"]);
-    // An array says nothing of its place: by its shape alone, which is stated.
+    // An array has no position: it is compared by its shape, and the output states this.
     let of = compared(at, "low low/image.npy");
     assert_eq!(error_db(&of), f64::NEG_INFINITY);
     assert!(notes(&of).contains("by row and column alone"), "{of}");
@@ -197,11 +198,11 @@ fn images_of_other_surfaces_and_places_are_refused() {
 }
 
 #[test]
-fn a_scene_without_a_place_is_compared_with_its_sicd_once_its_place_is_given() {
+fn scene_without_position_is_compared_with_its_sicd_after_place_is_given() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), scene(SOUTH[0], SOUTH[1])).unwrap();
-    // A description that does not say where on the Earth its scene is.
+    // A description without a position of the scene on the Earth.
     run(at, "simulate space.toml --echoes raw").succeeded();
     let text = fs::read_to_string(at.join("raw/recording.toml")).unwrap();
     let mut within = false;
@@ -236,7 +237,7 @@ fn sicds_and_maps_on_other_pixels_are_compared_by_their_amplitudes() {
     run(at, "export b -o b.nitf").succeeded();
     run(at, "export a --layout complex -o complex.tif").succeeded();
     run(at, "export a --layout amplitude -o amplitude.tif").succeeded();
-    // As for products above.
+    // The bound is that of the products above.
     for pair in [
         "b.nitf a",
         "a b.nitf",
@@ -249,7 +250,7 @@ fn sicds_and_maps_on_other_pixels_are_compared_by_their_amplitudes() {
         assert!(notes(&of).contains("phases"), "{pair}: {of}");
         assert!(of["scale_deg"].is_null() && of["peak_phase_error_deg"].is_null());
     }
-    // A complex map of a product has its phases: of itself exactly, of the other product but for resampling.
+    // A complex map of a product contains its phases: it equals the product, and differs from another product by resampling.
     let of = compared(at, "a complex.tif");
     assert_eq!(error_db(&of), f64::NEG_INFINITY, "{of}");
     assert_eq!(of["values"], "complex");
@@ -261,7 +262,7 @@ fn sicds_and_maps_on_other_pixels_are_compared_by_their_amplitudes() {
     assert!(notes(&of).contains("detected"), "{of}");
 }
 
-/// Levels are rounded to steps of the span over 255: an amplitude is off by half a step at the most.
+/// Levels are rounded to steps of the span over 255: an amplitude is off by at most half a step.
 #[test]
 fn detected_images_are_compared_within_their_levels() {
     let folder = tempfile::tempdir().unwrap();
@@ -276,7 +277,7 @@ fn detected_images_are_compared_within_their_levels() {
     .succeeded();
     run(at, "export a --span 50 -o a.tif").succeeded();
     run(at, "export a -o a.nitf").succeeded();
-    // Half a step of 50 dB / 254, as a share of the amplitude; -54 dB for what is resampled besides.
+    // Half a step of 50 dB / 254 as a share of the amplitude, and -54 dB for resampling.
     let most_db = 20.0 * (10f64.powf(0.5 * 50.0 / 254.0 / 20.0) - 1.0 + 2e-3).log10();
     for pair in [
         "a a.sidd.nitf",
@@ -287,7 +288,7 @@ fn detected_images_are_compared_within_their_levels() {
     ] {
         let of = compared(at, pair);
         assert!(error_db(&of) < most_db, "{pair}: {of}, {most_db}");
-        // A rounding that is not there would be another file.
+        // Without any rounding the file would be a different one.
         assert!(error_db(&of) > -60.0, "{pair}: {of}");
         assert_eq!(of["values"], "amplitudes", "{pair}");
         assert!(
@@ -296,7 +297,7 @@ fn detected_images_are_compared_within_their_levels() {
         );
     }
     run(at, "compare a.sidd.nitf a.tif").failed(1, &["detected images on different pixels"]);
-    // Bytes whose scale nobody states are no amplitudes.
+    // Pixels of 8 bits without a stated scale are not amplitudes.
     let bytes = fs::read(at.join("a.sidd.nitf")).unwrap();
     let foreign = String::from_utf8_lossy(&bytes).into_owned();
     let start = foreign.find("black_db").map(|_| ());
@@ -342,7 +343,7 @@ fn stacks_and_products_in_progress_are_compared_where_they_have_pixels() {
     let of = compared(at, "growing a");
     let pixels = of["pixels"].as_u64().unwrap();
     assert!(pixels > 1000 && pixels < 80 * 144, "{of}");
-    // Both formed to -66 dB.
+    // Both images are formed to -66 dB.
     assert!(error_db(&of) < -60.0, "{of}");
     assert!(notes(&of).contains("not recorded yet"), "{of}");
     run(at, "compare growing b").failed(1, &["growing", "incomplete"]);

@@ -1,12 +1,11 @@
 //! `subap simulate --echoes`: raw echoes focused again against the phase history of the same scenario.
 //!
-//! Both ways take the same float32 echoes through the same adapter. What is between the images:
-//! - a CPHD's positions are Earth-centred, float64 of 6.4e6 m: each coordinate is off by half a step of
-//!   0.93 nm at most, a path there and back by less than 2 sqrt(3) 0.47 nm = 1.6 nm, and with its reference's
-//!   by 3.2 nm; one range for all pulses is met by moving the reference point, to 20 nm. In phase that is
-//!   2 pi path / lambda: -104 dB at 77 GHz, -127 dB at 10 GHz, with one range -107 dB.
-//! - the spline between the fixes of a sweep, as `io::recording::write` says: below 10 nm of 25 cm, -132 dB.
-//! - float32 of the samples, 3e-8 of each: -150 dB.
+//! Both the phase history and the focused raw echoes come from the same float32 echoes through the same adapter. Their images differ by
+//! - positions in a CPHD: Earth-centred float64 of 6.4e6 m, so each coordinate is off by at most half a step of 0.93 nm, a two-way path by
+//! less than 2 sqrt(3) 0.47 nm = 1.6 nm, and with its reference by 3.2 nm. One range for all pulses is met by moving the reference point,
+//! to 20 nm. In phase this is 2 pi path / lambda: -104 dB at 77 GHz, -127 dB at 10 GHz, with one range -107 dB;
+//! - the spline between the positions of a sweep, see `io::recording::write`: below 10 nm of 25 cm, -132 dB;
+//! - float32 rounding of the samples, 3e-8 of each: -150 dB.
 //!
 //! So -100 dB bounds all.
 
@@ -21,7 +20,7 @@ use subaperture_tests::subap::{Ran, command, listing, run};
 
 const BOUND_DB: f64 = -100.0;
 
-/// Pulses of a beam that looks to the side, phases referred to one range; the record of the track is wrong.
+/// Pulses of a side-looking beam with phases referred to one range; the recorded track is wrong.
 const STRIPMAP: &str = r#"name = "strip \"one\""
 seed = 3
 
@@ -81,7 +80,7 @@ fn image(folder: &Path, input: &str, out: &str) -> subaperture::image::Image {
     npy::read(&folder.join(out).join("image.npy")).unwrap()
 }
 
-/// Asserts that `recording` gives the image that `cphd` gives.
+/// Assert that `recording` and `cphd` give the same image.
 #[track_caller]
 fn same(folder: &Path, recording: &str, cphd: &str) {
     let raw = image(folder, recording, "raw");
@@ -94,7 +93,7 @@ fn same(folder: &Path, recording: &str, cphd: &str) {
     assert!(error_db < BOUND_DB, "{recording}: {error_db} dB");
 }
 
-/// Writes the scenario both ways at once and compares their images.
+/// Write the scenario in both formats and compare their images.
 #[track_caller]
 fn round_trip(text: &str, settings: &str) {
     let folder = tempfile::tempdir().unwrap();
@@ -110,12 +109,12 @@ fn example(name: &str) -> &'static str {
 }
 
 #[test]
-fn a_stripmap_of_sweeping_pulses_comes_back() {
+fn stripmap_with_chirps_round_trips() {
     round_trip(STRIPMAP, "");
 }
 
 #[test]
-fn coded_pulses_come_back() {
+fn coded_pulses_round_trip() {
     let sweep = "kind = \"lfm\"\nbandwidth = \"150 MHz\"\nduration = \"0.5 us\"\nsweep = \"down\"";
     assert!(STRIPMAP.contains(sweep));
     let code = "kind = \"code\"\ncode = \"barker-13\"\nchip = \"10 ns\"";
@@ -126,7 +125,7 @@ fn coded_pulses_come_back() {
 }
 
 #[test]
-fn sweeps_from_a_rail_come_back_with_the_motion_within_them() {
+fn rail_sweeps_round_trip_with_intra_pulse_motion() {
     round_trip(
         example("rail"),
         "--set radar.pulses=200 --set radar.mixer_delay=20ns",
@@ -134,17 +133,17 @@ fn sweeps_from_a_rail_come_back_with_the_motion_within_them() {
 }
 
 #[test]
-fn stepped_carriers_come_back_with_the_motion_within_them() {
+fn stepped_carriers_round_trip_with_intra_pulse_motion() {
     round_trip(example("stepped"), "");
 }
 
 #[test]
-fn ideal_phase_history_comes_back() {
+fn ideal_phase_history_round_trips() {
     round_trip(example("stripmap"), "--set radar.pulses=100");
 }
 
 #[test]
-fn every_pair_of_antennas_has_a_description() {
+fn every_antenna_pair_has_a_description() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let second = "[[radar.receiver]]\noffset = \"0.3, 0, 0 m\"\n\n[[radar.receiver]]\n\n[platform]";
@@ -166,7 +165,7 @@ fn every_pair_of_antennas_has_a_description() {
 }
 
 #[test]
-fn an_older_recording_is_replaced_and_other_files_stay() {
+fn older_recording_is_replaced_and_other_files_stay() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), STRIPMAP).unwrap();
@@ -187,7 +186,7 @@ fn failed_write_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), STRIPMAP).unwrap();
-    // A scatterer on an antenna that stands, with spreading: an infinite sample.
+    // A scatterer at the position of a stationary antenna, with spreading loss: an infinite sample.
     let (scene, _) = example("stripmap").split_once("[platform]").unwrap();
     let at_antenna = scene.replace("0, 10, 0 m", "0, 5, 0 km")
         + "[platform]\nkind = \"fixed\"\nposition = \"0, 5, 0 km\"\n";
@@ -217,19 +216,19 @@ fn failed_write_leaves_no_file() {
 }
 
 #[test]
-fn ctrl_c_leaves_nothing() {
+fn ctrl_c_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), STRIPMAP).unwrap();
     let before = listing(at);
-    // A million pulses: minutes.
+    // A million pulses take minutes.
     let line = "simulate scene.toml --echoes raw --set radar.pulses=1000000 --set radar.pri=5us";
     let mut child = command(at, line.split_whitespace())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // The staging folder shows that writing has begun.
+    // The staging folder exists once writing has begun.
     let start = Instant::now();
     while listing(at) == before {
         assert!(start.elapsed() < Duration::from_secs(60), "it never began");

@@ -1,4 +1,4 @@
-//! Every command that there is: its memory against `--memory`, and inputs that never end.
+//! Every command: its memory against `--memory`, and inputs that never end.
 
 use std::fs;
 use std::path::Path;
@@ -10,10 +10,10 @@ use subaperture_tests::subap::{Ran, command, run};
 
 use crate::memory::{self, measured, peak_of};
 
-/// Budgets with 2 threads, MiB: the least that is taken, and some.
+/// Budgets with 2 threads, MiB: the smallest accepted, and a larger one.
 const BUDGETS: [u32; 2] = [26, 64];
 
-/// Commands with quick runs of them. `%` is the budget, for outputs that are not written over.
+/// Commands with quick runs of each. `%` is the budget, which makes the names of outputs unique.
 const COMMANDS: [(&str, &[&str]); 31] = [
     (
         "focus",
@@ -23,7 +23,7 @@ const COMMANDS: [(&str, &[&str]); 31] = [
         "velocity",
         &["velocity few.cphd --at 1,2 --vx=-30:30:0.5 --vy=-30:30:0.5 --out v --force"],
     ),
-    // A link is refused where nobody listens, once the recording is read and planned; sessions are measured with the module's firmware.
+    // A link without a listener is refused after the recording was read and planned; sessions are measured with the module's firmware.
     (
         "link",
         &["link tcp://127.0.0.1:1 few.cphd -o m.maps --force"],
@@ -103,7 +103,7 @@ const COMMANDS: [(&str, &[&str]); 31] = [
     ("man", &["man", "man plan focus"]),
 ];
 
-/// `view` ends with a signal alone: `view::memory_holds_under_fifty_clients` measures it.
+/// `view` ends only on a signal: `view::memory_holds_under_fifty_clients` measures it.
 const ELSEWHERE: [&str; 1] = ["view"];
 
 const JOB: &str = r#"
@@ -119,7 +119,7 @@ error = "-50 dB"
 formats = ["png"]
 "#;
 
-/// The commands that the help lists, those of a group by both names.
+/// Commands listed by the help, those of a group by both names.
 fn listed(before: &[&str]) -> Vec<String> {
     let line = [before, &["--help"]].concat().join(" ");
     let help = run(Path::new("."), &line).succeeded().to_owned();
@@ -127,7 +127,7 @@ fn listed(before: &[&str]) -> Vec<String> {
         return vec![before.join(" ")];
     };
     let lines = list.lines().take_while(|line| !line.is_empty());
-    // A description that goes on is set in further.
+    // Continuation lines of a description are indented further.
     let names = lines.filter_map(|line| {
         line.strip_prefix("  ")?
             .split_whitespace()
@@ -150,7 +150,7 @@ fn every_command_is_in_the_table() {
     assert_eq!(listed, known);
 }
 
-/// What the runs of the table read.
+/// A folder with the inputs of all runs in the table.
 fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
@@ -203,7 +203,7 @@ fn every_command_stays_within_its_memory() {
             }
         }
     }
-    // No more than these are refused: where nobody listens, where no USRP is known, where memory is short, where one cannot be measured.
+    // Only these runs are refused: no listener, no USRP, too little memory, or a target that cannot be measured.
     done.dedup();
     let refused = COMMANDS
         .iter()
@@ -224,7 +224,7 @@ fn every_command_stays_within_its_memory() {
     );
 }
 
-/// Runs that read `X`.
+/// Commands that read `X`.
 const READERS: [&str; 30] = [
     "info X",
     "focus X -o o",
@@ -258,7 +258,7 @@ const READERS: [&str; 30] = [
     "plan radar X",
 ];
 
-/// Runs `line` for a second, and then sends a signal; how it ended, its most memory, and how long that took.
+/// Run `line` for a second, then send a signal; returns the result, the peak memory and the time until the end.
 fn interrupted(at: &Path, line: &str) -> (Ran, f64, Duration) {
     let words = format!("{line} --threads 2 --memory 64M");
     let mut child = command(at, words.split_whitespace())
@@ -289,7 +289,7 @@ fn interrupted(at: &Path, line: &str) -> (Ran, f64, Duration) {
     (child.wait_with_output().unwrap().into(), peak, took)
 }
 
-/// A pipe that nobody writes to, devices, a socket's like: an error, or the end by one signal, within the memory given.
+/// Pipes without a writer, devices, sockets: an error, or an end on the first signal, within the memory.
 #[test]
 fn inputs_that_never_end_are_refused_or_interrupted() {
     let folder = tempfile::tempdir().unwrap();
@@ -321,7 +321,7 @@ fn inputs_that_never_end_are_refused_or_interrupted() {
                     assert!(matches!(ran.code, Some(1 | 2 | 130)), "{line}: {ran:?}");
                     assert!(!ran.stderr.contains("panicked"), "{line}: {ran:?}");
                     assert!(peak <= 64.0, "{line}: {peak} MiB");
-                    // 0.7 s of patience; the rest is for a machine that is busy with other tests.
+                    // The command waits 0.7 s; the rest allows for a machine busy with other tests.
                     assert!(took < Duration::from_secs(20), "{line}: {took:?}");
                 }
             });

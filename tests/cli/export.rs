@@ -1,4 +1,4 @@
-//! `subap export`: SICD that NGA's sarkit finds consistent, reads and projects. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
+//! `subap export`: SICD that NGA's sarkit accepts, reads and projects. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use subaperture::monitor::Silent;
 use subaperture::sicd::{Formed, Georeference, Projection, Sicd, SicdFile};
 use subaperture_tests::subap::run;
 
-/// Three points seen from 600 km by a satellite of the X band that looks ahead, in a frame of the Earth whose axes are turned.
+/// Three points seen from 600 km by an X-band satellite squinted forward, in an Earth frame with rotated axes.
 const SPACE: &str = r#"name = "space & time"
 
 [scene]
@@ -57,7 +57,7 @@ fn sarkit(script: &str, arguments: &[PathBuf]) {
 }
 
 #[test]
-fn images_are_sicd_that_sarkit_reads_and_projects() {
+fn exported_sicd_is_read_and_projected_by_sarkit() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
@@ -87,7 +87,8 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
         }
         false => println!("skipped: {} not found", recorded.display()),
     }
-    // What an image over 10 GB is parted into, at a size that can be tested; sarkit reads its samples below, and would check that segments are as large as may be.
+    // Segments of an image over 10 GB, at a size that can be tested. sarkit reads the samples below, and checks segments of the largest
+    // size only.
     let stored = product::open(&at.join("fine")).unwrap();
     let formed = Formed::of_record(&stored.grid, &stored.metadata).unwrap();
     let sicd = Sicd::in_segments(&formed, &Georeference::default(), 0, 10_000).unwrap();
@@ -108,7 +109,7 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
     for (n, path) in others.iter().enumerate() {
         let read = SicdFile::open(path).unwrap();
         let (rows, columns) = read.size();
-        // In two parts, so that places count.
+        // In two parts, so that offsets matter.
         let parts = [[0..rows / 2, 0..columns], [rows / 2..rows, 0..columns]];
         let mut all = read.window(&parts[0]).unwrap();
         all.pixels.extend(read.window(&parts[1]).unwrap().pixels);
@@ -120,7 +121,7 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
     fs::write(at.join("list.txt"), list).unwrap();
     sarkit("sicd_check.py", &[at.join("list.txt")]);
     run(at, "compare fine.nitf fine.nitf").succeeded();
-    // Its own file is replaced, and nobody else's.
+    // The command replaces its own file, but not a file by another program.
     run(at, "export fine --format sicd -o fine.nitf").succeeded();
     fs::write(at.join("other.nitf"), "NITF02.10 of somebody").unwrap();
     run(at, "export fine --format sicd -o other.nitf").failed(1, &["other.nitf", "--force"]);
@@ -128,7 +129,7 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
 }
 
 #[test]
-fn detected_images_are_sidd_that_sarkit_reads_and_places() {
+fn exported_sidd_is_read_and_placed_by_sarkit() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
@@ -154,14 +155,14 @@ fn detected_images_are_sidd_that_sarkit_reads_and_places() {
             image,
         ],
     );
-    // No looks and no projection: its pixels are the image's.
+    // Without multilook and projection the pixels are those of the image.
     run(at, "export image --format sidd --looks 2 -o looks.nitf")
         .failed(2, &["--looks", "--format sidd"]);
-    // Anyone's SICD is a picture of its own pixels, and maps where it says that they are.
+    // A SICD of any origin gives a picture of its own pixels, and maps at its stated position.
     run(at, "export image --format sicd -o complex.nitf").succeeded();
     run(at, "picture complex.nitf -o again.png --top -3 --span 40").succeeded();
     assert!(at.join("again.png").exists());
-    // What is detected has statistics, and no responses of points.
+    // A detected image has statistics but no point responses.
     let measured = run(at, "quality density.nitf");
     assert!(
         measured.succeeded().contains("12800 pixels"),
@@ -175,7 +176,7 @@ fn detected_images_are_sidd_that_sarkit_reads_and_places() {
     run(at, "quality density.nitf --at 0,0").failed(1, &["density.nitf", "complex values"]);
 }
 
-/// Real SICDs, if they are at hand.
+/// Real SICDs, if present.
 fn real() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/sicd");
     let paths = ["sicd_50x50.nitf", "cropped_sicd_110.nitf"].map(|name| folder.join(name));
@@ -186,8 +187,8 @@ fn real() -> Vec<PathBuf> {
     there
 }
 
-/// The metadata of an image with those of another kind of grid in place of its plane's, as far as projection asks: an aperture of two seconds at a distance of `range_m`,
-/// `cosine` of the Doppler cone angle and metres a second.
+/// Metadata of an image with another kind of grid in place of its plane's, as far as projection needs them: an aperture of two seconds at a
+/// distance of `range_m`, `cosine` of the Doppler cone angle, and speed in m/s.
 fn of_kind(xml: &str, kind: &str, [range_m, cosine, speed_m_s]: [f64; 3]) -> String {
     let line = |name: &str, coefficients: &[f64]| {
         let all: String = coefficients
@@ -214,7 +215,7 @@ fn of_kind(xml: &str, kind: &str, [range_m, cosine, speed_m_s]: [f64; 3]) -> Str
             ("RGAZIM", "RGAZCOMP", block)
         }
         _ => {
-            // Seen ahead it is nearest later; rows move that by what the antenna takes along them.
+            // A scatterer seen ahead has its closest approach later; rows shift that time by the antenna's motion along them.
             let later = range_m * cosine / speed_m_s;
             let time = line("TimeCAPoly", &[1.0 + later, 1.0 / speed_m_s, 1e-14]);
             let rate = "<DRateSFPoly order1=\"1\" order2=\"1\"><Coef exponent1=\"0\" exponent2=\"0\">0.98</Coef><Coef exponent1=\"1\" exponent2=\"0\">1e-8</Coef>\
@@ -232,9 +233,10 @@ fn of_kind(xml: &str, kind: &str, [range_m, cosine, speed_m_s]: [f64; 3]) -> Str
         .replace("</SICD>", &format!("{block}</SICD>"))
 }
 
-/// Metadata of every kind of grid tell the places that sarkit's tell, and maps of SICDs show what is there: those of ours as those of the products that they were made of.
+/// Projection of every kind of grid agrees with sarkit's, and maps of SICDs agree with it: our own SICDs with the products that they were
+/// made from.
 #[test]
-fn anyones_sicd_lies_where_sarkit_projects_it() {
+fn sicd_of_every_grid_kind_lies_where_sarkit_projects_it() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
@@ -269,9 +271,9 @@ fn anyones_sicd_lies_where_sarkit_projects_it() {
                 "longitude_deg": place.longitude_deg,
             }));
         }
-        let told = serde_json::json!({ "name": name, "xml": xml, "places": places });
+        let case = serde_json::json!({ "name": name, "xml": xml, "places": places });
         let path = at.join(format!("{name}.places"));
-        fs::write(&path, told.to_string()).unwrap();
+        fs::write(&path, case.to_string()).unwrap();
         format!("places\t{}\n", path.display())
     };
     let own = SicdFile::open(&at.join("slant.nitf")).unwrap();
@@ -309,7 +311,7 @@ fn anyones_sicd_lies_where_sarkit_projects_it() {
     run(at, "export level.nitf -o level.png").succeeded();
     run(at, "export level.nitf --format sidd -o sidd.nitf").failed(2, &["level.nitf", "SICD"]);
     run(at, "export level.nitf -o a.tif --place 52,4").failed(2, &["--place", "leave"]);
-    // What it lacks is told.
+    // Missing metadata are named.
     for (from, to, wanted) in [
         ("<Type>PLANE<", "<Type>PLAIN<", "'PLAIN'"),
         ("MONOSTATIC", "BISTATIC", "bistatic"),
@@ -321,9 +323,9 @@ fn anyones_sicd_lies_where_sarkit_projects_it() {
     }
 }
 
-/// The XML is the last of a file, so that what is cut off is missed whatever it is.
+/// The XML is the last part of a file, so a truncated file always lacks it.
 #[test]
-fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
+fn sicd_truncated_anywhere_is_reported_as_truncated() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
@@ -371,8 +373,8 @@ fn inexpressible_images_are_refused_with_a_reason() {
     };
     export("coarse", "").failed(1, &["undersampled", "at most"]);
     export("coarse", "--place here").failed(2, &["52.1,4.3,43"]);
-    export("nothing", "").failed(1, &["nothing"]);
-    // A record of before antennas were told.
+    export("missing", "").failed(1, &["missing"]);
+    // A record by a version that did not record antennas.
     let path = at.join("coarse/image.json");
     let record = fs::read_to_string(&path).unwrap();
     fs::write(&path, record.replace("\"antennas\"", "\"other\"")).unwrap();
@@ -382,15 +384,15 @@ fn inexpressible_images_are_refused_with_a_reason() {
     assert!(!at.join("out.nitf").exists());
 }
 
-/// Several images of one grid are one group of Zarr, which zarr and xarray open with the same samples; one that stands there is replaced if
-/// it is ours, and a folder that is none never.
+/// Several images on one grid form one Zarr group, which zarr and xarray open with the same samples. An existing group is replaced only if
+/// this program wrote it, and a folder that is not a group never.
 #[test]
 fn stacks_are_zarr_that_xarray_opens() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
     run(at, "simulate space.toml -o space.cphd").succeeded();
-    // Wider than a tile, so that tiles at the ends are filled up.
+    // Wider than a tile, so that tiles at the edges are padded.
     let grid = "--grid x=-10:11.2:0.04,y=-5:5:0.25 --slow-window none";
     run(at, &format!("focus space.cphd {grid} --out one")).succeeded();
     run(
@@ -409,7 +411,7 @@ fn stacks_are_zarr_that_xarray_opens() {
     let [one, two, both, alone] = ["one", "two", "both.zarr", "alone"].map(|name| at.join(name));
     sarkit("zarr_check.py", &[both.clone(), one.clone(), two]);
     sarkit("zarr_check.py", &[alone, one]);
-    // Nothing is left beside.
+    // No temporary file is left.
     let hidden = fs::read_dir(at).unwrap().filter(|entry| {
         let name = entry.as_ref().unwrap().file_name();
         name.to_string_lossy().starts_with(".subap")
@@ -420,13 +422,13 @@ fn stacks_are_zarr_that_xarray_opens() {
     assert!(!at.join("grids.zarr").exists());
     run(at, "export one two -o both.nitf").failed(2, &["--format sicd", "--format zarr"]);
     run(at, "export one --format zarr --looks 2 -o looks.zarr").failed(2, &["--looks", "zarr"]);
-    // Whatever is forced: an input, a folder of somebody's.
+    // Even with --force, inputs and folders of other origin are kept.
     run(at, "export one --format zarr --force -o one").failed(1, &["one"]);
     fs::create_dir(at.join("theirs")).unwrap();
     fs::write(at.join("theirs/thesis.txt"), "all of it").unwrap();
     run(at, "export one --format zarr --force -o theirs").failed(1, &["in the way"]);
     assert!(at.join("theirs/thesis.txt").exists());
-    // Another's group is replaced if that is forced.
+    // A group by another program is replaced with --force.
     let description = both.join("zarr.json");
     let text = fs::read_to_string(&description).unwrap();
     fs::write(&description, text.replace("subaperture-stack", "another")).unwrap();
@@ -434,9 +436,9 @@ fn stacks_are_zarr_that_xarray_opens() {
     run(at, "export one --force -o both.zarr").succeeded();
 }
 
-/// What `focus --product` writes is what `export` writes of the same image.
+/// `focus --product` writes the same bytes as `export` from the same image.
 #[test]
-fn products_are_written_beside_the_image_that_is_formed() {
+fn focus_writes_same_products_as_export() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("space.toml"), SPACE).unwrap();
@@ -468,18 +470,18 @@ fn products_are_written_beside_the_image_that_is_formed() {
                 &format!("export {name} --format {format} -o {name}-{product}"),
             )
             .succeeded();
-            let [beside, apart] = [format!("{name}/{product}"), format!("{name}-{product}")]
+            let [direct, apart] = [format!("{name}/{product}"), format!("{name}-{product}")]
                 .map(|path| fs::read(at.join(path)).unwrap());
-            assert!(beside == apart, "{name}/{product}");
+            assert!(direct == apart, "{name}/{product}");
         }
     }
     let json = run(
         at,
         &format!("focus space.cphd {grid} --product png --json --out whole"),
     );
-    let told = json.succeeded();
-    assert!(told.contains("\"products\"") && told.contains("map.png"));
-    // What stands in the way is told before the work, and so is a scene without a place.
+    let printed = json.succeeded();
+    assert!(printed.contains("\"products\"") && printed.contains("map.png"));
+    // A file at the target is reported before the computation, as is a scene without a position on the Earth.
     fs::write(at.join("tiles/map.kmz"), "somebody's").unwrap();
     run(
         at,

@@ -1,16 +1,16 @@
-//! Commands and programs of the README and of the guide, run as they are printed, a page in an empty folder.
+//! Commands and programs of README and guide, run as printed, each page in an empty folder.
 //!
-//! The blocks of one page run in their order in one folder. A page says in comments of its Markdown what they need:
+//! The blocks of a page run in order in one folder. Comments in its Markdown state their needs:
 //!
 //! | comment | meaning |
 //! |---|---|
-//! | `<!-- given: gotcha -->` | files that the reader gets elsewhere: real ones where they are at hand, else made here ([`give`]) |
+//! | `<!-- given: gotcha -->` | files from elsewhere: the real ones if present, otherwise made here ([`give`]) |
 //! | `<!-- not run: REASON -->` | the next block is not run |
 //! | `<!-- example: NAME -->` | the next block is this example of the library, word for word |
 //! | `<!-- makes: FILE... -->` | files that the page leaves in the folder |
 //! | `<!-- picture: FILE NAME -->` | a file that becomes `pictures/NAME` of the page's folder in the book |
 //!
-//! Pictures are left in `target/guide/pictures`, from where `cargo xtask guide` takes them.
+//! Pictures are kept in `target/guide/pictures`, from where `cargo xtask guide` copies them.
 
 mod links;
 
@@ -21,14 +21,14 @@ use std::process::Command;
 use subaperture_tests::numpy::{array, stored};
 use subaperture_tests::subap::{example, program, root, run};
 
-/// Put files that a reader gets elsewhere into `folder`.
+/// Put files that a reader downloads into `folder`.
 fn give(name: &str, folder: &Path) {
     match name {
         "gotcha" => gotcha(folder),
         "srtm" => srtm(folder),
         "rail" => rail(folder),
         "lot.cphd" => lot(folder),
-        _ => panic!("nothing makes '{name}'"),
+        _ => panic!("no rule for '{name}'"),
     }
 }
 
@@ -132,7 +132,7 @@ impl Page {
         })
     }
 
-    /// Run every block in an empty folder; the folder.
+    /// Run every block in an empty folder, and return the folder.
     #[track_caller]
     fn run(&self) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
@@ -189,13 +189,13 @@ fn every_block_is_in_a_known_language() {
     }
 }
 
-/// Pages with a test of their own below.
+/// Pages with their own test below.
 const OWN_TESTS: [&str; 3] = [PHASE_HISTORY, OWN_RADAR, USRP];
 const PHASE_HISTORY: &str = "host/guide/src/tutorials/phase-history.md";
 const OWN_RADAR: &str = "host/guide/src/tutorials/own-radar.md";
 const USRP: &str = "host/guide/src/tutorials/usrp.md";
 
-/// A test for each page with blocks to run, and one that sees that no page is left out.
+/// A test for each page with blocks, and one that checks that no page is left out.
 macro_rules! pages {
     ($($test:ident: $path:literal,)*) => {
         $(#[test]
@@ -246,7 +246,7 @@ fn succeeded(command: &mut Command, text: &str) {
     );
 }
 
-/// By a shell that stops at the first failure and finds `subap` on its path.
+/// Run by a shell that stops at the first failure and has `subap` on its path.
 #[track_caller]
 fn run_shell(folder: &Path, text: &str) {
     let own = program().parent().unwrap().to_owned();
@@ -269,13 +269,13 @@ fn run_python(folder: &Path, text: &str) {
     );
 }
 
-/// The program is an example of the library, word for word, so that it is compiled with everything else.
+/// The program must equal an example of the library, so that it is compiled with everything else.
 #[track_caller]
 fn run_rust(folder: &Path, block: &Block) {
     let name = block.example.as_deref().unwrap();
     let source = root().join(format!("host/subaperture/examples/{name}.rs"));
     let source = fs::read_to_string(source).unwrap();
-    // After the example's own heading.
+    // After the heading of the example.
     let (_, program) = source.split_once("\n\n").unwrap();
     assert_eq!(
         program, block.text,
@@ -294,7 +294,7 @@ fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
     None
 }
 
-/// A degree of an aperture around 9.6 GHz, simulated, in place of a file of the GOTCHA recording: which format a file has is known by what it holds.
+/// A simulated degree of an aperture at 9.6 GHz in place of a GOTCHA file; the format of a file is recognised by its content.
 fn stand_in(folder: &Path, name: &str, degree: u32) {
     let angle = f64::from(degree).to_radians();
     let (x_m, y_m) = (7000.0 * angle.sin(), -7000.0 * angle.cos());
@@ -312,7 +312,7 @@ fn stand_in(folder: &Path, name: &str, degree: u32) {
     fs::remove_file(folder.join("degree.toml")).unwrap();
 }
 
-/// Two files of the GOTCHA recording, real where they are at hand.
+/// Two files of the GOTCHA recording, real ones if present.
 fn gotcha(folder: &Path) {
     for degree in [1, 2] {
         let name = format!("data_3dsar_pass1_az00{degree}_HH.mat");
@@ -329,7 +329,7 @@ fn lot(folder: &Path) {
     run(folder, "simulate --preset table-4-1 -o lot.cphd -q").succeeded();
 }
 
-/// A tile of SRTM of 3 arc seconds is 1201 x 1201 big-endian heights from the north-west corner on, in metres.
+/// A tile of SRTM with 3 arc seconds: 1201 x 1201 big-endian heights from the north-west corner on, in metres.
 fn srtm(folder: &Path) {
     let height = |row: usize, column: usize| {
         (20.0 + 5.0 * (row as f64 * 0.3).sin() + 3.0 * (column as f64 * 0.2).cos()) as i16
@@ -341,9 +341,9 @@ fn srtm(folder: &Path) {
 }
 
 #[test]
-fn phase_history_page_shows_the_point_at_its_place() {
+fn phase_history_page_shows_point_at_its_position() {
     let folder = Page::read(PHASE_HISTORY).run();
-    // The block's point, seen where it is: pixels of the default grid are 0.1 m by 0.32 m.
+    // The point of the block at its position: pixels of the default grid are 0.1 m by 0.32 m.
     let record = fs::read(folder.path().join("mine/image.json")).unwrap();
     let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
     let place = record["brightest"]["position_m"].as_array().unwrap();
@@ -356,11 +356,12 @@ fn phase_history_page_shows_the_point_at_its_place() {
     assert_eq!(record["collection"]["phase"][0]["sign_basis"], "inferred");
 }
 
-/// An impulse radar on a rail, simulated, in place of the public recording: the reflector of the section's command, ranges 0.45 m too long, clocks 9.2 s apart.
+/// A simulated impulse radar on a rail in place of the public recording: the reflector of the page's command, a range bias of 0.45 m, and
+/// clocks 9.2 s apart.
 fn rail_stand_in(folder: &Path) {
     let bytes =
         |values: &[f64]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
-    // It stands, is pushed unevenly by 4 m, and stands again.
+    // At rest, an uneven push of 4 m, at rest.
     let at = |time_s: f64| {
         let part = ((time_s - 10.0) / 8.0).clamp(0.0, 1.0);
         [
@@ -406,7 +407,7 @@ fn rail_stand_in(folder: &Path) {
     fs::write(folder.join("rail_trial6.npz"), stored(&members)).unwrap();
 }
 
-/// The recording of the example, real where it is at hand.
+/// The recording of the example, real if present.
 fn rail(folder: &Path) {
     match real_folder("pulson440-rail", RAIL) {
         Some(real) => {
@@ -431,16 +432,16 @@ fn own_radar_page_tunes_range_bias_and_clock() {
             let number = line.split('"').nth(1).unwrap().split(' ').next().unwrap();
             number.parse().unwrap_or_else(|_| panic!("{line}"))
         };
-        // A step of the section's ranges.
+        // A step of the ranges on the page.
         assert!((value("range_bias = ") - 0.45).abs() < 0.05, "{text}");
         assert!((value("first_pulse = ") - 9.2).abs() < 0.04, "{text}");
     }
 }
 
 #[test]
-fn usrp_page_shows_a_point_at_its_place() {
+fn usrp_page_shows_point_at_its_position() {
     let folder = Page::read(USRP).run();
-    // The scene's points are at 0, 5 m; -1.2, 3.5 m; 1, 6.5 m: the brightest pixel is at one of them, to a resolution of 0.25 m.
+    // Points of the scene are at 0, 5 m; -1.2, 3.5 m; 1, 6.5 m. The brightest pixel is at one of them within the resolution of 0.25 m.
     let record = fs::read(folder.path().join("rail-image/image.json")).unwrap();
     let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
     let place = &record["brightest"]["position_m"];

@@ -1,4 +1,4 @@
-//! Files that claim more than they hold: each command says what is wrong, within its memory.
+//! Files that claim more than they contain: each command names the fault, within its memory.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -23,7 +23,7 @@ const READERS: [&str; 8] = [
     "export it it -o it.zarr",
 ];
 
-/// Runs `line`, which is to be refused with a word of `parts`, or else done, within its memory.
+/// Run `line`; it must be refused with a word of `parts`, or succeed, within its memory.
 #[track_caller]
 fn bounded(at: &Path, line: &str, parts: &[&str]) {
     let ran = measured(at, line, MIB);
@@ -39,7 +39,7 @@ fn bounded(at: &Path, line: &str, parts: &[&str]) {
     assert!(ran.peak_mib <= f64::from(MIB), "{line}: {ran:?}");
 }
 
-/// An image in tiles whose description and record say `side` x `side` pixels in tiles of `tile` x `tile`, which has a file of one tile, and no more.
+/// An image in tiles whose description and record state `side` x `side` pixels in tiles of `tile` x `tile`; one tile has a file.
 fn claimed(at: &Path, side: u64, tile: u64) {
     let folder = at.join("it");
     let _ = fs::remove_dir_all(&folder);
@@ -67,7 +67,7 @@ fn claimed(at: &Path, side: u64, tile: u64) {
         .unwrap()
         .set_len(bytes)
         .unwrap();
-    // Its mark tells the CRC-32 of these zeros, so that nothing is wrong with it.
+    // The mark has the CRC-32 of these zeros, so that the tile is valid.
     if bytes < 1 << 30 {
         let crc32 = crc32fast::hash(&vec![0; bytes as usize]);
         edit("image.zarr/done/0.0.json", &|mark| {
@@ -77,7 +77,7 @@ fn claimed(at: &Path, side: u64, tile: u64) {
 }
 
 #[test]
-fn sizes_that_an_image_folder_claims_take_no_memory() {
+fn claimed_sizes_of_image_folder_take_no_memory() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o table.cphd").succeeded();
@@ -99,9 +99,9 @@ fn sizes_that_an_image_folder_claims_take_no_memory() {
     }
 }
 
-/// An array of one row, whose samples are as many as the file, most of it a hole, has room for.
+/// An array of one row with as many samples as the sparse file has room for.
 #[test]
-fn a_row_longer_than_memory_is_read_in_parts() {
+fn row_longer_than_memory_is_read_in_parts() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let header = "{'descr': '<c8', 'fortran_order': False, 'shape': (1, 33554432), }";
@@ -120,7 +120,7 @@ fn a_row_longer_than_memory_is_read_in_parts() {
     }
 }
 
-/// JSON of `count` small values, some hundred megabytes: in a tree they would be gigabytes.
+/// JSON of `count` small values, some hundred megabytes, which would take gigabytes as a tree.
 fn much_json(path: &Path, begin: &str, element: &str, count: usize) {
     let mut file = BufWriter::new(File::create(path).unwrap());
     write!(file, "{begin}[").unwrap();
@@ -132,7 +132,7 @@ fn much_json(path: &Path, begin: &str, element: &str, count: usize) {
 }
 
 #[test]
-fn much_json_is_refused_within_the_memory_given() {
+fn json_beyond_memory_is_refused_within_budget() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o table.cphd").succeeded();
@@ -142,7 +142,7 @@ fn much_json_is_refused_within_the_memory_given() {
     for line in READERS.into_iter().chain(["view it"]) {
         bounded(at, line, &too_much);
     }
-    // The same file as everything else that is read as JSON.
+    // The same file in place of every other JSON input.
     fs::rename(at.join("it/image.json"), at.join("much.json")).unwrap();
     let image = "--grid x=-2:2:0.5,y=-2:2:0.5 -o out --force";
     run(at, &format!("focus table.cphd {image}")).succeeded();
@@ -164,7 +164,7 @@ fn much_json_is_refused_within_the_memory_given() {
         assert!(ran.code == Some(1), "{line}: {ran:?}");
         assert!(ran.peak_mib <= f64::from(MIB), "{line}: {ran:?}");
     }
-    // A string without end, and lists within lists.
+    // An unterminated string, and nested lists.
     for text in [
         format!("{{\"schema\":\"{}\"}}", "x".repeat(80 << 20)),
         "[".repeat(10 << 20),

@@ -1,4 +1,4 @@
-//! Results as JSON, of every command that prints any, and the log.
+//! JSON results of every command that prints any, and the log.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ fn scene() -> tempfile::TempDir {
     folder
 }
 
-/// What a command prints, one JSON object and nothing else, of the schema expected.
+/// Output of a command: one JSON object of the expected schema.
 #[track_caller]
 fn object(folder: &Path, line: &str, schema: &str) -> Value {
     let ran = run(folder, &format!("{line} --json"));
@@ -31,7 +31,7 @@ fn object(folder: &Path, line: &str, schema: &str) -> Value {
 
 const GRID: &str = "--grid x=-5:5:0.5,y=-5:5:0.5";
 
-/// Fine enough for quality to measure the point in the middle.
+/// Fine enough for the point in the middle to be measured.
 const FINE: &str = "--grid x=-5:5:0.25,y=-5:5:0.25";
 
 #[test]
@@ -54,7 +54,7 @@ fn every_command_prints_one_object() {
         (&got["folder"], &got["check"]["num_pixels"]),
         (&"image".into(), &20.into())
     );
-    // Everything that was given is there, with what was not.
+    // Settings that were given are listed as given, and the others with their defaults.
     let given = got["settings"]["given"].as_object().unwrap();
     for key in [
         "grid",
@@ -70,7 +70,7 @@ fn every_command_prints_one_object() {
     ] {
         assert!(given.contains_key(key), "{key}");
     }
-    // The record is what was printed.
+    // The record equals the printed object.
     let record = fs::read(folder.join("image/image.json")).unwrap();
     let record: Value = serde_json::from_slice(&record).unwrap();
     assert_eq!(
@@ -165,14 +165,14 @@ fn info_reads_outputs_of_other_commands() {
         of("image/image.json")["stored"][0]["record"]
     );
     assert_eq!(of("image/image.npy")["stored"][0]["rows"], 20);
-    // A record's own folder, and images by any name of theirs, are compared alike.
+    // A record's folder and any name of its image compare alike.
     let compare = |names: &str| {
         run(folder.path(), &format!("compare {names}"))
             .succeeded()
             .to_owned()
     };
     let whole = compare("image image/image.npy");
-    // An array has no metadata, which is stated after the same figures.
+    // An array has no metadata; the output states this after the same numbers.
     let figures = compare("image/image.json image");
     let note = whole.strip_prefix(figures.trim_end()).unwrap();
     assert!(note.contains("image/image.npy has no metadata"), "{whole}");
@@ -199,7 +199,7 @@ fn kinds(text: &str, json: bool) -> Vec<String> {
 }
 
 #[test]
-fn a_log_holds_the_whole_run_whatever_is_shown() {
+fn log_contains_whole_run_for_any_verbosity() {
     let folder = scene();
     for (name, options, json) in [
         ("run.log", "", false),
@@ -233,12 +233,12 @@ fn a_log_holds_the_whole_run_whatever_is_shown() {
         ] {
             assert!(text.contains(part), "no '{part}' in {text}");
         }
-        // A second run, which fails, is appended, its error too.
+        // A second run, which fails, is appended with its error.
         let ran = run(
             folder.path(),
-            &format!("info nothing --log {name} {options}"),
+            &format!("info missing --log {name} {options}"),
         );
-        ran.failed(1, &["error: cannot read nothing"]);
+        ran.failed(1, &["error: cannot read missing"]);
         let both = fs::read_to_string(folder.path().join(name)).unwrap();
         assert!(both.starts_with(&text));
         let found = kinds(&both[text.len()..], json);
@@ -252,7 +252,7 @@ fn a_log_holds_the_whole_run_whatever_is_shown() {
 }
 
 #[test]
-fn a_log_of_missed_bounds_and_of_full_disks() {
+fn log_contains_missed_bounds_and_full_disk_is_an_error() {
     let folder = scene();
     run(
         folder.path(),
@@ -281,7 +281,7 @@ fn a_log_of_missed_bounds_and_of_full_disks() {
         "{log}"
     );
     assert_eq!(lines[lines.len() - 1]["exit_status"], 3);
-    // The work outlives its log.
+    // The command continues without its log.
     if Path::new("/dev/full").exists() {
         let before = listing(folder.path());
         let ran = run(folder.path(), "compare a b --log /dev/full");

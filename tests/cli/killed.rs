@@ -1,5 +1,4 @@
-//! `subap` killed (`kill -9`) at random moments: what it was writing is whole or absent, and what was there before is
-//! as it was or gone for what is new and whole.
+//! `subap` killed (`kill -9`) at random times: its output is complete or absent, and a previous output is unchanged or completely replaced.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +10,7 @@ use subaperture::io::product;
 use subaperture_tests::link_recording::write_recording;
 use subaperture_tests::subap::{command, program, run};
 
-/// Times that each command is killed.
+/// Number of kills for each command.
 const KILLS: u32 = 15;
 
 const SCENARIO: &str = r#"
@@ -36,8 +35,8 @@ const SCENARIO: &str = r#"
     velocity = "100, 0, 0 m/s"
 "#;
 
-/// Runs a command `KILLS` times and kills it after a part of the time that it takes, the last part mostly: files
-/// are written at the end. `judge` looks at what is left each time; how many runs ended before they were killed.
+/// Run a command `KILLS` times and kill it after a part of its time, mostly near the end, when files are written.
+/// `judge` checks the files each time. Returns how many runs ended before they were killed.
 fn killed(folder: &Path, line: &str, mut judge: impl FnMut()) -> u32 {
     program();
     let words: Vec<&str> = line.split_whitespace().collect();
@@ -58,7 +57,7 @@ fn killed(folder: &Path, line: &str, mut judge: impl FnMut()) -> u32 {
             .unwrap();
         std::thread::sleep(after);
         ended += u32::from(child.try_wait().unwrap().is_some());
-        // On Unix that is SIGKILL: nothing of the program runs after it.
+        // SIGKILL on Unix: no code of the program runs afterwards.
         child.kill().unwrap();
         child.wait().unwrap();
         judge();
@@ -67,7 +66,7 @@ fn killed(folder: &Path, line: &str, mut judge: impl FnMut()) -> u32 {
     ended
 }
 
-/// What is there, or none; never anything in between.
+/// Assert that the file is complete or absent.
 fn whole_or_absent(path: &Path, whole: &mut Option<Vec<u8>>) {
     match (fs::read(path), &whole) {
         (Err(_), _) => {}
@@ -77,7 +76,7 @@ fn whole_or_absent(path: &Path, whole: &mut Option<Vec<u8>>) {
 }
 
 #[test]
-fn a_simulation_killed_leaves_a_whole_file_or_none() {
+fn killed_simulation_leaves_complete_file_or_none() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SCENARIO).unwrap();
     let path = folder.path().join("a.cphd");
@@ -89,7 +88,7 @@ fn a_simulation_killed_leaves_a_whole_file_or_none() {
 }
 
 #[test]
-fn focusing_killed_leaves_a_whole_product_or_none() {
+fn killed_focusing_leaves_complete_product_or_none() {
     let folder = tempfile::tempdir().unwrap();
     write_recording(&folder.path().join("a.cphd"));
     let out = folder.path().join("image");
@@ -105,9 +104,9 @@ fn focusing_killed_leaves_a_whole_product_or_none() {
     });
 }
 
-/// In a folder with an older product, `image.json` is the mark of a whole one.
+/// In a folder with an older product, `image.json` marks a complete one.
 #[test]
-fn a_product_replaced_is_the_old_or_the_new_one() {
+fn replaced_product_is_the_old_or_the_new_one() {
     let folder = tempfile::tempdir().unwrap();
     write_recording(&folder.path().join("a.cphd"));
     let grid = "--grid x=-12:12:0.05,y=-12:12:0.05,z=0";

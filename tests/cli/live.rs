@@ -1,4 +1,4 @@
-//! `subap live`, and captures that are watched.
+//! `subap live`, and captures with a live view.
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -19,7 +19,7 @@ use subaperture::track::{Fix, SampledTrack};
 use subaperture_tests::subap::run;
 use tempfile::TempDir;
 
-/// A rail of 2 m, a sweep each 5 cm, and a reflector off its middle.
+/// A rail of 2 m with a sweep every 5 cm, and a reflector off its middle.
 pub(super) const SCENE: &str = r#"
 seed = 7
 [radar]
@@ -77,27 +77,27 @@ fn folder() -> TempDir {
     folder
 }
 
-/// The image at the end of a capture is that of its recording: within the bound asked for its error, -50 dB, against the float64 sum over the
-/// recording's pulses; and the reflector is where it stands, within 5 cm: noise of -20 dB a sample is below -60 dB after all of them, and moves it
-/// by less than a pixel, which is 5 cm.
+/// The image at the end of a capture equals that of its recording within the requested error, -50 dB, by the float64 sum over the
+/// recording's pulses. The reflector is at its position within 5 cm: noise of -20 dB per sample is below -60 dB in the sum and shifts it by
+/// less than a pixel of 5 cm.
 #[test]
-fn a_capture_is_imaged_while_it_runs() {
+fn capture_is_imaged_while_it_runs() {
     let folder = folder();
     let ran = run(
         folder.path(),
         "live rail.toml --out rail --image image --window none --error-db -50 --json",
     );
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
-    println!("{}\n{}", ran.stderr, told["image"]);
-    let sweeps = told["image"]["sweeps"].as_u64().unwrap();
-    let elsewhere = ["left_out", "skipped"].map(|key| told["image"][key].as_u64().unwrap());
-    // All of the capture fits the queues, so that none is skipped on however slow a machine.
+    let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    println!("{}\n{}", ran.stderr, result["image"]);
+    let sweeps = result["image"]["sweeps"].as_u64().unwrap();
+    let elsewhere = ["left_out", "skipped"].map(|key| result["image"][key].as_u64().unwrap());
+    // The whole capture fits the queues, so none is skipped on any machine.
     assert_eq!((sweeps, elsewhere), (40, [0, 0]));
-    let at = &told["image"]["brightest"]["position_m"];
+    let at = &result["image"]["brightest"]["position_m"];
     let [x, y] = [0, 1].map(|i| at[i].as_f64().unwrap());
     assert!((x - 0.3).abs() < 0.051 && (y - 4.2).abs() < 0.051, "{at}");
     assert!(folder.path().join("image/image.png").exists());
-    // What is left is a product as any other.
+    // The result is an image product.
     for line in [
         "quality image --json",
         "compare image image/image.npy",
@@ -137,7 +137,7 @@ fn a_capture_is_imaged_while_it_runs() {
     );
 }
 
-/// Seven reflectors of sizes such that all are heard alike from the middle of a walk.
+/// Seven reflectors with sizes such that all echoes are equally strong from the middle of a walk.
 const PLACES: [(f64, f64); 7] = [
     (-4.5, 5.0),
     (-2.8, 9.5),
@@ -148,7 +148,7 @@ const PLACES: [(f64, f64); 7] = [
     (5.6, 4.6),
 ];
 
-/// 5 m along x at 4 cm/s, a decimetre to both sides and in speed, the heading wandering by 4 degrees.
+/// 5 m along x at 4 cm/s, with a decimetre of deviation sideways and along, and a heading that varies by 4 degrees.
 fn walk() -> Vec<Fix> {
     let fix = |n: u32| {
         let time_s = 0.5 * f64::from(n) - 1.0;
@@ -168,7 +168,7 @@ fn walk() -> Vec<Fix> {
     (0..300).map(fix).collect()
 }
 
-/// The example `walk` on this way, in a folder, with its grid.
+/// Write the example `walk` with this trajectory into a folder, with its grid.
 fn walking(folder: &Path) {
     let example = |name: &str| {
         let ran = run(folder, &format!("capture --example {name}"));
@@ -179,29 +179,29 @@ fn walking(folder: &Path) {
         .map(|(a, b)| (a.to_owned(), b.to_owned()))
         .unwrap();
     let mut scene = radar.replace("0 dB", "6 dB")
-        + "[platform]\nkind = \"csv\"\nfile = \"way.csv\"\n[scene]\nreference = \"0, 6, 0 m\"\n";
+        + "[platform]\nkind = \"csv\"\nfile = \"track.csv\"\n[scene]\nreference = \"0, 6, 0 m\"\n";
     for (x, y) in PLACES {
         let square_m = ((x * x + y * y) / 42.25f64).powi(2);
         scene += &format!(
             "[[scene.point]]\nposition = \"{x}, {y}, 0 m\"\ncross_section = \"{square_m} m^2\"\n"
         );
     }
-    let mut way = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n".to_owned();
+    let mut csv = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg\n".to_owned();
     for fix in walk() {
         let (at, attitude) = (fix.position_m, fix.attitude.unwrap());
         let yaw_deg = attitude.to_euler(EulerRot::ZYX).0.to_degrees();
-        way += &format!("{},{},{},0,0,0,{yaw_deg}\n", fix.time_s, at.x, at.y);
+        csv += &format!("{},{},{},0,0,0,{yaw_deg}\n", fix.time_s, at.x, at.y);
     }
     for (name, text) in [
         ("walk.toml", example("walk")),
         ("walk-scene.toml", scene),
-        ("way.csv", way),
+        ("track.csv", csv),
     ] {
         fs::write(folder.join(name), text).unwrap();
     }
 }
 
-/// The brightest pixel within 0.4 m of a place, dB.
+/// The brightest pixel within 0.4 m of a position, dB.
 fn brightest_db(image: &Image, grid: &ImageGrid, about: DVec3) -> f64 {
     let each = image.pixels.iter().enumerate();
     let near = each.filter(|(i, _)| {
@@ -214,13 +214,12 @@ fn brightest_db(image: &Image, grid: &ImageGrid, about: DVec3) -> f64 {
         .log10()
 }
 
-/// A walk that nobody measured is imaged while it goes on, in the axes that the body had at first. Every reflector is within 3 dB as bright as in
-/// the image on the true way: measured are 0.2 to 0.6 dB, where the
-/// track of the whole recording costs 0.04 dB: the first positions depend on targets that are hardly known yet. Left out are the first sweep and the
-/// last, which reach beyond the first place and the last, and few of
-/// the others. Pixels are a quarter of what is resolved apart, in both images.
+/// A walk with an unknown trajectory is imaged while it goes on, in the axes that the body had at the start. Every reflector has its level
+/// in the image on the true trajectory within 3 dB: measured are 0.2 to 0.6 dB, while the track estimated from the whole recording costs
+/// 0.04 dB, because the first positions depend on targets that are not yet certain. The first and the last sweep are left out, as they
+/// extend beyond the first and last pose, and few others. Pixels are a quarter of the resolution in both images.
 #[test]
-fn a_walk_is_imaged_while_it_is_found() {
+fn walk_is_imaged_while_its_track_is_estimated() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
     walking(at);
@@ -229,13 +228,13 @@ fn a_walk_is_imaged_while_it_is_found() {
         "live walk.toml --out walk --image image --window hamming --json --set live.grid={grid}"
     );
     let ran = run(at, &words);
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
-    println!("{}\n{}", ran.stderr, told["image"]);
-    let count = |key: &str| told["image"][key].as_u64().unwrap();
-    // The first and the last sweep reach beyond the first place and the last.
+    let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    println!("{}\n{}", ran.stderr, result["image"]);
+    let count = |key: &str| result["image"][key].as_u64().unwrap();
+    // The first and the last sweep extend beyond the first and last pose.
     assert!(count("sweeps") >= 190 && count("skipped") == 0);
     assert_eq!(count("sweeps") + count("left_out"), 200);
-    let length_m = told["image"]["way"]["length_m"].as_f64().unwrap();
+    let length_m = result["image"]["way"]["length_m"].as_f64().unwrap();
     assert!((4.5..6.0).contains(&length_m), "{length_m}");
     let formed = npy::read(&at.join("image/image.npy")).unwrap();
     let formed_grid: ImageGrid = grid.parse().unwrap();
@@ -282,11 +281,13 @@ fn a_walk_is_imaged_while_it_is_found() {
         let true_db = brightest_db(&on_truth.image, &chip, place);
         let local = began.attitude.inverse() * (place - began.position_m);
         let live_db = brightest_db(&formed, &formed_grid, local);
-        println!("{place:.1}: {true_db:.2} dB on the true way, {live_db:.2} dB on the one found");
+        println!(
+            "{place:.1}: {true_db:.2} dB on the true track, {live_db:.2} dB on the estimated one"
+        );
         most_db = most_db.max((live_db - true_db).abs());
     }
     assert!(most_db < 3.0, "{most_db}");
-    // One receiver tells no direction, and antennas too far apart none without doubt: said before anything is captured.
+    // One receiver gives no direction, and antennas too far apart give ambiguous ones: refused before the capture.
     let refused = |more: &str, words: &[&str]| {
         let ran = run(at, &format!("live walk.toml --out other {more}"));
         assert!(ran.code == Some(1), "{ran:?}");
@@ -307,9 +308,10 @@ fn a_walk_is_imaged_while_it_is_found() {
     );
 }
 
-/// Without a terminal the view is a line now and then; the page's address is told, and a warning where others can reach it.
+/// Without a terminal the view prints a line from time to time. The address of the page is printed, with a warning if other machines can
+/// reach it.
 #[test]
-fn a_watched_capture_is_the_same_and_says_who_may_look() {
+fn live_view_changes_no_sample_and_reports_who_can_connect() {
     let folder = folder();
     let captured = |name: &str, more: &str| {
         let line = format!("capture rail.toml --out {name} --set plan.sweeps=3 {more}");
@@ -319,22 +321,23 @@ fn a_watched_capture_is_the_same_and_says_who_may_look() {
         (fs::read(data).unwrap(), ran.stderr)
     };
     let (plain, _) = captured("plain", "");
-    let (watched, told) = captured("watched", "--live --page");
+    let (watched, result) = captured("watched", "--live --page");
     assert!(plain == watched && !plain.is_empty());
     assert!(
-        told.contains("the page is at http://127.0.0.1:") && !told.contains("warning: --listen"),
-        "{told}"
+        result.contains("the page is at http://127.0.0.1:")
+            && !result.contains("warning: --listen"),
+        "{result}"
     );
     let (_, told) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        told.contains("warning: --listen 0.0.0.0:") && told.contains("everyone who can reach"),
+        told.contains("warning: --listen 0.0.0.0:") && told.contains("whoever reaches"),
         "{told}"
     );
 }
 
-/// What an experiment lacks for an image is said before the radio is opened.
+/// Parameters that an experiment lacks for an image are reported before the radio is opened.
 #[test]
-fn an_experiment_without_an_image_is_refused() {
+fn experiment_without_image_settings_is_refused() {
     let folder = folder();
     let text = RAIL.split("[live]").next().unwrap();
     fs::write(folder.path().join("rail.toml"), text).unwrap();

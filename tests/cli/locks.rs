@@ -1,4 +1,4 @@
-//! Two runs at one output; what a killed run leaves; inputs that change while they are read.
+//! Two runs with the same output, files left by a killed run, and inputs that change during reading.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -14,10 +14,10 @@ fn scene() -> tempfile::TempDir {
     folder
 }
 
-/// Minutes of work on one image.
+/// A run that takes minutes.
 const LONG: &str = "focus scene.cphd --out deep/out -v -a exact --grid x=-40:40:0.05,y=-40:40:0.05";
 
-/// A run that has begun its work, ended when dropped.
+/// A run that has begun its computation; killed when dropped.
 struct Running(Child);
 
 impl Running {
@@ -27,12 +27,16 @@ impl Running {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut told = Vec::new();
+        let mut printed = Vec::new();
         let mut byte = [0];
-        while !String::from_utf8_lossy(&told).contains(" onto ") {
+        while !String::from_utf8_lossy(&printed).contains(" onto ") {
             let stderr = child.stderr.as_mut().unwrap();
-            assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
-            told.push(byte[0]);
+            assert_eq!(
+                stderr.read(&mut byte).unwrap(),
+                1,
+                "ended early: {printed:?}"
+            );
+            printed.push(byte[0]);
         }
         Self(child)
     }
@@ -46,19 +50,19 @@ impl Drop for Running {
 }
 
 #[test]
-fn a_second_run_is_refused_and_after_a_kill_it_is_not() {
+fn second_run_is_refused_until_first_is_killed() {
     let folder = scene();
     let at = folder.path();
     let first = Running::start(at, LONG);
     let locked = "cannot write deep/out: another run (subap, process ";
     let short = "focus scene.cphd --out deep/out -a bp --grid x=-2:2:1,y=-2:2:1";
     run(at, short).failed(1, &[locked, &first.0.id().to_string()]);
-    // By another name.
+    // The same output by another name.
     std::os::unix::fs::symlink("deep/out", at.join("link")).unwrap();
     run(at, &short.replace("deep/out", "link")).failed(1, &["link: another run"]);
-    // Another output in the same folder is no matter.
+    // Another output in the same folder is independent.
     run(at, &short.replace("deep/out", "deep/other")).succeeded();
-    // SIGKILL: nothing is tidied.
+    // SIGKILL: temporary files remain.
     drop(first);
     let left = |name: &str| {
         let all = listing(&at.join("deep"));
@@ -73,11 +77,11 @@ fn a_second_run_is_refused_and_after_a_kill_it_is_not() {
 }
 
 #[test]
-fn a_file_is_locked_while_it_is_written() {
+fn file_is_locked_while_it_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::create_dir(at.join("deep")).unwrap();
-    // Many seconds, one pulse at a time.
+    // Takes many seconds, pulse by pulse.
     let scenario = subaperture::simulate::scenario::examples::text("stripmap").unwrap();
     fs::write(at.join("long.toml"), scenario).unwrap();
     let long = "simulate long.toml -o deep/a.cphd --set radar.pri=10us --set radar.pulses=300000";
@@ -101,7 +105,7 @@ fn a_file_is_locked_while_it_is_written() {
     first.kill().unwrap();
     first.wait().unwrap();
     second.failed(1, &["deep/a.cphd: another run"]);
-    // Killed half way: its file and its lock are there, and the next run removes them.
+    // The killed run leaves its file and its lock, which the next run removes.
     assert!(hidden().is_some(), "{:?}", listing(at));
     run(at, line).succeeded();
     let names: Vec<_> = listing(&at.join("deep")).into_keys().collect();
@@ -109,7 +113,7 @@ fn a_file_is_locked_while_it_is_written() {
 }
 
 #[test]
-fn locks_of_dead_runs_are_removed_and_living_ones_kept() {
+fn locks_of_dead_runs_are_removed_and_others_kept() {
     let folder = scene();
     let at = folder.path();
     // The key of a name is its CRC-32.
@@ -119,10 +123,10 @@ fn locks_of_dead_runs_are_removed_and_living_ones_kept() {
     fs::write(at.join(format!(".subap-{dead}-1-0.part")), "half").unwrap();
     fs::create_dir(at.join(format!(".subap-{dead}-1-1"))).unwrap();
     fs::write(at.join(format!(".subap-{dead}-1-1/image.npy")), "half").unwrap();
-    // Maps can be read up to where they break off.
+    // Unfinished maps are kept, because they can be read up to their end.
     let maps = at.join(format!(".subap-{dead}-1-2.maps.part"));
     fs::write(&maps, "SUBAPMAP").unwrap();
-    // Names that are like ours and are not.
+    // Names similar to those of temporary files.
     let kept = [
         ".subap-notes",
         ".subap-12345678-1-0.part",
@@ -152,7 +156,7 @@ fn locks_of_dead_runs_are_removed_and_living_ones_kept() {
     drop(living);
 }
 
-/// Changes the input as `change` does while it is read, and asserts that the run fails and leaves nothing.
+/// Apply `change` to the input during reading, and assert that the run fails and leaves no file.
 fn changed(change: impl Fn(&Path)) {
     let folder = scene();
     let at = folder.path();
@@ -160,19 +164,19 @@ fn changed(change: impl Fn(&Path)) {
     let running = Running::start(at, line);
     change(&at.join("scene.cphd"));
     let mut running = std::mem::ManuallyDrop::new(running);
-    let mut told = String::new();
+    let mut printed = String::new();
     let stderr = running.0.stderr.as_mut().unwrap();
-    stderr.read_to_string(&mut told).unwrap();
-    assert_eq!(running.0.wait().unwrap().code(), Some(1), "{told}");
+    stderr.read_to_string(&mut printed).unwrap();
+    assert_eq!(running.0.wait().unwrap().code(), Some(1), "{printed}");
     assert!(
-        told.contains("scene.cphd was changed while it was read"),
-        "{told}"
+        printed.contains("scene.cphd was changed while it was read"),
+        "{printed}"
     );
     assert_eq!(listing(at).len(), 1, "{:?}", listing(at));
 }
 
 #[test]
-fn an_input_that_grows_while_it_is_read_is_noticed() {
+fn input_that_grows_during_reading_is_detected() {
     changed(|path| {
         let mut file = fs::OpenOptions::new().append(true).open(path).unwrap();
         file.write_all(b"more").unwrap();
@@ -180,7 +184,7 @@ fn an_input_that_grows_while_it_is_read_is_noticed() {
 }
 
 #[test]
-fn an_input_that_is_written_to_while_it_is_read_is_noticed() {
+fn input_modified_during_reading_is_detected() {
     use std::os::unix::fs::FileExt;
     changed(|path| {
         let file = fs::OpenOptions::new()

@@ -25,7 +25,6 @@ mod killed;
 mod live;
 mod locks;
 mod maps;
-mod means;
 mod memory;
 mod messages;
 mod navigation;
@@ -49,6 +48,7 @@ mod surface;
 #[cfg(target_os = "linux")]
 mod thread_limits;
 mod tiles;
+mod timing_model;
 mod track;
 mod usage;
 mod view;

@@ -26,7 +26,7 @@ fn simulated() -> (PointTargetHistory, Weights) {
     (history, weights)
 }
 
-/// A run's maps for `GRID` in `path`; of the sub-CPIs of which `keep` is true.
+/// Write the maps of a run on `GRID` to `path`, for the sub-CPIs that `keep` selects.
 fn write(path: &Path, keep: impl Fn(u32) -> bool) {
     let (history, weights) = simulated();
     let collection = history.collection();
@@ -65,7 +65,7 @@ fn json(path: &Path) -> Value {
 }
 
 #[test]
-fn image_from_maps_is_a_product_like_any_other() {
+fn image_from_maps_is_an_image_product() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     write(&at("a.maps"), |_| true);
@@ -96,7 +96,7 @@ fn image_from_maps_is_a_product_like_any_other() {
     assert_eq!(record["collection"]["name"], "bench run");
     assert_eq!(record["inputs"][0]["path"], "a.maps");
 
-    // Without a grid: the patches' own extent, within a patch's margin, all of it inside.
+    // Without a grid the image covers the patches less their margin, and all pixels are inside.
     let ran = run(folder.path(), "focus --from-maps a.maps --out own");
     ran.succeeded();
     assert!(ran.is_untroubled(), "{ran:?}");
@@ -138,7 +138,7 @@ fn missing_maps_are_reported() {
     let ran = run(folder.path(), &format!("{line} --allow-error"));
     ran.failed(3, &["the predicted error is"]);
     assert!(ran.stdout.contains("coarse"));
-    // Longer kernels need more room about a pixel than the patches were planned with.
+    // Longer kernels need a larger margin around a pixel than the patches have.
     assert!(
         ran.stderr.contains("larger error with --error-db"),
         "{ran:?}"
@@ -146,7 +146,7 @@ fn missing_maps_are_reported() {
 }
 
 #[test]
-fn wrong_usage_and_bad_files_leave_nothing() {
+fn wrong_usage_and_invalid_files_leave_no_file() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("a.maps"), b"SUBAPMAPxxxxyyyy").unwrap();
     let before = listing(folder.path());
@@ -202,7 +202,7 @@ fn wrong_usage_and_bad_files_leave_nothing() {
 }
 
 #[test]
-fn plan_states_what_fits_the_module() {
+fn plan_states_patches_that_fit_the_module() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 --out a.cphd").succeeded();
     let grid = "--grid x=-40:40:1,y=-40:40:1";
@@ -233,13 +233,13 @@ fn plan_states_what_fits_the_module() {
     let total = float["ram"]["total_bytes"].as_u64().unwrap();
     assert!(total <= 512 << 10);
     assert!(float["predicted_error_db"].as_f64().unwrap() <= -64.0);
-    // 10 bits a byte; both figures by hand.
+    // 10 bits per byte; both numbers by hand.
     let pulses = float["setup"]["num_pulses"].as_u64().unwrap();
     let frequencies = float["setup"]["num_frequencies"].as_u64().unwrap();
     assert_eq!(float["link"]["up_bytes"], pulses * (72 + 8 * frequencies));
     let up_s = float["link"]["up_bytes"].as_f64().unwrap() * 10.0 / 921_600.0;
     assert!((float["link"]["up_s"].as_f64().unwrap() - up_s).abs() < 1e-9);
-    // The same plan in 16 bits takes about half; the link, twice as fast, twice the patches.
+    // The same plan in 16 bits needs about half of the memory; twice the link rate allows twice the patches.
     let fixed = plan("--ram 512K --fixed --link 1843200 --pulse-rate 2");
     assert_eq!(fixed["arithmetic"], "fixed");
     assert_eq!(

@@ -1,5 +1,5 @@
-//! `--memory` holds: the most that the process takes at any time, as the system counts it, stays below, or the work is
-//! refused with what it needs.
+//! `--memory` holds: the peak memory of the process, as counted by the system, stays below it, or the work is refused with the required
+//! amount.
 
 use std::fs;
 use std::io::Read;
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use subaperture_tests::subap::{command, listing, run};
 
-/// Few pulses, so that large images are quick.
+/// Few pulses, so that large images are fast.
 pub(super) const SCENARIO: &str = r#"
 name = "a few pulses"
 
@@ -44,12 +44,12 @@ fn workplace() -> tempfile::TempDir {
     folder
 }
 
-/// Runs `line` within `mib` and returns the most that it took, MiB; `None` if it was refused for its memory.
+/// Run `line` within `mib` and return its peak memory, MiB; `None` if it was refused for its memory.
 #[track_caller]
 fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
     let words = format!("{line} --threads 2 --memory {mib}M -v");
     let ran = run(at, &words);
-    // Status 3: done, with an error above the bound.
+    // Status 3: completed with an error above the bound.
     if !matches!(ran.code, Some(0 | 3)) {
         ran.failed(1, &["memory"]);
         println!("{mib:4} MiB: refused: {line}");
@@ -74,30 +74,30 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
     Some(peak)
 }
 
-/// A run that was watched from outside.
+/// Result of a run measured from outside.
 #[derive(Debug)]
 pub(super) struct Watched {
     /// Exit status; `None` if a signal ended it.
     pub(super) code: Option<i32>,
     pub(super) stderr: String,
-    /// The most that it took as the system counts it (`VmHWM`), MiB.
+    /// Peak memory counted by the system (`VmHWM`), MiB.
     pub(super) peak_mib: f64,
 }
 
-/// Peak memory of a running `subap` so far, MiB; `None` before it has begun and once it has ended. Until a new process executes its program
-/// it shares the memory of the one that started it, whose peak is not its own: 37 of 60 000 readings of a busy machine saw that.
+/// Peak memory of a running `subap` so far, MiB; `None` before it has begun and after it has ended. Until a new process executes its
+/// program it shares the memory of its parent, whose peak must not be counted: 37 of 60 000 readings on a busy machine saw it.
 pub(super) fn peak_of(process: u32) -> Option<f64> {
     let name = fs::read_to_string(format!("/proc/{process}/comm")).ok()?;
     if name.trim_end() != "subap" {
         return None;
     }
     let text = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let told = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: f64 = told.trim().strip_suffix(" kB")?.parse().ok()?;
+    let printed = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: f64 = printed.trim().strip_suffix(" kB")?.parse().ok()?;
     Some(kib / 1024.0)
 }
 
-/// Runs `line` with `--memory` and 2 threads, and measures it. The last of its life may be missed, 2 ms.
+/// Run `line` with `--memory` and 2 threads, and measure it. The last 2 ms may be missed.
 pub(super) fn measured(at: &Path, line: &str, mib: u32) -> Watched {
     let words = format!("{line} --threads 2 --memory {mib}M -q");
     let begun = Instant::now();
@@ -115,8 +115,8 @@ pub(super) fn measured(at: &Path, line: &str, mib: u32) -> Watched {
         }
     };
     let mut stderr = String::new();
-    let mut told = child.stderr.take().unwrap();
-    told.read_to_string(&mut stderr).unwrap();
+    let mut printed = child.stderr.take().unwrap();
+    printed.read_to_string(&mut stderr).unwrap();
     println!(
         "{mib:5} MiB: {peak_mib:6.1} MiB, {ended}, {:.1} s: {line}",
         begun.elapsed().as_secs_f64()
@@ -129,17 +129,17 @@ pub(super) fn measured(at: &Path, line: &str, mib: u32) -> Watched {
 }
 
 #[test]
-fn a_process_that_is_not_subap_has_no_peak() {
+fn process_other_than_subap_has_no_peak() {
     assert_eq!(peak_of(std::process::id()), None);
 }
 
-/// Runs `line` within `mib` and returns the most that it took as the system counts it, from outside (`VmHWM`), MiB, and
-/// whether it was done: else it was refused for its memory.
+/// Run `line` within `mib`; returns the peak memory counted by the system (`VmHWM`), MiB, and whether it completed rather than was refused
+/// for its memory.
 #[track_caller]
 fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
     let ran = measured(at, line, mib);
     let done = match ran.code {
-        // Status 3: with an error above the bound.
+        // Status 3: completed with an error above the bound.
         Some(0 | 3) => true,
         Some(1) if ran.stderr.contains("--memory") => false,
         _ => panic!("{line}: {ran:?}"),
@@ -152,11 +152,11 @@ fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
     (peak_mib, done)
 }
 
-/// Recording, image, or both larger than the budget, for every former. Who has to hold all of a recording's spectrum refuses.
+/// Recording, image, or both larger than the budget, for every former. Formers that need the whole spectrum in memory refuse.
 fn larger_than(mib: u32, both: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // A power of two of samples, and pixels, of 8 bytes each, above the budget.
+    // A power of two of samples, and pixels of 8 bytes, above the budget.
     let samples = (mib as usize).next_power_of_two() << 17;
     let pulses = 1 << (samples.ilog2() / 2 - 2);
     let scene = |pulses: usize, samples: usize| {
@@ -199,18 +199,18 @@ fn larger_than(mib: u32, both: &[&str]) {
 }
 
 #[test]
-fn recordings_and_images_may_be_larger_than_the_budget() {
+fn recordings_and_images_larger_than_budget_are_processed() {
     larger_than(128, &["pfa"]);
 }
 
 /// Some ten minutes and 5 GB of disk.
 #[test]
 #[ignore = "minutes: cargo xtask long"]
-fn recordings_and_images_may_be_larger_than_a_gigabyte() {
+fn recordings_and_images_larger_than_a_gigabyte_are_processed() {
     larger_than(1024, &["rdbp", "pfa", "rda", "omega-k"]);
 }
 
-/// Asserts that `line` stays within each of `budgets`, and that the last is enough.
+/// Assert that `line` stays within each of `budgets`, and completes with the last.
 #[track_caller]
 fn holds(at: &Path, line: &str, budgets: &[u32]) {
     let peaks: Vec<_> = budgets.iter().map(|&mib| peak_mib(at, line, mib)).collect();
@@ -238,13 +238,13 @@ fn every_former_stays_within_its_budget() {
         let line = format!("focus scene.cphd --out out -a {former} {grid}");
         holds(folder.path(), &line, &[32, 44, 96, 512]);
     }
-    // 40 bytes a pixel more.
+    // Another 40 bytes per pixel.
     let line = "focus scene.cphd --out out -a exact --grid x=-30:30:0.1,y=-30:30:0.1";
     holds(folder.path(), line, &[32, 44, 96]);
 }
 
 #[test]
-fn velocities_qualities_and_comparisons_stay_within_their_budgets() {
+fn velocity_quality_and_compare_stay_within_budget() {
     let folder = workplace();
     let at = folder.path();
     let line = "velocity scene.cphd --at 1,2 --vx=-30:30:0.1 --vy=-30:30:0.1 --out v";
@@ -265,7 +265,7 @@ fn velocities_qualities_and_comparisons_stay_within_their_budgets() {
 }
 
 #[test]
-fn a_simulation_stays_within_its_budget() {
+fn simulation_stays_within_budget() {
     let folder = workplace();
     let at = folder.path();
     let clutter = "\n[[scene.clutter]]\nkind = \"rectangle\"\nx = \"-30, 30 m\"\ny = \"-30, 30 m\"\nsigma0 = \"-20 dB\"\n";
@@ -275,7 +275,7 @@ fn a_simulation_stays_within_its_budget() {
     }
     holds(at, "simulate some.toml -o a.cphd --echoes a", &[32, 64]);
     holds(at, "simulate many.toml -o b.cphd", &[32, 64, 128]);
-    // 67 million points are possible, and take 2.7 GB as they are: refused before they are made.
+    // 67 million points are allowed but need 2.7 GB: refused before they are allocated.
     assert_eq!(peak_mib(at, "simulate most.toml -o c.cphd", 64), None);
     let long = "simulate scene.toml -o d.cphd --set radar.pri=1us --set radar.pulses";
     holds(at, &format!("{long}=20000"), &[32, 64, 128]);
@@ -292,7 +292,7 @@ fn a_simulation_stays_within_its_budget() {
 }
 
 #[test]
-fn less_than_the_program_takes_is_refused_and_more_than_there_is_cut() {
+fn budget_below_program_is_refused_and_above_machine_is_reduced() {
     let folder = workplace();
     let at = folder.path();
     let line = "focus scene.cphd --out out --grid x=-3:3:0.5,y=-3:3:0.5 --threads 2";
@@ -310,7 +310,7 @@ fn less_than_the_program_takes_is_refused_and_more_than_there_is_cut() {
 }
 
 #[test]
-fn a_limit_on_the_address_space_never_aborts() {
+fn address_space_limit_never_aborts_the_program() {
     let folder = workplace();
     let at = folder.path();
     let program = command(at, [""; 0]).get_program().to_owned();
@@ -325,17 +325,17 @@ fn a_limit_on_the_address_space_never_aborts() {
             command.output().unwrap()
         };
         let output = within(line);
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        println!("{limit_mib} MiB: {:?} {told}", output.status.code());
-        // Below what the loader needs the system says so itself, by 127 or a signal of its own; a little above that there is a
-        // program, but no room for anything that it does.
+        let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+        println!("{limit_mib} MiB: {:?} {printed}", output.status.code());
+        // Below the needs of the loader the system reports the failure, by status 127 or a signal; a little above, the program starts but
+        // has no room for any work.
         if !within("--version").status.success() {
             continue;
         }
         match output.status.code() {
             Some(0) => ended[0] += 1,
             Some(1) => ended[1] += 1,
-            other => panic!("{limit_mib} MiB: {other:?}: {told}"),
+            other => panic!("{limit_mib} MiB: {other:?}: {printed}"),
         }
     }
     assert!(ended[0] > 0 && ended[1] > 0, "{ended:?}");

@@ -1,4 +1,4 @@
-//! How `subap` talks: what goes where, what `-q` hides, exit statuses, progress off a terminal, signals.
+//! Output of `subap`: standard output and standard error, `-q`, exit statuses, progress without a terminal, signals.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use subaperture_tests::subap::{Ran, command, listing, run};
 
-/// All pulses of Table 4.1 as one sub-CPI: paths are no straight lines for so long.
+/// All pulses of Table 4.1 as one sub-CPI: paths are not linear over so long a time.
 const LONG: &str =
     "focus scene.cphd -a rdbp --sub-cpi 1040 --grid x=-40:40:4,y=-40:40:4 --check 99";
 
-/// A folder with `scene.cphd` in it.
+/// A folder that contains `scene.cphd`.
 fn scene() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
@@ -25,14 +25,14 @@ fn json(path: &Path) -> Value {
 }
 
 #[test]
-fn a_bound_missed_is_an_exit_status_of_its_own() {
+fn missed_bound_has_its_own_exit_status() {
     let folder = scene();
-    // Of the default former refused unless it is allowed, and then nothing is left.
+    // The default former is refused unless `--allow-error` is given, and leaves no file.
     let before = listing(folder.path());
     let refused = "focus scene.cphd --grid x=3000:3030:2,y=-15:15:2 --error-db -100 --out strict";
     run(folder.path(), refused).failed(1, &["error: ", "--allow-error"]);
     assert_eq!(listing(folder.path()), before);
-    // A former that is named is allowed.
+    // A former that the user names forms the image all the same.
     run(folder.path(), &format!("{LONG} --out named"))
         .failed(3, &["warning: the predicted error is ", "--error-db -"]);
     let ran = run(folder.path(), &format!("{LONG} --out long --allow-error"));
@@ -44,14 +44,14 @@ fn a_bound_missed_is_an_exit_status_of_its_own() {
             "--error-db -60",
         ],
     );
-    // Done all the same, and the record says so too, in the same words.
+    // The image is formed, and its record contains the same warnings.
     let record = json(&folder.path().join("long/image.json"));
     let warnings = record["warnings"].as_array().unwrap();
-    let told = warnings
+    let printed = warnings
         .iter()
         .map(|warning| format!("warning: {}\n", warning.as_str().unwrap()));
-    assert_eq!(told.collect::<String>(), ran.stderr);
-    // A former that has no bound.
+    assert_eq!(printed.collect::<String>(), ran.stderr);
+    // A former without an error of its own.
     let line = format!(
         "{} --out exact -a exact",
         LONG.replace("-a rdbp --sub-cpi 1040", "")
@@ -91,7 +91,7 @@ fn compare_with_a_bound_sets_the_exit_status() {
 }
 
 #[test]
-fn quiet_hides_no_result_and_no_warning() {
+fn quiet_keeps_results_and_warnings() {
     let folder = scene();
     let ran = run(
         folder.path(),
@@ -116,7 +116,7 @@ fn quiet_hides_no_result_and_no_warning() {
 #[test]
 fn every_failure_begins_with_error() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.mat"), "nothing of the kind").unwrap();
+    fs::write(folder.path().join("a.mat"), "not a MAT file").unwrap();
     for (line, code) in [
         ("info none.mat", 1),
         ("info a.mat", 1),
@@ -138,7 +138,7 @@ fn every_failure_begins_with_error() {
     assert_eq!(listing(folder.path()).len(), 1);
 }
 
-/// Wrong input of every sort: what is told names the thing, says what is wrong with it, and what would do.
+/// Wrong input of every kind: the message names the place, the fault and a remedy.
 #[test]
 fn messages_state_fault_place_and_advice() {
     let folder = scene();
@@ -163,7 +163,7 @@ fn messages_state_fault_place_and_advice() {
     fs::create_dir(at("empty")).unwrap();
     let before = listing(folder.path());
     let cases: &[(&str, i32, &[&str])] = &[
-        // What is no recording.
+        // Inputs that are not recordings.
         ("info nothing", 1, &["cannot read nothing", "No such file"]),
         (
             "focus empty --out o",
@@ -190,7 +190,7 @@ fn messages_state_fault_place_and_advice() {
             1,
             &["scene.cphd: not a maps file"],
         ),
-        // What is no image.
+        // Inputs that are not images.
         (
             "quality scene.cphd",
             1,
@@ -227,7 +227,7 @@ fn messages_state_fault_place_and_advice() {
             1,
             &["scene.cphd: expected an image: the folder of a product"],
         ),
-        // What is no scenario.
+        // Inputs that are not scenarios.
         (
             "simulate scene.cphd -o f",
             1,
@@ -348,7 +348,7 @@ fn messages_state_fault_place_and_advice() {
 }
 
 #[test]
-fn a_name_writes_no_commands_to_the_terminal() {
+fn control_characters_in_names_are_not_printed() {
     let folder = tempfile::tempdir().unwrap();
     let output = command(folder.path(), ["info", "a\u{1b}[2Jb.cphd"]).output();
     let ran: Ran = output.unwrap().into();
@@ -370,7 +370,7 @@ fn units_and_plain_numbers_plan_the_same_pass() {
 }
 
 #[test]
-fn quantities_have_the_digits_that_matter() {
+fn quantities_are_printed_with_significant_digits() {
     let folder = tempfile::tempdir().unwrap();
     let pass = "plan radar --carrier 77GHz --bandwidth 1GHz --range 30 --velocity 10 --prf 2kHz --pulses 400 --scene 10";
     let text = run(folder.path(), pass).succeeded().to_owned();
@@ -400,7 +400,7 @@ fn help_lists_the_exit_statuses() {
 }
 
 #[test]
-fn a_result_that_cannot_be_printed_is_a_failure() {
+fn unprintable_result_is_a_failure() {
     let folder = scene();
     let Ok(full) = fs::OpenOptions::new().write(true).open("/dev/full") else {
         println!("skipped: /dev/full not found");
@@ -422,29 +422,28 @@ fn progress_is_printed_without_a_terminal() {
     let line = |step: f64, rest: &str| {
         format!("focus scene.cphd -a exact --grid x=-20:20:{step},y=-20:20:{step} --out {rest}")
     };
-    // 1 000 000 pixels by 266 240 samples: half a minute or more on any machine of today, of which those seconds are
-    // taken until it has told.
-    let mut child = command(folder.path(), line(0.04, "told").split(' '))
+    // 1 000 000 pixels by 266 240 samples: half a minute or more on current machines, stopped at the first line of progress.
+    let mut child = command(folder.path(), line(0.04, "slow").split(' '))
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
     let lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let mut told = Vec::new();
+    let mut printed = Vec::new();
     for line in lines.map_while(Result::ok) {
         let is_last =
             line.starts_with("focusing: ") && line.contains(" %, ") && line.ends_with(" left");
-        told.push(line);
+        printed.push(line);
         if is_last {
             child.kill().unwrap();
         }
     }
-    assert!(!child.wait().unwrap().success(), "{told:?}");
+    assert!(!child.wait().unwrap().success(), "{printed:?}");
     let ran = run(folder.path(), &line(0.2, "quiet -q"));
     assert_eq!((ran.succeeded(), ran.stderr.as_str()), ("", ""));
 }
 
-/// Starts `line` with `-v`, sends `signal` when somebody listens to it, and returns how it ended and when.
+/// Start `line` with `-v` and send `signal` once the handler is in place; returns the result and the time until the end.
 fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
     let mut child = command(folder, format!("{line} -v").split_whitespace())
         .stdout(Stdio::piped())
@@ -452,13 +451,17 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
         .spawn()
         .unwrap();
     let mut stderr = child.stderr.take().unwrap();
-    let (mut told, mut byte) = (Vec::new(), [0]);
-    // Said after the signals' handler is in place.
-    while !String::from_utf8_lossy(&told).contains(" for the work\n") {
-        assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
-        told.push(byte[0]);
+    let (mut printed, mut byte) = (Vec::new(), [0]);
+    // This line is printed after the handler is installed.
+    while !String::from_utf8_lossy(&printed).contains(" for the work\n") {
+        assert_eq!(
+            stderr.read(&mut byte).unwrap(),
+            1,
+            "ended early: {printed:?}"
+        );
+        printed.push(byte[0]);
     }
-    // So that it is at work on what it cannot finish.
+    // Time to begin the blocking read.
     std::thread::sleep(Duration::from_millis(300));
     let start = Instant::now();
     let id = child.id().to_string();
@@ -469,9 +472,9 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
             .unwrap()
             .success()
     );
-    stderr.read_to_end(&mut told).unwrap();
+    stderr.read_to_end(&mut printed).unwrap();
     let mut ran: Ran = child.wait_with_output().unwrap().into();
-    ran.stderr = String::from_utf8_lossy(&told).into_owned();
+    ran.stderr = String::from_utf8_lossy(&printed).into_owned();
     (ran, start.elapsed())
 }
 
@@ -490,7 +493,8 @@ fn one_signal_ends_a_command_that_waits_for_a_pipe() {
         for signal in ["-INT", "-TERM"] {
             let (ran, took) = signalled(folder.path(), line, signal);
             ran.failed(130, &["error: interrupted"]);
-            // 0.7 s of patience; the rest is for a machine that is busy with other tests. The pipe would be waited for without end.
+            // The command waits 0.7 s; the rest allows for a machine busy with other tests. Without the signal the pipe would be awaited
+            // forever.
             assert!(took < Duration::from_secs(20), "{line}: {took:?}");
             assert_eq!(listing(folder.path()), before, "{line}");
         }

@@ -1,4 +1,4 @@
-//! `subap navigation`: what a log holds, and a track that is read again.
+//! `subap navigation`: contents of a log, and a track that other commands read.
 
 use std::fs;
 
@@ -14,7 +14,7 @@ fn crc(text: &str) -> u32 {
     })
 }
 
-/// A metre a second to the north, 20 records a second.
+/// Record `n` of a log at 20 records per second, moving north at 1 m/s.
 fn line(n: u32) -> String {
     let (seconds, latitude) = (1000.0 + f64::from(n) * 0.05, 51.1 + f64::from(n) * 4.493e-7);
     let text = format!(
@@ -34,22 +34,22 @@ fn damaged_log_reports_losses_and_gives_a_track() {
     log[30].truncate(70);
     fs::write(at.join("drive.asc"), log.concat()).unwrap();
     let ran = run(at, "navigation drive.asc -o track.csv");
-    let told = ran.succeeded();
+    let printed = ran.succeeded();
     assert!(
-        told.contains(
+        printed.contains(
             "INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, one in 0.0500 s"
         ),
-        "{told}"
+        "{printed}"
     );
     assert!(
-        told.contains("lost: 1 record from 0.950 s to 1.050 s after the first"),
-        "{told}"
+        printed.contains("lost: 1 record from 0.950 s to 1.050 s after the first"),
+        "{printed}"
     );
     assert!(
-        told.contains("lost: 10 records from 2.450 s to 3.000 s after the first"),
-        "{told}"
+        printed.contains("lost: 10 records from 2.450 s to 3.000 s after the first"),
+        "{printed}"
     );
-    assert!(told.contains("times are GPS"), "{told}");
+    assert!(printed.contains("times are GPS"), "{printed}");
     assert!(
         ran.stderr.contains("2 truncated or damaged messages"),
         "{}",
@@ -61,7 +61,7 @@ fn damaged_log_reports_losses_and_gives_a_track() {
         .map(|name| name.to_string_lossy().into_owned())
         .collect();
     assert_eq!(files, ["drive.asc", "track.csv", "track.png"]);
-    // The track is one that a scenario takes, heading north: y, a metre a second.
+    // A scenario reads the track; it heads north along y at 1 m/s.
     let track = fs::read_to_string(at.join("track.csv")).unwrap();
     let rows: Vec<&str> = track
         .lines()
@@ -72,13 +72,13 @@ fn damaged_log_reports_losses_and_gives_a_track() {
         .split(',')
         .map(|cell| cell.parse().unwrap())
         .collect();
-    // 4.493e-7 degrees are 0.05 m to a part in a thousand.
+    // 4.493e-7 degrees are 0.05 m within a part in a thousand.
     assert!(
         (last[2] - 9.95).abs() < 0.02 && last[1].abs() < 1e-3,
         "{last:?}"
     );
     assert!((last[6] - 90.0).abs() < 1e-6, "{last:?}");
-    // And one that is a log itself; written over without being asked, as it is our own.
+    // The track is also a log, and the command replaces its own file.
     assert!(
         run(at, "navigation track.csv")
             .succeeded()
@@ -156,9 +156,9 @@ fn files_other_than_logs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("noise.asc"), [0x5a; 4000]).unwrap();
-    fs::write(at.join("way.csv"), "time_s,x,y,z\n0,1,2,3\n").unwrap();
+    fs::write(at.join("track-m.csv"), "time_s,x,y,z\n0,1,2,3\n").unwrap();
     run(at, "navigation noise.asc -o track.csv").failed(1, &["noise.asc", "no record of NovAtel"]);
-    run(at, "navigation way.csv").failed(1, &["way.csv", "column 'x'", "has no unit"]);
+    run(at, "navigation track-m.csv").failed(1, &["track-m.csv", "column 'x'", "has no unit"]);
     run(at, "navigation none.asc").failed(1, &["cannot read none.asc"]);
     fs::write(at.join("drive.asc"), line(0) + &line(1)).unwrap();
     run(at, "navigation drive.asc -o t.csv --record nmea").failed(1, &["of the requested type"]);

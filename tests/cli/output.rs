@@ -1,4 +1,4 @@
-//! Output complete or absent: too large, nowhere to write, a full disk, Ctrl-C.
+//! Output complete or absent: too large, not writable, a full disk, Ctrl-C.
 
 use std::fs;
 use std::io::Read;
@@ -11,18 +11,18 @@ use subaperture::image::Image;
 use subaperture::io::npy;
 use subaperture_tests::subap::{Ran, command, listing, program, run};
 
-/// A folder with `scene.cphd` in it.
+/// A folder that contains `scene.cphd`.
 fn scene() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
     folder
 }
 
-/// One that is larger than memory is formed part by part (`tiles`); one that no disk has room for is not.
+/// An image larger than memory is formed in parts (`tiles`); one larger than the disk is refused.
 #[test]
-fn a_grid_beyond_the_disk_is_refused_before_anything_else() {
+fn grid_beyond_disk_is_refused_first() {
     let folder = tempfile::tempdir().unwrap();
-    // 1e7 x 1e7 pixels; the input need not even exist.
+    // 1e7 x 1e7 pixels; the input need not exist.
     let grid = "--grid x=-500000:500000:0.1,y=-500000:500000:0.1,z=0";
     for algorithm in ["exact", "bp", "rdbp", "rda", "omega-k"] {
         let line = format!("focus none.cphd --out out --memory 1G -a {algorithm} {grid}");
@@ -38,17 +38,17 @@ fn a_grid_beyond_the_disk_is_refused_before_anything_else() {
 fn work_beyond_memory_is_refused_cleanly() {
     let folder = scene();
     let before = listing(folder.path());
-    // 26 MiB leave 4 for the work: the image of 1.2 MB fits; what the exact sum needs beside it does not.
+    // 26 MiB leave 4 for the work: the image of 1.2 MB fits, but not the buffers of the exact sum.
     let line = "focus scene.cphd --out out --threads 2 --memory 26M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), line).failed(1, &["allowed", "--memory"]);
     assert_eq!(listing(folder.path()), before);
 }
 
 #[test]
-fn a_check_beyond_memory_is_refused_before_the_work() {
+fn check_beyond_memory_is_refused_before_work() {
     let folder = scene();
     let before = listing(folder.path());
-    // 160 000 pixels: an image of 1.28 MB, and 16 MB to check them all; 10 MiB are for the work.
+    // 160 000 pixels: an image of 1.28 MB, and 16 MB to compare all of them; 10 MiB are for the work.
     let line = "focus scene.cphd --out out -a bp --threads 2 --memory 32M --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), &format!("{line} --check 1000000"))
         .failed(1, &["--check", "check fewer pixels", "--memory"]);
@@ -56,7 +56,7 @@ fn a_check_beyond_memory_is_refused_before_the_work() {
     run(folder.path(), &format!("{line} --check 10")).succeeded();
 }
 
-/// Two images of 5.8 MB together, where 4 MiB are for the work.
+/// Two images of 5.8 MB together, with 4 MiB for the work.
 #[test]
 fn images_beyond_memory_are_compared_part_by_part() {
     let folder = tempfile::tempdir().unwrap();
@@ -66,7 +66,7 @@ fn images_beyond_memory_are_compared_part_by_part() {
         pixels: vec![Complex32::ONE; 360_000],
     };
     npy::write(&folder.path().join("a.npy"), &image).unwrap();
-    // One pixel of the last part is wrong by itself: -10 log10(360 000) dB.
+    // One wrong pixel in the last part: -10 log10(360 000) dB.
     image.pixels[359_999] = Complex32::ZERO;
     npy::write(&folder.path().join("b.npy"), &image).unwrap();
     let ran = run(
@@ -77,21 +77,21 @@ fn images_beyond_memory_are_compared_part_by_part() {
 }
 
 #[test]
-fn a_demonstration_beyond_memory_is_refused() {
+fn demonstration_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    // One image of 200 x 200 pixels takes 320 kB, all of them 6.4 MB; 4 MiB are for the work.
+    // One image of 200 x 200 pixels needs 320 kB, all of them 6.4 MB; 4 MiB are for the work.
     let line = "demo --out demo --threads 2 --memory 26M --grid x=-20:20:0.2,y=-20:20:0.2";
     run(folder.path(), line).failed(1, &["20 images", "200 x 200", "--memory"]);
     assert!(listing(folder.path()).is_empty());
 }
 
 #[test]
-fn nowhere_to_write() {
+fn unwritable_output_is_reported() {
     let folder = scene();
     fs::write(folder.path().join("file"), "in the way").unwrap();
     let before = listing(folder.path());
-    // Root may write where modes forbid it, so: a path under a file, and a file system of the kernel's
-    // in which nobody makes folders.
+    // Root may write where modes forbid it, hence a path below a file, and a file system of the kernel
+    // that allows no folders.
     for out in ["file", "file/out", "/proc/out", "/proc/self/out/deeper"] {
         let line = format!("focus scene.cphd --out {out} --grid x=-1:1:0.5,y=-1:1:0.5");
         run(folder.path(), &line).failed(1, &["cannot write", out]);
@@ -133,9 +133,8 @@ impl Drop for SmallDisk {
     }
 }
 
-/// Runs `line` in `folder` where `folder/disk` is a file system of `kilobytes`, as root or in a user
-/// namespace of our own. Returns what it printed and the names it left on the disk; `None` where this
-/// machine allows neither.
+/// Run `line` in `folder`, where `folder/disk` is a file system of `kilobytes`, as root or in a user namespace. Returns its output and the
+/// names left on the disk; `None` if this machine allows neither.
 fn on_small_disk(folder: &Path, kilobytes: u32, line: &str) -> Option<(Ran, Vec<String>)> {
     let disk = folder.join("disk");
     let why = match SmallDisk::mount(&disk, kilobytes) {
@@ -171,9 +170,9 @@ fn on_small_disk(folder: &Path, kilobytes: u32, line: &str) -> Option<(Ran, Vec<
 }
 
 #[test]
-fn full_disk() {
+fn full_disk_leaves_no_file() {
     let folder = scene();
-    // An image of 400 x 400 pixels takes 1.28 MB, a simulated collection 2.1 MB.
+    // An image of 400 x 400 pixels needs 1.28 MB, a simulated collection 2.1 MB.
     for line in [
         "focus scene.cphd --out disk/out -a bp --grid x=-40:40:0.2,y=-40:40:0.2",
         "simulate --preset table-4-1 -o disk/a.cphd",
@@ -192,19 +191,19 @@ fn full_disk() {
 }
 
 #[test]
-fn the_disk_that_is_just_large_enough_holds_it() {
+fn disk_that_is_just_large_enough_suffices() {
     let folder = scene();
     let line = "focus scene.cphd --out disk/out -a bp --grid x=-20:20:0.2,y=-20:20:0.2";
     let Some((ran, left)) = on_small_disk(folder.path(), 8192, line) else {
         return;
     };
     ran.succeeded();
-    // The folder and its three files, and nothing else.
+    // The folder and its three files.
     assert_eq!(left.len(), 4, "{left:?}");
 }
 
 #[test]
-fn an_older_image_survives_a_failure() {
+fn older_image_survives_failure() {
     let folder = scene();
     let line = "focus scene.cphd --out out -a bp --grid x=-5:5:0.5,y=-5:5:0.5";
     run(folder.path(), line).succeeded();
@@ -220,21 +219,24 @@ fn an_older_image_survives_a_failure() {
     );
 }
 
-/// Starts work that takes minutes, sends `presses` interrupts, and returns how it ended and when.
+/// Start work of minutes and send `presses` interrupts; returns the result and the time until the end.
 fn interrupted(folder: &Path, line: &str, presses: u32) -> (Ran, Duration) {
     let mut child = command(folder, line.split_whitespace())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // `-v` says on standard error when work begins; without waiting for it the signal could come
-    // before anyone listens.
+    // `-v` prints a line when the work begins; an earlier signal could arrive before the handler is installed.
     let mut stderr = child.stderr.take().unwrap();
-    let mut told = Vec::new();
+    let mut printed = Vec::new();
     let mut byte = [0];
-    while !String::from_utf8_lossy(&told).contains(" onto ") {
-        assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
-        told.push(byte[0]);
+    while !String::from_utf8_lossy(&printed).contains(" onto ") {
+        assert_eq!(
+            stderr.read(&mut byte).unwrap(),
+            1,
+            "ended early: {printed:?}"
+        );
+        printed.push(byte[0]);
     }
     std::thread::sleep(Duration::from_millis(300));
     let start = Instant::now();
@@ -249,9 +251,9 @@ fn interrupted(folder: &Path, line: &str, presses: u32) -> (Ran, Duration) {
         );
         std::thread::sleep(Duration::from_millis(50));
     }
-    stderr.read_to_end(&mut told).unwrap();
+    stderr.read_to_end(&mut printed).unwrap();
     let mut ran: Ran = child.wait_with_output().unwrap().into();
-    ran.stderr = String::from_utf8_lossy(&told).into_owned();
+    ran.stderr = String::from_utf8_lossy(&printed).into_owned();
     (ran, start.elapsed())
 }
 
@@ -260,7 +262,7 @@ fn ctrl_c_ends_cleanly() {
     let folder = scene();
     let before = listing(folder.path());
     for algorithm in ["exact", "bp", "rdbp"] {
-        // 64 million pixels: minutes by any former.
+        // 64 million pixels: minutes with any former.
         let line = format!(
             "focus scene.cphd --out out -v -a {algorithm} --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01"
         );
@@ -272,7 +274,7 @@ fn ctrl_c_ends_cleanly() {
 }
 
 #[test]
-fn a_second_ctrl_c_ends_at_once() {
+fn second_ctrl_c_ends_at_once() {
     let folder = scene();
     let before = listing(folder.path());
     let line =

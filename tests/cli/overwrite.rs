@@ -1,11 +1,11 @@
-//! What a command may replace: what `subap` wrote, and nothing else, its own inputs least of all.
+//! Rules for replacing files: only those that `subap` wrote, and never a command's own inputs.
 
 use std::fs;
 use std::path::Path;
 
 use subaperture_tests::subap::{Ran, command, listing, run};
 
-/// A second's work for nobody: 24 pulses of a point. Its track is in a file of its own.
+/// A scenario that takes a second: 24 pulses of a point. Its track is in a separate file.
 const SCENARIO: &str = r#"
 name = "one point"
 
@@ -79,11 +79,11 @@ fn scenario_is_not_overwritten_by_its_output() {
 }
 
 #[test]
-fn an_input_is_not_overwritten_by_another_kind_of_output() {
+fn input_is_not_overwritten_by_output_of_another_kind() {
     let folder = workplace();
     let at = folder.path();
     let before = listing(at);
-    // Nobody listens there: refused before anybody is called.
+    // Nothing listens at this address: the command is refused before it connects.
     let ran = run(
         at,
         "link tcp://127.0.0.1:1 scene.cphd -o scene.cphd --force",
@@ -101,7 +101,7 @@ fn an_input_is_not_overwritten_by_another_kind_of_output() {
     refused(&ran, &["a.maps", "named twice"]);
     assert_eq!(listing(at), before);
 
-    // A recording whose array would become the image's.
+    // A recording whose array has the same name as the image's.
     run(at, "simulate scene.toml --echoes raw").succeeded();
     let text = fs::read_to_string(at.join("raw/recording.toml")).unwrap();
     fs::create_dir(at.join("named")).unwrap();
@@ -119,8 +119,7 @@ fn an_input_is_not_overwritten_by_another_kind_of_output() {
     run(at, &line.replace("--out named", "--out other")).succeeded();
 }
 
-/// Asserts that `line` leaves `name` alone if that is not ours, replaces it if forced, and then, being its own, again
-/// without.
+/// Assert that `line` keeps a file `name` by another program, replaces it with `--force`, and then replaces its own file without.
 #[track_caller]
 fn replaces_only_its_own(at: &Path, line: &str, name: &str) {
     let file = at.join(name);
@@ -128,14 +127,14 @@ fn replaces_only_its_own(at: &Path, line: &str, name: &str) {
     let mine = b"my own words\n";
     fs::write(&file, mine).unwrap();
     let before = listing(at);
-    // Without its record an array is nobody's either: the first of them is named.
+    // An array without its record counts as a file of another program; the first such file is named.
     refused(&run(at, line), &["it is there already", "--force"]);
     assert_eq!(listing(at), before, "{line}");
     assert_eq!(fs::read(&file).unwrap(), mine, "{line}");
     run(at, &format!("{line} --force")).succeeded();
     assert_ne!(fs::read(&file).unwrap(), mine, "{line}");
     run(at, line).succeeded();
-    // A file that holds nothing is anybody's; of a record the arrays beside it would not be.
+    // An empty file may be replaced; an empty record does not make the arrays next to it our own.
     if !(name.ends_with(".json") || name.ends_with(".toml")) {
         fs::write(&file, b"").unwrap();
         run(at, line).succeeded();
@@ -211,7 +210,7 @@ fn every_command_replaces_only_files_of_subap() {
 }
 
 #[test]
-fn maps_are_not_written_over_something_else() {
+fn maps_do_not_replace_other_files() {
     let folder = workplace();
     let at = folder.path();
     fs::write(at.join("thesis.maps"), "my own words").unwrap();
@@ -226,7 +225,7 @@ fn edited_files_are_not_replaced() {
     let folder = workplace();
     let at = folder.path();
     run(at, "simulate scene.toml --echoes raw").succeeded();
-    // A length that somebody measured again.
+    // A length that a user measured again.
     let path = at.join("raw/recording.toml");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(
@@ -236,7 +235,7 @@ fn edited_files_are_not_replaced() {
     .unwrap();
     let ran = run(at, "simulate scene.toml --echoes raw");
     refused(&ran, &["raw/recording.toml", "edited since", "--force"]);
-    // An image that somebody filtered in place: as many bytes, not the same.
+    // An image that a user filtered in place: the same size, other content.
     run(at, &format!("focus scene.cphd {GRID} --out image")).succeeded();
     let path = at.join("image/image.npy");
     let mut bytes = fs::read(&path).unwrap();
@@ -248,7 +247,7 @@ fn edited_files_are_not_replaced() {
 }
 
 #[test]
-fn a_recording_of_somebody_elses_is_not_replaced() {
+fn recording_by_another_program_is_not_replaced() {
     let folder = workplace();
     let at = folder.path();
     // The same pulses, by another program.
@@ -267,7 +266,7 @@ fn a_recording_of_somebody_elses_is_not_replaced() {
 }
 
 #[test]
-fn links_are_followed_also_where_nothing_is_yet() {
+fn symbolic_links_to_missing_files_are_followed() {
     let folder = workplace();
     let at = folder.path();
     fs::create_dir(at.join("disk")).unwrap();
@@ -280,7 +279,7 @@ fn links_are_followed_also_where_nothing_is_yet() {
     ] {
         std::os::unix::fs::symlink(target, at.join(link)).unwrap();
     }
-    // Twice: nothing is there, then what the first run wrote.
+    // Twice: first the target is missing, then it is the first run's file.
     for _ in 0..2 {
         run(at, "simulate scene.toml -o file.cphd").succeeded();
         run(at, &format!("focus scene.cphd {GRID} --out image")).succeeded();
@@ -295,7 +294,7 @@ fn links_are_followed_also_where_nothing_is_yet() {
         );
         assert!(at.join(file).metadata().unwrap().is_file(), "{file}");
     }
-    // What a link leads to may be a disk that is not mounted: nothing is made there.
+    // The target of a link may be on a disk that is not mounted: no folder is made there.
     let before = listing(at);
     refused(
         &run(at, "simulate scene.toml -o lost.cphd"),
@@ -316,7 +315,7 @@ fn links_are_followed_also_where_nothing_is_yet() {
 }
 
 #[test]
-fn folders_are_made_and_those_of_a_failure_go_again() {
+fn missing_folders_are_made_and_removed_after_failure() {
     let folder = workplace();
     let at = folder.path();
     run(at, "simulate scene.toml -o q/r/x.cphd").succeeded();
@@ -335,7 +334,7 @@ fn folders_are_made_and_those_of_a_failure_go_again() {
 }
 
 #[test]
-fn standard_output_is_no_file_called_minus() {
+fn minus_is_not_a_file_name_for_standard_output() {
     let folder = workplace();
     let at = folder.path();
     let before = listing(at);
@@ -359,7 +358,7 @@ fn standard_output_is_no_file_called_minus() {
 }
 
 #[test]
-fn names_that_are_no_utf8_cost_nothing() {
+fn names_that_are_not_utf8_are_accepted() {
     use std::ffi::OsStr;
     use std::os::unix::ffi::OsStrExt;
     let folder = workplace();

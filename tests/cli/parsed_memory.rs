@@ -1,4 +1,4 @@
-//! Memory of TOML and XML is estimated before it is parsed, and held to `--memory`.
+//! Memory of TOML and XML is estimated before parsing, and limited by `--memory`.
 
 use std::fs;
 use std::path::Path;
@@ -8,13 +8,13 @@ use subaperture_tests::subap::run;
 
 use crate::memory::{self, measured};
 
-/// `--memory` of hostile texts, and the most that refusing them may take, MiB.
+/// `--memory` for hostile texts, and the largest peak when they are refused, MiB.
 const MIB: u32 = 64;
 const REFUSED_MIB: f64 = 40.0;
 /// Memory of the program itself, MiB.
 const PROGRAM_MIB: f64 = 12.0;
 
-/// Texts of about `bytes` that hold as much as possible of one thing.
+/// Texts of about `bytes` that consist of as many instances as possible of one construct.
 fn texts(bytes: usize) -> Vec<(&'static str, String)> {
     let within =
         |begin: &str, element: &str| format!("{begin}{}]\n", element.repeat(bytes / element.len()));
@@ -69,7 +69,7 @@ fn toml_of_many_values_is_refused_before_it_is_parsed() {
     }
 }
 
-/// 40 bytes of text at the least, 247 MiB in all.
+/// At least 40 bytes of text per point, 247 MiB of memory.
 #[test]
 fn scenario_of_100_000_points_is_read() {
     let folder = tempfile::tempdir().unwrap();
@@ -89,9 +89,9 @@ fn scenario_of_100_000_points_is_read() {
     assert!(ran.stderr.contains("expected TOML"), "{ran:?}");
 }
 
-/// The estimate is an upper bound of the memory measured, and not a loose one.
+/// The estimate is an upper bound of the measured memory, and a close one.
 #[test]
-fn estimates_of_toml_are_near_the_memory_taken() {
+fn estimates_of_toml_memory_are_close_upper_bounds() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for (name, text) in texts(1 << 20) {
@@ -117,7 +117,7 @@ fn estimates_of_toml_are_near_the_memory_taken() {
 }
 
 #[test]
-fn keys_of_very_many_parts_are_refused() {
+fn keys_with_very_many_parts_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(
@@ -226,7 +226,7 @@ fn sicd_of_many_elements_is_refused() {
     run(at, "focus x.cphd --grid x=-2:2:0.5,y=-2:2:0.5 -o image").succeeded();
     run(at, "export image -o x.nitf").succeeded();
     let mut file = fs::read(at.join("x.nitf")).unwrap();
-    // The XML is the last segment. Its length, and the file's, stand in the header.
+    // The XML is the last segment. Its length and that of the file are in the header.
     let old = file.len();
     let begin = file.windows(6).rposition(|six| six == b"<SICD ").unwrap();
     let begin = file[..begin]

@@ -1,4 +1,4 @@
-//! Pipes, devices and folders in place of the files that a description, an image or a capture consists of: an error at once.
+//! Pipes, devices and folders in place of the files of a description, an image or a capture are refused at once.
 
 #![cfg(unix)]
 
@@ -52,7 +52,7 @@ fn workplace() -> tempfile::TempDir {
     folder
 }
 
-/// Puts something that is no file at `path`.
+/// Replace `path` by something that is not a regular file.
 fn replace(path: &Path, by: &str) {
     fs::remove_file(path).unwrap();
     match by {
@@ -63,7 +63,7 @@ fn replace(path: &Path, by: &str) {
 }
 
 #[test]
-fn parts_that_are_no_files_are_refused_at_once() {
+fn inputs_other_than_regular_files_are_refused_at_once() {
     let folder = workplace();
     let at = folder.path();
     for (part, line) in PARTS {
@@ -76,7 +76,7 @@ fn parts_that_are_no_files_are_refused_at_once() {
             }
             replace(&path, by);
             let begun = Instant::now();
-            // Without a signal: what waits ends with status 124.
+            // Without a signal, so that a command that waits ends with status 124.
             let words = format!("5 {} {line} --memory 64M -q", program(at));
             let output = Command::new("timeout")
                 .args(words.split_whitespace())

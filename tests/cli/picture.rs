@@ -1,4 +1,4 @@
-//! `subap picture`: many looks, colour by sub-aperture and by polarisation, and what it refuses.
+//! `subap picture`: multilook, colour by sub-aperture and by polarisation, and refusals.
 
 use std::fs;
 use std::path::Path;
@@ -17,7 +17,7 @@ fn array(path: &Path, value: impl Fn(usize, usize) -> f32) {
     fs::write(path, bytes).unwrap();
 }
 
-/// Colours of a picture, and how many pixels have each.
+/// Number of pixels of each colour in a picture.
 fn colours(path: &Path) -> std::collections::HashMap<[u8; 3], usize> {
     let mut reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap()))
         .read_info()
@@ -37,10 +37,10 @@ fn colours(path: &Path) -> std::collections::HashMap<[u8; 3], usize> {
     counts
 }
 
-/// Three images of which each has a quadrant of its own and all share the fourth: red, green, blue and white, each an exact quarter of the 8 x 8
-/// pixels as they are drawn.
+/// Three images, each with one bright quadrant, and the fourth bright in all of them: red, green, blue and white, each on an exact quarter
+/// of the drawn 8 x 8 pixels.
 #[test]
-fn images_are_colours() {
+fn three_images_become_red_green_and_blue() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let quadrant = |row: usize, column: usize| 2 * (row / 4) + column / 4;
@@ -59,10 +59,10 @@ fn images_are_colours() {
     let count = |colour: [u8; 3]| seen.get(&colour).copied().unwrap_or(0);
     let red = count([255, 0, 0]);
     assert!(red > 10_000, "{red}");
-    // The key has some of each colour, alike.
+    // The key has the same number of pixels of each colour.
     assert_eq!(count([0, 255, 0]), red);
     assert_eq!(count([0, 0, 255]), red);
-    // By Pauli's basis a trihedral, alike in HH and VV, is blue alone.
+    // In the Pauli basis a trihedral, equal in HH and VV, is pure blue.
     array(&at.join("one.npy"), |_, _| 1.0);
     array(&at.join("none.npy"), |_, _| 0.0);
     run(
@@ -71,33 +71,33 @@ fn images_are_colours() {
     )
     .succeeded();
     let seen = colours(&at.join("pauli.png"));
-    // 2 / sqrt 2 of amplitude is 3.01 dB: the brightest there is, in all four quadrants; of `red` some is the key's, which is here once, too.
+    // An amplitude of 2 / sqrt 2 is 3.01 dB: the maximum, in all four quadrants; the key, drawn once, has some of the pixels of `red`.
     let blue = seen.get(&[0, 0, 255]).copied().unwrap_or(0);
     assert!(blue > 39 * red / 10 && blue < 4 * red, "{blue} {red}");
 }
 
-/// Of 8 x 8 pixels of power 1 and 0 in turn, boxes of 2 x 2 have a half: one grey, 3 dB below white of 30.
+/// Multilook of 2 x 2 on a checkerboard of powers 1 and 0 is 1/2 everywhere: one grey, 3 dB below white of 30.
 #[test]
-fn looks_are_averaged() {
+fn multilook_averages_power() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     array(&at.join("a.npy"), |row, column| {
         f32::from(u8::from((row + column) % 2 == 0))
     });
-    let told = run(
+    let ran = run(
         at,
         "picture a.npy -o looks.png --looks 2x2 --top 0 --span 30.1029995664 --json",
     );
-    told.succeeded();
+    ran.succeeded();
     let seen = colours(&at.join("looks.png"));
     let grey = (255.0f64 * 0.9).round() as u8;
     let half = seen.get(&[grey; 3]).copied().unwrap_or(0);
     assert!(half > 300_000, "{half}");
 }
 
-/// Parts of the aperture of a simulated scene, and inputs that cannot be coloured.
+/// Sub-apertures of a simulated scene, and inputs that cannot be coloured.
 #[test]
-fn a_product_is_coloured_by_its_aperture() {
+fn product_is_coloured_by_sub_aperture() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --preset table-4-1 -o table.cphd").succeeded();
@@ -117,7 +117,7 @@ fn a_product_is_coloured_by_its_aperture() {
         (
             "picture a.npy -o b.png --sub-apertures 3",
             1,
-            &["a.npy", "sub-apertures need"][..],
+            &["a.npy", "not known"][..],
         ),
         (
             "picture image -o b.png --sub-apertures 1",

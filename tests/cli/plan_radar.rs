@@ -4,7 +4,7 @@ use serde_json::Value;
 use subaperture_tests::subap::{listing, run};
 
 #[test]
-fn a_pass_is_planned_in_words_and_in_json() {
+fn pass_is_planned_as_text_and_json() {
     let folder = tempfile::tempdir().unwrap();
     let ran = run(folder.path(), "plan radar --scene 80 --sub-cpi 52");
     let text = ran.succeeded();
@@ -39,7 +39,7 @@ fn a_pass_is_planned_in_words_and_in_json() {
 }
 
 #[test]
-fn a_recording_is_planned_like_the_pass_it_is_of() {
+fn recording_is_planned_like_its_pass() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 -o a.cphd").succeeded();
     let plan = |line: &str| -> Value {
@@ -54,7 +54,7 @@ fn a_recording_is_planned_like_the_pass_it_is_of() {
         ("sub_cpis", "predicted_db"),
     ] {
         let of = |plan: &Value| plan[group][name].as_f64().unwrap();
-        // A CPHD goes through the Earth's frame: positions of 6,400 km in float64.
+        // A CPHD converts positions to Earth-centred ones: 6,400 km in float64.
         assert!((of(&recorded) / of(&typed) - 1.0).abs() < 1e-3, "{name}");
     }
     let costs = |plan: &Value| plan["costs"].as_array().unwrap().clone();

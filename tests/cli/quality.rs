@@ -1,4 +1,4 @@
-//! `subap quality` and products read back.
+//! `subap quality`, and image products read back.
 
 use std::fs;
 
@@ -15,7 +15,7 @@ use subaperture_tests::subap::{listing, run};
 const GRID: &str = "--grid x=-8:8:0.28,y=-16:16:0.35";
 
 #[test]
-fn a_product_is_measured_and_shown() {
+fn product_is_measured_and_plotted() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let scatterer = Scatterer {
@@ -46,8 +46,8 @@ fn a_product_is_measured_and_shown() {
             .and_then(Value::as_f64)
             .unwrap_or_else(|| panic!("no {pointer}"))
     };
-    // A unit scatterer alone in the middle of the scene: to 1/128 of the cells of 0.58 m and 0.75 m. Its
-    // phase is 0.5 less what an error of position in range makes of it, 4 pi / 0.03 m.
+    // A unit scatterer in the middle of the scene: position to 1/128 of the cells of 0.58 m and 0.75 m. Its phase
+    // is 0.5 less the effect of the range error, 4 pi / 0.03 m.
     assert!(number("/points/0/response/column_value").abs() < 0.58 / 128.0);
     let off_m = number("/points/0/response/row_value");
     assert!(off_m.abs() < 0.75 / 128.0);
@@ -55,7 +55,7 @@ fn a_product_is_measured_and_shown() {
     let phase_rad = number("/points/0/response/phase_rad") - 0.5 - 419.17 * off_m;
     assert!(phase_rad.abs() < 0.02, "{phase_rad}");
     assert_eq!(report["points"][0]["response"]["turn_is_known"], true);
-    // Range is along y: 1.185 cells of 0.7495 m by Taylor's 35 dB window.
+    // Range is along y: 1.185 cells of 0.7495 m with Taylor's 35 dB window.
     let width_m = number("/points/0/response/cuts/1/width_3db");
     let wanted_m = number("/points/0/theory/1/width_3db");
     assert!(
@@ -114,7 +114,7 @@ fn a_product_is_measured_and_shown() {
         .unwrap();
     assert!((width * 0.35 / width_m - 1.0).abs() < 1e-6, "{width}");
 
-    // Reading back, and what does not belong together.
+    // Reading back, and files that do not belong together.
     let stored = product::read(&at.join("fast")).unwrap();
     assert_eq!(stored.grid, GRID["--grid ".len()..].parse().unwrap());
     assert_eq!((stored.image.rows, stored.image.columns), (92, 58));
@@ -202,7 +202,7 @@ fn squinted(at: &std::path::Path) {
     run(at, "simulate s.toml -o s.cphd").succeeded();
 }
 
-/// What `pointer` says in a report.
+/// Number at the JSON pointer `pointer` of a report.
 fn number(report: &Value, pointer: &str) -> f64 {
     report
         .pointer(pointer)
@@ -214,13 +214,13 @@ fn report(at: &std::path::Path, line: &str) -> Value {
     serde_json::from_str(run(at, line).succeeded()).unwrap()
 }
 
-/// Width to 1 % and side lobes to 0.3 dB of theory, along every cut.
-fn as_in_theory(report: &Value, theory: &str, cuts: usize) {
+/// Assert that every cut agrees with theory: width to 1 %, side lobes to 0.3 dB.
+fn assert_theory(report: &Value, theory: &str, cuts: usize) {
     for i in 0..cuts {
-        let of = |what: &str| {
-            let found = number(report, &format!("/points/0/response/cuts/{i}/{what}"));
-            let wanted = number(report, &format!("/points/0/{theory}/{i}/{what}"));
-            println!("cut {i} {what}: {found:.4}, {theory} {wanted:.4}");
+        let of = |key: &str| {
+            let found = number(report, &format!("/points/0/response/cuts/{i}/{key}"));
+            let wanted = number(report, &format!("/points/0/{theory}/{i}/{key}"));
+            println!("cut {i} {key}: {found:.4}, {theory} {wanted:.4}");
             (found, wanted)
         };
         let (width, wanted) = of("width_3db");
@@ -243,7 +243,7 @@ fn as_in_theory(report: &Value, theory: &str, cuts: usize) {
 }
 
 #[test]
-fn theory_holds_for_a_squinted_view_along_any_line() {
+fn theory_holds_along_any_line_of_squinted_image() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     squinted(at);
@@ -255,19 +255,19 @@ fn theory_holds_for_a_squinted_view_along_any_line() {
         )
         .succeeded();
         let line = format!("quality {window} --at 3,-2 --line-of-sight 55 --json");
-        as_in_theory(&report(at, &line), "theory", 4);
+        assert_theory(&report(at, &line), "theory", 4);
     }
-    // Half the resolution's box along x, 0.43 m by Taylor's window, is far from what is there.
+    // Half of the resolution's bounding box along x, 0.43 m with Taylor's window, differs much from the measurement.
     let measured = report(at, "quality taylor --at 3,-2 --json");
     let width_m = number(&measured, "/points/0/theory/0/width_3db");
     println!("along x: {width_m:.4} m");
-    // Formed anew, the point is the same; lit evenly, theory is the same.
+    // Formed again, the response is the same; with even illumination, so is the theory.
     let again = report(
         at,
         "quality taylor --at 3,-2 --from s.cphd --line-of-sight 55 --json",
     );
-    as_in_theory(&again, "theory", 4);
-    as_in_theory(&again, "theory_as_lit", 4);
+    assert_theory(&again, "theory", 4);
+    assert_theory(&again, "theory_as_lit", 4);
     assert_eq!(again["points"][0]["formed"]["former"], "exact");
     run(at, "simulate --preset table-4-1 -o other.cphd").succeeded();
     run(at, "quality taylor --from other.cphd").failed(1, &["1040 pulses", "formed from 250"]);
@@ -275,7 +275,7 @@ fn theory_holds_for_a_squinted_view_along_any_line() {
 }
 
 #[test]
-fn an_image_too_coarse_is_refused_and_measured_from_its_recording() {
+fn coarse_image_is_refused_and_measured_from_its_recording() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     squinted(at);
@@ -286,7 +286,7 @@ fn an_image_too_coarse_is_refused_and_measured_from_its_recording() {
     .succeeded();
     run(at, "quality coarse --at 3,-2").failed(1, &["too coarse", "0.5000 apart", "--from"]);
     let measured = report(at, "quality coarse --at 3,-2 --from s.cphd --json");
-    as_in_theory(&measured, "theory", 2);
+    assert_theory(&measured, "theory", 2);
     for (i, wanted) in [3.0, -2.0, 0.0].into_iter().enumerate() {
         let found = number(&measured, &format!("/points/0/response/position_m/{i}"));
         assert!((found - wanted).abs() < 0.005, "{i}: {found}");
@@ -301,9 +301,9 @@ fn an_image_too_coarse_is_refused_and_measured_from_its_recording() {
     }
 }
 
-/// A turned and moved grid, and one that stands upright: places are the scene's, as typed and as printed.
+/// On a rotated and shifted grid and on a vertical one, positions are in scene coordinates, in options and output.
 #[test]
-fn places_are_those_of_the_scene_on_any_plane() {
+fn positions_are_in_scene_coordinates_on_any_plane() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     squinted(at);
@@ -334,9 +334,9 @@ fn places_are_those_of_the_scene_on_any_plane() {
             _ => format!("--at {place}"),
         };
         let measured = report(at, &format!("quality {name} {at_place} --json"));
-        as_in_theory(&measured, "theory", 2);
+        assert_theory(&measured, "theory", 2);
         if name == "tilted" {
-            // The point is not on the plane: where its echo falls there is not asked for.
+            // The point is not on the plane, so the position of its echo there is not checked.
             continue;
         }
         for (i, wanted) in [3.0, -2.0, 0.0].into_iter().enumerate() {
@@ -356,9 +356,9 @@ fn places_are_those_of_the_scene_on_any_plane() {
     run(at, "quality upright --at 3,-2").failed(2, &["vertical", "X,Y,Z"]);
 }
 
-/// A beam that lights a part of the pass: theory of all pulses alike is not what is there, theory as lit is.
+/// A beam that illuminates part of the pass: the response agrees with the theory of weighted pulses, not with that of equal pulses.
 #[test]
-fn a_beam_is_taken_from_the_recording() {
+fn theory_uses_beam_of_recording() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     run(at, "simulate --example stripmap").succeeded();

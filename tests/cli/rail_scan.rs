@@ -1,4 +1,4 @@
-//! A radio on a rail: captured, converted with its track, focused.
+//! A radio on a rail: capture, conversion with its track, image.
 
 use std::fmt::Write;
 use std::fs;
@@ -6,7 +6,7 @@ use std::fs;
 use serde_json::Value;
 use subaperture_tests::subap::{command, run};
 
-/// Two points, the nearer the stronger. The receiving antenna is 10 cm above the one that sends, which the attitude does not move.
+/// Two points, the nearer one stronger. The receiving antenna is 10 cm above the transmitting one, and is not moved by the attitude.
 const SCENE: &str = r#"
     seed = 3
     [radar]
@@ -36,7 +36,7 @@ const SCENE: &str = r#"
     cross_section = "1 m^2"
 "#;
 
-/// Cables as long as the loop, so that ranges count from the antennas.
+/// Cables as long as the loopback, so that ranges count from the antennas.
 const EXPERIMENT: &str = r#"
     [plan]
     start = "1.1 GHz"
@@ -55,10 +55,10 @@ const EXPERIMENT: &str = r#"
     leakage = 0
 "#;
 
-/// Points are found within 5 cm: a fifth of the resolution in range, 25 cm, and a third of that across, some 18 cm, which at 40 dB over the noise
-/// errs by millimetres; what motion within a sweep leaves is an eighth of a wavelength at the most.
+/// Points are within 5 cm of their positions: a fifth of the range resolution, 25 cm, and a third of the cross-range one, some 18 cm, which
+/// at 40 dB over the noise has errors of millimetres. Motion within a sweep is at most an eighth of a wavelength.
 #[test]
-fn a_rail_scan_is_captured_converted_and_focused() {
+fn rail_scan_is_captured_converted_and_focused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), SCENE).unwrap();
@@ -71,9 +71,9 @@ fn a_rail_scan_is_captured_converted_and_focused() {
     fs::write(at.join("track.csv"), track).unwrap();
     run(at, "capture rail.toml -o walk").succeeded();
     let convert = "radio convert walk --track track.csv --reference 0,5,0 -o walk.cphd --json";
-    let told: Value = serde_json::from_str(run(at, convert).succeeded()).unwrap();
+    let result: Value = serde_json::from_str(run(at, convert).succeeded()).unwrap();
     assert_eq!(
-        (told["pulses"].as_u64(), told["samples"].as_u64()),
+        (result["pulses"].as_u64(), result["samples"].as_u64()),
         (Some(46), Some(40))
     );
     for (grid, x_m, y_m) in [
@@ -81,37 +81,38 @@ fn a_rail_scan_is_captured_converted_and_focused() {
         ("x=-1.5:0:0.02,y=6:7.5:0.02,z=0", -0.7, 6.5),
     ] {
         let line = format!("focus walk.cphd --grid {grid} --out image --json");
-        let told: Value = serde_json::from_str(run(at, &line).succeeded()).unwrap();
-        let place = &told["brightest"]["position_m"];
+        let result: Value = serde_json::from_str(run(at, &line).succeeded()).unwrap();
+        let place = &result["brightest"]["position_m"];
         let off_m = (place[0].as_f64().unwrap() - x_m).hypot(place[1].as_f64().unwrap() - y_m);
         assert!(off_m < 0.05, "{place}");
     }
-    // The scene is where the phases are referred to: geometry, resolution and the default grid are those around 0, 5, 0.
-    let told: Value = serde_json::from_str(run(at, "info walk.cphd --json").succeeded()).unwrap();
+    // Phases are referred to the scene: geometry, resolution and default grid are those around 0, 5, 0.
+    let result: Value = serde_json::from_str(run(at, "info walk.cphd --json").succeeded()).unwrap();
     assert_eq!(
-        told["scene_centre_m"].as_array().unwrap()[1]
+        result["scene_centre_m"].as_array().unwrap()[1]
             .as_f64()
             .unwrap()
             .round(),
         5.0
     );
     // Transmitter at the rail, receiver 0.2 m aside.
-    let slant_m = told["slant_range_m"].as_f64().unwrap();
+    let slant_m = result["slant_range_m"].as_f64().unwrap();
     assert!((slant_m - 5.0).abs() < 0.15, "{slant_m}");
-    // c / (2 B) of 600 MHz is 0.25 m; the sides of 31 degrees' aperture add their projection, so that range resolves less than twice as well.
-    let range_m = told["range_resolution_m"].as_f64().unwrap();
+    // c / (2 B) of 600 MHz is 0.25 m; the ends of an aperture of 31 degrees add their projection, so the extent in range is larger, by less
+    // than a factor of two.
+    let range_m = result["range_resolution_m"].as_f64().unwrap();
     assert!((0.125..0.26).contains(&range_m), "{range_m}");
     // lambda R / (2 L) with 0.214 m, 5 m and 2.7 m.
-    let cross_m = told["cross_range_resolution_m"].as_f64().unwrap();
+    let cross_m = result["cross_range_resolution_m"].as_f64().unwrap();
     assert!((0.15..0.25).contains(&cross_m), "{cross_m}");
-    let told: Value =
+    let result: Value =
         serde_json::from_str(run(at, "focus walk.cphd --out default --json").succeeded()).unwrap();
-    let place = &told["brightest"]["position_m"];
+    let place = &result["brightest"]["position_m"];
     let near = |x_m: f64, y_m: f64| {
         (place[0].as_f64().unwrap() - x_m).hypot(place[1].as_f64().unwrap() - y_m) < 0.1
     };
     assert!(near(0.4, 5.0) || near(-0.7, 6.5), "{place}");
-    // Without a track there is no aperture, which is said.
+    // Without a track there is no aperture, and the output states this.
     let ran = command(
         at,
         "radio convert walk --reference 0,5,0 -o standing.cphd".split(' '),
@@ -125,10 +126,10 @@ fn a_rail_scan_is_captured_converted_and_focused() {
             && said.contains("no aperture"),
         "{said}"
     );
-    // Track with another time origin: no sweep lies within it.
+    // A track with another time origin: no sweep lies within it.
     let line = "radio convert walk --track track.csv --zero 100 --reference 0,5,0 -o other.cphd";
     run(at, line).failed(1, &["no sweep lies within the track", "time 0"]);
-    // The leakage as the reference wants two receivers where the plan says.
+    // The leakage as reference needs two receivers where the plan names one.
     let line = "capture rail.toml -o two --set plan.reference=leakage";
     run(at, line).failed(1, &["receiver 0's antenna"]);
     let line = "capture rail.toml -o two --set plan.reference=leakage --set device.leakage=20 --set antennas.receiver_0=1,0,0m";

@@ -1,4 +1,4 @@
-//! Descriptions of raw recordings on the command line: settings, what `tune` leaves, and what is said of bad ones.
+//! Descriptions of raw recordings through the command: settings, files written by `tune`, and errors.
 
 use std::fs;
 use std::path::Path;
@@ -45,7 +45,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Sets `to` in place of `from`, which is there once.
+/// Replace `from`, which occurs once, by `to`.
 fn change(path: &Path, from: &str, to: &str) {
     let text = fs::read_to_string(path).unwrap();
     assert_eq!(text.matches(from).count(), 1, "{from} in {text}");
@@ -53,7 +53,7 @@ fn change(path: &Path, from: &str, to: &str) {
 }
 
 #[test]
-fn a_scene_without_extent_is_simulated_and_every_command_takes_settings() {
+fn scene_without_extent_is_simulated_and_every_command_accepts_settings() {
     let folder = folder();
     let at = folder.path();
     let bias = "--set recording.range_bias=0.5m";
@@ -69,7 +69,7 @@ fn a_scene_without_extent_is_simulated_and_every_command_takes_settings() {
     fs::write(at.join("raw/biased.toml"), biased).unwrap();
     run(at, &format!("focus raw/biased.toml --out written {grid}")).succeeded();
     let image = |name: &str| npy::read(&at.join(name).join("image.npy")).unwrap();
-    // A setting is what the line in the text would be, to the bit.
+    // A setting has the same effect as the line in the file, to the bit.
     assert_eq!(image("set").pixels, image("written").pixels);
     assert_ne!(image("set").pixels, image("plain").pixels);
     let record = fs::read_to_string(at.join("set/image.json")).unwrap();
@@ -84,7 +84,7 @@ fn a_scene_without_extent_is_simulated_and_every_command_takes_settings() {
 }
 
 #[test]
-fn tune_writes_only_the_found_values() {
+fn tune_writes_only_tuned_values() {
     let folder = folder();
     let at = folder.path();
     let path = at.join("raw/recording.toml");
@@ -120,7 +120,7 @@ fn tune_writes_only_the_found_values() {
 
     run(at, &format!("{tune} --write")).succeeded();
     assert_eq!(fs::read_to_string(&path).unwrap(), tuned);
-    // Again: the line is there now, and takes the value.
+    // The second time the line exists and gets the value.
     run(at, &format!("{tune} --write")).succeeded();
     assert_eq!(fs::read_to_string(&path).unwrap(), tuned);
 
@@ -137,10 +137,10 @@ fn tune_writes_no_value_whose_error_is_unknown() {
     let before = fs::read(&path).unwrap();
     let wide = "-0.3:0.3:0.05m";
     for (interval, options, verdict) in [
-        // An error is stated for three values or more, and for two pulses or more in each of eight parts of the aperture.
+        // An error is stated for at least three values, and at least two pulses in each of eight parts of the aperture.
         ("0:0.05:0.05m", "", "error unknown"),
         (wide, "--set recording.count=15", "error unknown"),
-        // An optimum at an end has no known error either.
+        // An optimum at an end of the interval has no error either.
         ("0.1:0.3:0.05m", "", "at an end"),
     ] {
         let tune = format!(
@@ -172,7 +172,7 @@ fn description_errors_state_the_expected_value() {
     let folder = folder();
     let at = folder.path();
     let info = |setting: &str| run(at, &format!("info raw/recording.toml --set {setting}"));
-    // No guess where nothing is near.
+    // No suggestion where no key is similar.
     let far = info("radar.foo=3");
     far.failed(1, &["unknown key 'radar.foo'", "[radar] has kind, pri"]);
     assert!(!far.stderr.contains("did you mean"), "{far:?}");
@@ -192,7 +192,7 @@ fn description_errors_state_the_expected_value() {
         ran.failed(1, &["--vary"]);
         assert!(!ran.stderr.contains("--set"), "{ran:?}");
     }
-    // A scenario for a recording, and a recording for a scenario.
+    // A scenario in place of a recording, and the reverse.
     for line in [
         "focus scene.toml --out d",
         "tune scene.toml --at 0,4 --vary radar.pri=1:2:1s",
@@ -205,7 +205,7 @@ fn description_errors_state_the_expected_value() {
 }
 
 #[test]
-fn a_pulse_is_not_longer_than_its_record() {
+fn pulse_longer_than_its_record_is_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mut echoes = b"\x93NUMPY\x01\x00".to_vec();
@@ -248,7 +248,7 @@ fn a_pulse_is_not_longer_than_its_record() {
 }
 
 #[test]
-fn samples_that_do_not_come_out_even_are_explained() {
+fn file_size_that_is_no_multiple_of_a_pulse_is_explained() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("a.bin"), vec![1u8; 4 * 4 * 100 * 10]).unwrap();
@@ -267,7 +267,7 @@ fn samples_that_do_not_come_out_even_are_explained() {
             "100",
         ],
     );
-    // It says nothing of its scene, and the origin is on the rail: neither geometry nor a grid is taken from there in silence.
+    // Without a stated scene, and with the origin on the rail, neither geometry nor a grid is derived from the origin without a warning.
     let ran = run(at, "info r.toml --set recording.samples=100");
     ran.succeeded();
     assert!(
@@ -300,7 +300,7 @@ fn crc(text: &str) -> u32 {
 }
 
 #[test]
-fn a_track_on_the_earth_needs_a_scene_on_the_earth() {
+fn track_on_the_earth_needs_a_scene_on_the_earth() {
     let folder = folder();
     let at = folder.path();
     let log: String = (0..40)
@@ -331,7 +331,7 @@ fn a_track_on_the_earth_needs_a_scene_on_the_earth() {
     let start = text.find("[platform]").unwrap();
     fs::write(at.join("raw/log.toml"), text[..start].to_owned() + platform).unwrap();
     run(at, "info raw/log.toml").failed(1, &parts);
-    // A slip of the origin is told too, and with a sound one it is taken.
+    // An invalid origin is reported, and a valid one is accepted.
     let origin = |latitude: &str| {
         format!(
             "\n[scene.origin]\nlatitude = \"{latitude}\"\nlongitude = \"-114.03 deg\"\nheight = \"1063 m\"\n"
@@ -344,7 +344,7 @@ fn a_track_on_the_earth_needs_a_scene_on_the_earth() {
 }
 
 #[test]
-fn echoes_outside_the_window_name_keys_that_there_are() {
+fn error_of_echoes_outside_window_names_existing_keys() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let pulsed = "kind = \"pulsed\"\npulses = 16\npri = \"5 ms\"\ncentre = \"10 GHz\"\nsamples = 256\nsample_rate = \"180 MHz\"\n\
@@ -369,7 +369,7 @@ fn echoes_outside_the_window_name_keys_that_there_are() {
 }
 
 #[test]
-fn a_recording_given_twice_is_named_by_its_files() {
+fn recording_given_twice_is_named_by_its_files() {
     let folder = folder();
     let at = folder.path();
     fs::copy(at.join("scene.cphd"), at.join("twin.cphd")).unwrap();

@@ -1,4 +1,4 @@
-//! What the commands deliver, on simulated and (where it is there) real data.
+//! Results of the commands on simulated data and, if present, on real data.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 
-/// The real GOTCHA files, or `None` with a word about it.
+/// The real GOTCHA files; `None` with a message if they are missing.
 fn gotcha() -> Option<Vec<PathBuf>> {
     let files: Vec<PathBuf> = ["az001", "az002"]
         .iter()
@@ -52,20 +52,20 @@ fn number_after(text: &str, label: &str) -> f64 {
     rest.split_whitespace().next().unwrap().parse().unwrap()
 }
 
-/// Every figure of a cross-check is within its bound.
+/// Assert that every number of a crosscheck is within its bound.
 fn assert_crosscheck(text: &str) {
     let float_db = number_after(text, "core, float32: ");
     let fixed_db = number_after(text, "core, fixed point: ");
     let rdbp_db = number_after(text, "host, rdbp: ");
     let bound_db = number_after(text, "its plan's bound: ");
     assert!(float_db <= -100.0 && fixed_db <= -60.0, "{text}");
-    // 40 pulses are given, not planned: on a track that sways by half a metre they leave -59.8 dB.
+    // 40 pulses are given rather than planned: on a track with half a metre of sway the error is -59.8 dB.
     assert!(rdbp_db <= bound_db && bound_db <= -59.0, "{text}");
 }
 
-/// A recording whose first pulse is 70 dB above the others: scaled to its largest sample, 16 bits hold too little of them.
+/// A recording whose first pulse is 70 dB above the others: scaled to its largest sample, 16 bits represent the others too coarsely.
 #[test]
-fn crosscheck_exits_3_and_names_the_bound_exceeded() {
+fn crosscheck_exits_3_and_names_exceeded_bound() {
     let folder = tempfile::tempdir().unwrap();
     let history = Preset::Table41.simulate(&Variation::default());
     let collection = history.collection().clone();
@@ -111,7 +111,7 @@ fn simulate_then_info_and_crosscheck() {
         let info = run(folder.path(), &format!("info --json {name}.cphd"));
         let info: Value = serde_json::from_str(info.succeeded()).unwrap();
         assert_eq!(info["num_pulses"], 1040, "{name}");
-        // Table 4.1: 200 MHz at 10 GHz, 5 km, 0.125 m a pulse: lambda R / (2 d) = 599.6 m.
+        // Table 4.1: 200 MHz at 10 GHz, 5 km, 0.125 m per pulse: lambda R / (2 d) = 599.6 m.
         let near = |key: &str, expected: f64, relative: f64| {
             let value = info[key].as_f64().unwrap_or(f64::NAN);
             assert!(
@@ -146,10 +146,10 @@ fn focus_writes_image_record_and_picture() {
         let line = format!("focus scene.cphd --out {algorithm} -a {algorithm} {grid} --check 5000");
         let ran = run(folder.path(), &line);
         let error_db = number_after(ran.succeeded(), "pixels: ");
-        // exact differs from itself by float32 rounding of the image, 2^-25 RMS at most: -150 dB.
+        // `exact` differs from the comparison by float32 rounding of the image, at most 2^-25 RMS: -150 dB.
         let bound_db = match algorithm {
             "exact" => -140.0,
-            // What both plan for; on all pixels, since few of this sparse scene's carry its power.
+            // Both plan for this; over all pixels, since few pixels of this sparse scene contain its power.
             _ => -60.0,
         };
         assert!(error_db < bound_db, "{algorithm}: {error_db}");
@@ -173,14 +173,14 @@ fn focus_writes_image_record_and_picture() {
     }
     let ran = run(folder.path(), "compare rdbp/image.npy exact/image.npy");
     assert!(number_after(ran.succeeded(), "relative RMS error ") < -60.0);
-    // The same file twice: no error at all, as JSON too.
+    // The same file twice: no error, also as JSON.
     let ran = run(folder.path(), "compare --json bp/image.npy bp/image.npy");
     let same: Value = serde_json::from_str(ran.succeeded()).unwrap();
     assert!((same["correlation"].as_f64().unwrap() - 1.0).abs() < 1e-12);
 }
 
 #[test]
-fn threads_do_not_change_the_image() {
+fn images_are_bit_identical_for_any_thread_count() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
     for algorithm in ["bp", "rdbp"] {
@@ -204,8 +204,8 @@ fn threads_do_not_change_the_image() {
 }
 
 #[test]
-fn a_moving_target_has_no_default_grid() {
-    // Table 2.1's radar recedes along its line of sight: no cross-range.
+fn moving_target_has_no_default_grid() {
+    // The radar of Table 2.1 recedes along its line of sight: it has no cross-range resolution.
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-2-1 -o scene.cphd").succeeded();
     let info = run(folder.path(), "info scene.cphd");
@@ -219,13 +219,13 @@ fn a_moving_target_has_no_default_grid() {
 #[test]
 fn demo_keeps_its_bounds() {
     let folder = tempfile::tempdir().unwrap();
-    // A quarter of the scene, coarser: the whole takes seconds, this a fraction.
+    // A quarter of the scene, coarser: a fraction of the seconds of the whole.
     let ran = run(
         folder.path(),
         "demo --out demo --grid x=-20:20:0.5,y=-20:20:0.5",
     );
     assert!(ran.succeeded().contains("rdbp precise, 26 x 40"));
-    // Errors on another grid than the default are shown and not judged.
+    // Errors on another grid than the default are shown but not judged.
     assert!(ran.stdout.contains("not judged") && !ran.stdout.contains("MISSED"));
     let demo = folder.path().join("demo");
     for name in [
@@ -248,11 +248,11 @@ fn demo_keeps_its_bounds() {
     assert!(error_db("precise-40") <= -60.0);
     assert!(error_db("precise-130") <= -45.0);
     assert!(error_db("bp") <= -50.0);
-    // Every former there is, and each in its own folder.
+    // Every former has a folder.
     for former in ["ffbp", "omega-k", "rda", "pfa"] {
         assert!(error_db(former) <= -50.0, "{former}");
     }
-    // The thesis's mode shows its grating lobes: nearly as strong as the image at 130 pulses.
+    // The thesis's mode shows its grating lobes: at 130 pulses nearly as strong as the image.
     assert!(error_db("thesis-130") > -10.0 && error_db("thesis-40") < -10.0);
     for name in [
         "exact",
@@ -271,8 +271,8 @@ fn demo_keeps_its_bounds() {
 }
 
 #[test]
-fn a_dark_part_of_the_scene_misses_no_bound() {
-    // Between the scatterers there is next to nothing to which an error could be small.
+fn dark_part_of_scene_keeps_bound() {
+    // Between the scatterers the image has almost no power to relate an error to.
     let folder = tempfile::tempdir().unwrap();
     let ran = run(
         folder.path(),
@@ -285,7 +285,7 @@ fn a_dark_part_of_the_scene_misses_no_bound() {
     }
 }
 
-/// A GOTCHA file of the tests' sound fields with its samples times `scale`.
+/// The valid GOTCHA file of the tests with its samples times `scale`.
 fn scaled_gotcha(scale: f32) -> Vec<u8> {
     let mut fields = matlab::gotcha_fields();
     for (name, value) in &mut fields {
@@ -297,7 +297,7 @@ fn scaled_gotcha(scale: f32) -> Vec<u8> {
 }
 
 #[test]
-fn strong_and_faint_images_keep_their_figures() {
+fn figures_are_independent_of_scale() {
     // 1e25 squared is above float32, 1e-25 squared below it.
     let folder = tempfile::tempdir().unwrap();
     let mut found = Vec::new();
@@ -326,16 +326,16 @@ fn strong_and_faint_images_keep_their_figures() {
     for pair in found.chunks(2) {
         for (got, expected) in pair.iter().zip(&found[..2]) {
             assert_eq!((&got.0, &got.1), (&expected.0, &expected.1));
-            // Scaled samples are rounded anew, to 6e-8 of their size: 1e-6 dB of the level.
+            // Scaled samples are rounded again, to 6e-8 of their size: 1e-6 dB of the level.
             assert!((got.2 - expected.2).abs() < 1e-5, "{got:?} {expected:?}");
-            // Errors are roundings themselves; they stay far below the image.
+            // These errors consist of rounding; they stay far below the image.
             assert!(got.3 < -50.0 && got.4 < -50.0, "{got:?}");
         }
     }
 }
 
 #[test]
-fn an_image_of_zeros_has_no_brightest_point() {
+fn image_of_zeros_has_no_brightest_point() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("zero.mat"), scaled_gotcha(0.0)).unwrap();
     for algorithm in ["exact", "bp"] {
@@ -393,9 +393,9 @@ fn gotcha_default_grid_and_crosscheck() {
     assert_crosscheck(ran.succeeded());
 }
 
-/// Without a former's name it is the fastest, or the one that has the options given.
+/// Without a named former the fastest one is used, or the one that has the given options.
 #[test]
-fn options_of_a_former_name_it() {
+fn former_follows_from_its_options() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     run(folder.path(), "simulate --preset table-4-1 -o t.cphd").succeeded();

@@ -1,5 +1,5 @@
-//! `subap run`: a job does all its stages once; a changed stage is repeated with those that depend on it and no other; the report shows the
-//! numbers of the records, needs no network, and fits screens.
+//! `subap run`: a pipeline runs all stages once; a changed stage is repeated with the stages that depend on it and no others; the report
+//! shows the numbers of the records, needs no network, and fits screens.
 
 mod interrupted;
 mod track;
@@ -14,7 +14,7 @@ use subaperture_tests::subap::{Ran, listing, run};
 
 use crate::driver::Browser;
 
-/// Three points at a place of the Earth, seen under clutter too weak to matter.
+/// Three points on the Earth, under clutter too weak to matter.
 const SCENE: &str = r#"
 name = "three points"
 seed = 5
@@ -77,7 +77,7 @@ points = 3
 formats = ["sicd", "sidd", "cog", "kmz", "png"]
 "#;
 
-/// What the formats of [`JOB`] leave.
+/// Files of the formats in [`JOB`].
 const PRODUCTS: [&str; 8] = [
     "sicd.nitf",
     "sidd.nitf",
@@ -89,7 +89,7 @@ const PRODUCTS: [&str; 8] = [
     "map.prj",
 ];
 
-/// A folder with the recording, and jobs in folders of it.
+/// A folder with the recording, and pipelines in subfolders.
 struct Place(tempfile::TempDir);
 
 impl Place {
@@ -104,7 +104,7 @@ impl Place {
         self.0.path()
     }
 
-    /// A folder of this name with a job in it.
+    /// A subfolder `name` with a pipeline in it.
     fn job(&self, name: &str, text: &str) -> PathBuf {
         let folder = self.at().join(name);
         fs::create_dir(&folder).unwrap();
@@ -113,7 +113,7 @@ impl Place {
     }
 }
 
-/// Names of the stages, and whether each was done.
+/// Names of the stages, and whether each was run.
 fn stages(ran: &Ran) -> Vec<(String, bool)> {
     let printed: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let stages = printed["stages"].as_array().unwrap().iter();
@@ -125,7 +125,7 @@ fn stages(ran: &Ran) -> Vec<(String, bool)> {
         .collect()
 }
 
-/// The stages that were done.
+/// The stages that were run.
 fn done(ran: &Ran) -> Vec<String> {
     let all = stages(ran).into_iter();
     all.filter(|(_, done)| *done)
@@ -138,7 +138,7 @@ fn record(path: &Path) -> Value {
 }
 
 #[test]
-fn the_example_is_a_job_and_a_rehearsal_writes_nothing() {
+fn example_is_valid_and_dry_run_writes_no_file() {
     let place = Place::new();
     let at = place.at();
     let example = run(at, "run --example");
@@ -171,7 +171,7 @@ fn the_example_is_a_job_and_a_rehearsal_writes_nothing() {
     let forecast_bytes = printed["memory_bytes"].as_u64().unwrap();
     assert!(forecast_bytes > 1 << 20, "{printed}");
     assert_eq!(printed["stages"].as_array().unwrap().len(), 5, "{printed}");
-    // Pictures of a small image take less than their budget, which an eighth of the memory is up to 64 MiB.
+    // Pictures of a small image need less than their budget, an eighth of the memory up to 64 MiB.
     for memory in ["256M", "1G"] {
         let printed = run(
             at,
@@ -187,7 +187,7 @@ fn the_example_is_a_job_and_a_rehearsal_writes_nothing() {
 }
 
 #[test]
-fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
+fn pipeline_makes_all_outputs_and_report_shows_numbers_of_records() {
     let place = Place::new();
     let without = JOB.replace(
         "[autofocus]\ngrid = \"x=-24:24:0.4,y=-24:24:0.4\"\nrounds = 2\n",
@@ -203,7 +203,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
     {
         assert!(out.join(name).is_file(), "{name}");
     }
-    // The image and its check are those of subap focus.
+    // Image and check equal those of `subap focus`.
     let line = "focus ../a.cphd -a bp --error-db -50 --window none --slow-window none \
                 --grid x=-30:30:0.2,y=-30:30:0.2 --check 64 --out direct";
     run(&at, line).succeeded();
@@ -212,7 +212,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
     let (check, theirs) = (record(&out.join("check.json")), &direct.metadata["check"]);
     assert_eq!(check["num_pixels"], theirs["num_pixels"]);
     for key in ["relative_rms_db", "relative_to_image_db"] {
-        // The image's power is summed part by part, and parts are others: to the last digit.
+        // The image's power is summed over other parts: equal to the last digit.
         let [own, theirs] = [&check[key], &theirs[key]].map(|value| value.as_f64().unwrap());
         assert!((own - theirs).abs() < 1e-9, "{key}: {own} {theirs}");
     }
@@ -221,7 +221,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
     let html = fs::read_to_string(out.join("report.html")).unwrap();
     assert!(html.contains(&format!("{error_db:.2} dB")), "{error_db}");
 
-    // Points are where they were put, and measured as by subap quality.
+    // Points are at their positions, and measured as by `subap quality`.
     let points = record(&out.join("quality.json"));
     let points = points["points"].as_array().unwrap();
     let placed = [(3.0, 4.0), (-16.0, 12.0), (14.0, -13.0)];
@@ -252,7 +252,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
         }
     }
 
-    // Products are those of subap export, printed with their sizes and checksums.
+    // Products equal those of `subap export`, and are printed with sizes and checksums.
     run(&at, "export job --format kmz -o own.kmz").succeeded();
     assert_eq!(
         fs::read(at.join("own.kmz")).unwrap(),
@@ -270,7 +270,7 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
     assert!(html.contains("<h1>A &lt;small&gt; job</h1>"));
     assert!(!html.contains("http") && !html.contains("<script"));
 
-    // Nothing is done twice.
+    // No stage is run twice.
     let again = run(&at, "run job.toml --json");
     assert_eq!(done(&again), [""; 0]);
     assert_eq!(fs::read_to_string(out.join("report.html")).unwrap(), html);
@@ -322,7 +322,7 @@ fn changed_stage_reruns_only_its_successors() {
         "of an earlier run"
     );
 
-    // An output that is lost is made again, alone; one that was changed, too.
+    // A lost output is made again, without others; so is a changed one.
     fs::remove_file(at.join("job/map.kmz")).unwrap();
     assert_eq!(done(&run(&at, &line)), ["products", "report"]);
     let tile = at.join("job/image.zarr/c/0/0");
@@ -331,14 +331,14 @@ fn changed_stage_reruns_only_its_successors() {
     assert_eq!(done(&run(&at, &line)), ["focus", "report"]);
     assert_eq!(fs::read(&tile).unwrap(), image);
 
-    // Fewer formats leave fewer files; a stage that is asked for no more goes with all it left.
+    // Fewer formats leave fewer files; a stage that is removed is deleted with all its files.
     line += " --set products.formats=cog --set check.pixels=0";
     assert_eq!(done(&run(&at, &line)), ["products", "report"]);
     for name in ["sicd.nitf", "map.kmz", "map.png", "map.prj", "check.json"] {
         assert!(!at.join("job").join(name).exists(), "{name}");
     }
     assert!(at.join("job/map.tif").is_file());
-    // Another recording is another job.
+    // Another recording makes another pipeline.
     run(
         place.at(),
         "simulate scene.toml --set seed=6 --set radar.pulses=198 -o a.cphd --force",
@@ -354,7 +354,7 @@ fn changed_stage_reruns_only_its_successors() {
 }
 
 #[test]
-fn job_faults_are_shown_in_place_and_nothing_runs() {
+fn pipeline_faults_are_shown_in_place_and_no_stage_runs() {
     let place = Place::new();
     let at = place.at();
     let input = "[input]\nfiles = \"a.cphd\"\n";
@@ -399,7 +399,7 @@ fn job_faults_are_shown_in_place_and_nothing_runs() {
         .failed(1, &["--set former.eror", "former.error"]);
     run(at, "run none.toml").failed(1, &["cannot read none.toml"]);
     run(at, "run").failed(2, &["JOB"]);
-    // Recordings that are not there, and one whose scene has no place.
+    // Missing recordings, and one whose scene has no position on the Earth.
     let before = listing(at);
     run(at, "run job.toml --set input.files=b.cphd").failed(1, &["b.cphd"]);
     assert_eq!(listing(at), before);
@@ -412,7 +412,7 @@ fn job_faults_are_shown_in_place_and_nothing_runs() {
 }
 
 #[test]
-fn another_image_is_not_replaced() {
+fn image_by_another_run_is_not_replaced() {
     let place = Place::new();
     let at = place.job("others", JOB);
     run(
@@ -424,7 +424,7 @@ fn another_image_is_not_replaced() {
     run(&at, "run job.toml").failed(1, &["this image was not formed by a job"]);
     assert_eq!(listing(&at), before);
     run(&at, "run job.toml --force").succeeded();
-    // A state that is none is not guessed at.
+    // An invalid state file is an error.
     fs::write(at.join("job/job.json"), "{\"schema\":\"subaperture-job\"").unwrap();
     run(&at, "run job.toml").failed(1, &["job.json", "not a valid state of a job"]);
     // What somebody else put there stays.
@@ -432,11 +432,11 @@ fn another_image_is_not_replaced() {
     run(&at, "run job.toml").failed(1, &["job.json"]);
 }
 
-/// The report in a browser that has no network: all there, nothing amiss, on wide and narrow screens, bright and dark.
+/// The report in a browser without network: complete and without errors, on wide and narrow screens, in light and dark mode.
 ///
-/// `SUBAPERTURE_SCREENSHOTS=FOLDER` keeps pictures of it, base64 of PNG.
+/// `SUBAPERTURE_SCREENSHOTS=FOLDER` keeps screenshots, as base64 of PNG.
 #[test]
-fn the_report_needs_no_network_and_fits_screens() {
+fn report_needs_no_network_and_fits_screens() {
     let place = Place::new();
     let at = place.job("shown", JOB);
     run(&at, "run job.toml").succeeded();
@@ -487,7 +487,7 @@ fn the_report_needs_no_network_and_fits_screens() {
             .unwrap();
         }
     }
-    // A page that errs is seen to.
+    // Errors of a page are detected.
     fs::write(
         at.join("bad.html"),
         "<img src=\"none.png\"><script>nothing()</script>",

@@ -1,4 +1,4 @@
-//! `subap simulate` on scenarios: what it writes, and what it says of bad ones.
+//! `subap simulate` on scenarios: its files, and its errors on invalid ones.
 
 use std::fs;
 use std::path::Path;
@@ -35,9 +35,8 @@ position = "0, -5, 3 km"
 velocity = "100, 0, 0 m/s"
 "#;
 
-/// Changes `old` to `new` in a sound scenario and asserts that the command fails with the error at
-/// `place` (line and column), shows the line with a caret in that column, says `part`, and writes
-/// nothing.
+/// Replace `old` by `new` in a valid scenario and assert that the command fails with the error at `place` (line and column), shows the line
+/// with a caret in that column, contains `part`, and writes no file.
 #[track_caller]
 fn refuse(old: &str, new: &str, place: (usize, usize), part: &str) {
     assert!(SOUND.contains(old), "{old}");
@@ -62,7 +61,7 @@ fn refuse(old: &str, new: &str, place: (usize, usize), part: &str) {
 }
 
 #[test]
-fn every_kind_of_error_points_at_its_place() {
+fn every_kind_of_error_states_its_position() {
     refuse("seed = 7", "seed = = 7", (2, 8), "not TOML");
     refuse("seed = 7", "seed = 7\nseed = 8", (3, 1), "duplicate key");
     refuse(
@@ -184,20 +183,20 @@ fn missing_and_unreadable_files_are_named() {
     run(folder.path(), "simulate latin.toml -o out.cphd").failed(1, &["latin.toml", "UTF-8"]);
     let csv = SOUND.replace(
         "kind = \"linear\"\nposition = \"0, -5, 3 km\"\nvelocity = \"100, 0, 0 m/s\"",
-        "kind = \"csv\"\nfile = \"way.csv\"",
+        "kind = \"csv\"\nfile = \"track.csv\"",
     );
-    // Paths start at the scenario's folder, not at the one where the command runs.
+    // Paths are relative to the scenario's folder, not to the working directory.
     fs::create_dir(folder.path().join("sub")).unwrap();
     fs::write(folder.path().join("sub/csv.toml"), csv).unwrap();
     run(folder.path(), "simulate sub/csv.toml -o out.cphd")
-        .failed(1, &["sub/csv.toml:24:8: ", "sub/way.csv", "No such file"]);
-    let way = "time_s,x_m,y_m,z_m\n0,-2,-5000,3000\n0.03,1,-5000,3000\n0.06,4,-5000,3000\n";
-    fs::write(folder.path().join("sub/way.csv"), way).unwrap();
+        .failed(1, &["sub/csv.toml:24:8: ", "sub/track.csv", "No such file"]);
+    let csv = "time_s,x_m,y_m,z_m\n0,-2,-5000,3000\n0.03,1,-5000,3000\n0.06,4,-5000,3000\n";
+    fs::write(folder.path().join("sub/track.csv"), csv).unwrap();
     run(folder.path(), "simulate sub/csv.toml -o out.cphd").succeeded();
 }
 
 #[test]
-fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+fn same_seed_gives_same_bytes_on_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SOUND).unwrap();
     let bytes = |options: &str| {
@@ -215,7 +214,7 @@ fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
 }
 
 #[test]
-fn pairs_of_antennas_are_channels() {
+fn antenna_pairs_are_channels() {
     let folder = tempfile::tempdir().unwrap();
     let antennas = "[[radar.transmitter]]\noffset = \"1, 0, 0 m\"\n[[radar.transmitter]]\n\
         [[radar.receiver]]\n[[radar.receiver]]\noffset = \"0, 0, 10 cm\"\n";
@@ -223,7 +222,7 @@ fn pairs_of_antennas_are_channels() {
     fs::write(folder.path().join("mimo.toml"), text).unwrap();
     let ran = run(folder.path(), "simulate mimo.toml -o mimo.cphd");
     for id in ["T1R1", "T1R2", "T2R1", "T2R2"] {
-        // Two transmitters take turns over 32 pulses.
+        // Two transmitters alternate over 32 pulses.
         let line = format!("mimo.cphd {id}: 16 pulses of 64 frequencies");
         assert!(ran.succeeded().contains(&line), "{ran:?}");
         let about = run(folder.path(), &format!("info mimo.cphd --channel {id}"));
@@ -235,7 +234,7 @@ fn pairs_of_antennas_are_channels() {
 }
 
 #[test]
-fn memory_is_honoured() {
+fn simulation_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SOUND).unwrap();
     let line = "simulate a.toml -o out.cphd --threads 2 --memory 26M --set radar.pulses=100000";
@@ -269,7 +268,7 @@ fn examples_and_keys_are_printed_and_examples_run() {
     run(folder.path(), "simulate rail.toml").failed(2, &["--out"]);
 }
 
-/// Reads a scenario; whether it makes sense does not matter, only that this returns.
+/// Read a scenario; any result is accepted, but no panic.
 fn survive(text: &str) {
     static EMPTY: OnceLock<tempfile::TempDir> = OnceLock::new();
     let folder: &Path = EMPTY.get_or_init(|| tempfile::tempdir().unwrap()).path();
@@ -282,7 +281,7 @@ fn survive(text: &str) {
     }
 }
 
-/// What takes the place of something in an example: numbers at the edges, units, brackets, junk.
+/// Replacements of words in an example: extreme numbers, units, brackets, junk.
 fn replacement() -> impl Strategy<Value = String> {
     prop_oneof![
         prop::sample::select(vec![
@@ -336,10 +335,10 @@ proptest! {
         survive(&lines.join("\n"));
     }
 
-    /// Examples with up to three words or numbers changed, cut to few pulses unless that is what changed.
+    /// Examples with up to three changed words or numbers, reduced to few pulses unless that was changed.
     #[test]
     fn damaged_examples_do_not_panic(
-        // All but the distributed scene, whose points take long to make.
+        // All except the distributed scene, whose points take long to draw.
         example in 0..examples::names().len() - 1,
         damages in prop::collection::vec((any::<prop::sample::Index>(), 0..8usize, replacement()), 1..4),
     ) {

@@ -1,5 +1,5 @@
-//! What sources may name: an image former is found by the list of them, but where one in particular is meant, what bears on an image's
-//! bits takes nothing of the platform, and no two files import each other.
+//! Rules for sources: image formers are found by their list, with stated exceptions; code that affects an image's bits uses no functions of
+//! the platform; no two files import each other.
 
 mod circles;
 
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use subaperture::focus::formers::FORMERS;
 use subaperture_tests::subap::{root, run};
 
-/// The formers' types.
+/// Types of the formers.
 const TYPES: [&str; 8] = [
     "Auto",
     "Exact",
@@ -21,7 +21,7 @@ const TYPES: [&str; 8] = [
     "RangeDopplerAlgorithm",
 ];
 
-/// Where a former is found by the list.
+/// Folders that find formers by the list.
 const SEARCHED: [&str; 5] = [
     "host/focus/src",
     "host/planner/src",
@@ -30,7 +30,7 @@ const SEARCHED: [&str; 5] = [
     "tests/src/bin/bench",
 ];
 
-/// Who means one in particular, and why.
+/// Files that name a particular former, and the reason.
 const EXCEPTIONS: [(&str, &str); 8] = [
     (
         "host/focus/src/live/mod.rs",
@@ -41,10 +41,7 @@ const EXCEPTIONS: [(&str, &str); 8] = [
         "host/planner/src/radar.rs",
         "the thesis's mode, whose lobes are planned",
     ),
-    (
-        "host/subap/src/commands/demo.rs",
-        "the ways that the thesis is shown in",
-    ),
+    ("host/subap/src/commands/demo.rs", "modes of the thesis"),
     (
         "host/subap/src/commands/focus/check.rs",
         "errors are those against the exact sum",
@@ -76,7 +73,7 @@ pub(super) fn sources(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Lines of code with their numbers: no comments, and none of the tests at a file's end.
+/// Lines of code with their numbers, without comments and without the tests at a file's end.
 fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let lines = (1..).zip(text.lines());
     lines
@@ -85,7 +82,7 @@ fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 #[test]
-fn a_former_is_named_in_its_own_folder_alone() {
+fn formers_are_named_only_in_their_own_folders() {
     let mut used = [false; EXCEPTIONS.len()];
     let mut strays = Vec::new();
     for folder in SEARCHED {
@@ -116,9 +113,9 @@ fn a_former_is_named_in_its_own_folder_alone() {
     }
 }
 
-/// The tests' oracle shares no code with what it judges: it names `std` alone, and no file is included in it.
+/// The oracle of the tests shares no code with the library: it names only `std`, and includes no file.
 #[test]
-fn the_plain_sum_uses_std_alone() {
+fn plain_sum_uses_only_std() {
     let text = fs::read_to_string(root().join("tests/src/plain_sum.rs")).unwrap();
     let imported = |line: &str| {
         let line = line.trim_start();
@@ -143,9 +140,9 @@ fn the_plain_sum_uses_std_alone() {
     }
 }
 
-/// A former's folder names no other's type, and the list alone names the folders.
+/// The folder of a former names no type of another former, and only the list names the folders.
 #[test]
-fn a_former_knows_no_other() {
+fn formers_are_independent_of_each_other() {
     let formers = root().join("host/focus/src/formers");
     let list = fs::read_to_string(formers.join("mod.rs")).unwrap();
     let folders: Vec<String> = fs::read_dir(&formers)
@@ -164,7 +161,7 @@ fn a_former_knows_no_other() {
             let text = fs::read_to_string(&path).unwrap();
             for other in folders.iter().filter(|other| *other != folder) {
                 for (number, line) in code(&text) {
-                    // What others have in common with the oracle is its sum over a pulse.
+                    // The sum over a pulse, which formers may share with the exact former.
                     let is_shared =
                         line.contains("exact::add_pulse") || line.contains("exact::{LANES");
                     let names =
@@ -177,7 +174,7 @@ fn a_former_knows_no_other() {
     }
 }
 
-/// Where the library has words like options, and what they are.
+/// Files of the library with words that look like options, and their meaning.
 const LIKE_OPTIONS: [(&str, &str); 6] = [
     ("host/gallery/src/page.rs", "a style sheet's variables"),
     (
@@ -194,7 +191,7 @@ const LIKE_OPTIONS: [(&str, &str); 6] = [
     ),
     (
         "host/radio/src/uhd/errors.rs",
-        "what the system is told of a new device",
+        "parameters of a new device for the system",
     ),
     (
         "host/radio/src/uhd/ffi/tests.rs",
@@ -202,8 +199,9 @@ const LIKE_OPTIONS: [(&str, &str); 6] = [
     ),
 ];
 
-/// Of these sources, lines of code that are like what is looked for stand only where it is known why, and there they do. How many sources these are.
-fn stands_only_where_known(
+/// Assert that lines of code for which `is_like` holds occur in exactly the files of `known`, among `sources`. Returns the number of
+/// sources.
+fn assert_only_in(
     sources: impl Iterator<Item = PathBuf>,
     is_like: impl Fn(&str) -> bool,
     known: &[(&str, &str)],
@@ -227,29 +225,28 @@ fn stands_only_where_known(
     searched
 }
 
-/// Messages of the library say what is wrong and what would help; how that is typed is the command's to say
-/// (`host/subap/src/advice.rs`).
+/// Errors of the library state fault and remedy; the command adds the option that applies the remedy (`host/subap/src/advice.rs`).
 #[test]
-fn the_command_alone_names_options() {
+fn only_the_command_names_options() {
     let library = sources(&root().join("host")).into_iter().filter(|path| {
         let name = path.strip_prefix(root()).unwrap();
         !name.starts_with("host/subap") && name.iter().any(|part| part == "src")
     });
     let is_like = |line: &str| {
-        // No operator of the language is written so.
+        // `--` followed by a letter is not an operator of the language.
         let mut parts = line.split("--").skip(1);
         parts.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
     };
-    let searched = stands_only_where_known(library, is_like, &LIKE_OPTIONS);
+    let searched = assert_only_in(library, is_like, &LIKE_OPTIONS);
     assert!(searched > 200, "{searched}");
 }
 
-/// From a recording to an image: what bears on its bits.
-const BEARING_ON_BITS: [&str; 8] = [
+/// Packages that affect the bits of an image.
+const AFFECTING_BITS: [&str; 8] = [
     "fft", "signal", "kernels", "model", "describe", "io", "simulate", "focus",
 ];
 
-/// Functions that the platform's library has, each with last bits of its own; libm's are the same everywhere.
+/// Functions of the platform's library, whose last bits differ between platforms; those of `libm` are the same everywhere.
 const OF_THE_PLATFORM: [&str; 25] = [
     ".sin()",
     ".cos()",
@@ -278,10 +275,10 @@ const OF_THE_PLATFORM: [&str; 25] = [
     "::from_polar(",
 ];
 
-/// Where they may stand, for no pixel depends on them.
-const BESIDE_BITS: [(&str, &str); 4] = [
-    ("host/focus/src/live/mod.rs", "what is told of an error"),
-    ("host/io/src/product/record.rs", "what a record tells"),
+/// Files that may use them, because no pixel depends on the result.
+const NOT_AFFECTING_BITS: [(&str, &str); 4] = [
+    ("host/focus/src/live/mod.rs", "printed errors"),
+    ("host/io/src/product/record.rs", "statistics in a record"),
     ("host/model/src/image/comparison.rs", "measures of images"),
     (
         "host/model/src/resolution/theory.rs",
@@ -289,23 +286,23 @@ const BESIDE_BITS: [(&str, &str); 4] = [
     ),
 ];
 
-/// Images by portable transforms are the same bits on every machine, and so are plans of all.
+/// Images by portable transforms have the same bits on every machine, and so have all plans.
 #[test]
 fn code_that_affects_bits_uses_no_platform_functions() {
-    // What tests count or draw.
+    // Files of tests.
     const OF_TESTS: [&str; 3] = ["counted.rs", "tests.rs", "trial.rs"];
-    let bearing = BEARING_ON_BITS
+    let bearing = AFFECTING_BITS
         .iter()
         .flat_map(|package| sources(&root().join("host").join(package).join("src")))
         .filter(|path| !OF_TESTS.iter().any(|test| path.ends_with(test)));
     let is_like = |line: &str| OF_THE_PLATFORM.iter().any(|word| line.contains(word));
-    let searched = stands_only_where_known(bearing, is_like, &BESIDE_BITS);
+    let searched = assert_only_in(bearing, is_like, &NOT_AFFECTING_BITS);
     assert!(searched > 150, "{searched}");
 }
 
-/// Arrows between files of a crate lead one way, as those between crates do.
+/// Imports between files of a crate have one direction, as those between crates.
 #[test]
-fn no_files_import_each_other_in_a_circle() {
+fn files_have_no_circular_imports() {
     let hosts = fs::read_dir(root().join("host")).unwrap();
     let hosts = hosts.map(|entry| entry.unwrap().path());
     let crates = hosts.chain(["core", "firmware"].map(|name| root().join(name)));
@@ -328,12 +325,12 @@ fn no_files_import_each_other_in_a_circle() {
     }
     assert!(
         found.is_empty(),
-        "these import each other; move what they share to a file below them:{found}"
+        "these import each other; move the shared items to a file below them:{found}"
     );
     assert!(searched > 300, "{searched}");
 }
 
-/// What the list describes is what can be typed, with its help, and completed.
+/// Every option of the list exists, with its help and completion.
 #[test]
 fn listed_commands_exist() {
     let folder = tempfile::tempdir().unwrap();
@@ -342,8 +339,8 @@ fn listed_commands_exist() {
         let words: Vec<&str> = ran.succeeded().split_whitespace().collect();
         let help = words.join(" ");
         for entry in &FORMERS {
-            let told = format!("{}: {}", entry.name, entry.summary);
-            assert!(help.contains(&told), "{command}: no '{told}'");
+            let listed = format!("{}: {}", entry.name, entry.summary);
+            assert!(help.contains(&listed), "{command}: no '{listed}'");
             for option in entry.options {
                 let typed = format!("--{}", option.name.replace('_', "-"));
                 assert!(help.contains(&typed), "{command}: no {typed}");
@@ -370,9 +367,9 @@ fn listed_commands_exist() {
     }
 }
 
-/// An option of one former is refused with another, whichever they are.
+/// An option of one former is refused with every other one.
 #[test]
-fn options_are_of_their_formers() {
+fn options_of_other_formers_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut tried = 0;
     for entry in &FORMERS {
@@ -388,11 +385,11 @@ fn options_are_of_their_formers() {
                 _ => "3".to_owned(),
             };
             let line = format!("focus a.mat --out d -a {} {typed} {value}", entry.name);
-            let told = format!(
+            let expected = format!(
                 "{typed} says nothing to --algorithm {}: leave it out",
                 entry.name
             );
-            run(folder.path(), &line).failed(2, &[&told]);
+            run(folder.path(), &line).failed(2, &[&expected]);
             tried += 1;
         }
     }

@@ -1,5 +1,5 @@
-//! A spotlight of the X band from 600 km, squinted, whose CPHD declares a surface of constant height above the ellipsoid: what stands there is projected into its
-//! SICD images by the images' own fields, and back, by NGA's sarkit.
+//! A squinted X-band spotlight from 600 km, whose CPHD declares a surface of constant height above the ellipsoid. Scatterers are projected
+//! into its SICD images by the images' own metadata, and back, by NGA's sarkit.
 
 use std::fs;
 use std::path::PathBuf;
@@ -10,10 +10,10 @@ use subaperture::io::cphd::{Cphd, ReferenceSurface};
 use subaperture_tests::dem::{degree_m, east_north_up_m, ecf_m};
 use subaperture_tests::subap::run;
 
-/// Latitude, longitude, height above the ellipsoid of the scene's origin.
+/// Latitude, longitude (degrees), height above the ellipsoid (m) of the scene's origin.
 const ORIGIN: [f64; 3] = [-33.4, 149.2, 35.0];
 
-/// A satellite 350 km up, 480 km from the scene, that looks 17 degrees ahead; a reflector in metres east, north and up.
+/// A satellite 350 km up, 480 km from the scene, squinted 17 degrees forward; a reflector in metres east, north and up.
 fn scenario(reflector: DVec3) -> String {
     format!(
         r#"name = "orbit"
@@ -44,7 +44,7 @@ velocity = "7500, 0, 0 m/s"
 }
 
 #[test]
-fn reflectors_are_projected_by_the_images_own_fields() {
+fn sarkit_projects_reflectors_by_sicd_metadata() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mut list = String::new();
@@ -63,7 +63,7 @@ fn reflectors_are_projected_by_the_images_own_fields() {
         let file = Cphd::open(at.join(format!("{name}.cphd")), None, 1 << 28).unwrap();
         assert_eq!(file.info().surface, ReferenceSurface::Hae);
         list += &format!("{}\n", at.join(format!("{name}.cphd")).display());
-        // A level plane 3 m below the reflector, into which it is laid over; and the slant plane.
+        // A horizontal plane 3 m below the reflector, with layover; and the slant plane.
         let (x, y, z) = (local.x.round(), local.y.round(), local.z - 3.0);
         for (image, more) in [("level", ""), ("slant", "--surface slant")] {
             let own = format!("{name}_{image}");
@@ -75,7 +75,7 @@ fn reflectors_are_projected_by_the_images_own_fields() {
             let [px, py, pz] = point.to_array();
             list += &format!("{}\t{px}\t{py}\t{pz}\t{}\n", path.display(), place[2]);
         }
-        // On the surface itself it is where it is; a SICD has no such surface.
+        // On the surface itself the position is exact; SICD has no such surface.
         let grid = format!("x=-15:15:0.3,y=-15:15:0.25,cx={x},cy={y}");
         let line = format!(
             "focus {name}.cphd --grid {grid} --surface hae:{} --out {name}_hae",
@@ -88,7 +88,7 @@ fn reflectors_are_projected_by_the_images_own_fields() {
             serde_json::from_value(record["brightest"]["position_m"].clone()).unwrap();
         let off = (DVec3::from(found) - local).abs();
         println!("{name}: {off:.3}");
-        // Half a pixel, and a tenth for the squinted response's slant side lobes.
+        // Half a pixel, and a tenth for the oblique side lobes of the squinted response.
         assert!(off.x <= 0.18 && off.y <= 0.16 && off.z < 0.01, "{off}");
         let line = format!("export {name}_hae --format sicd -o never.nitf");
         run(at, &line).failed(1, &["above the ellipsoid", "plane"]);
@@ -107,8 +107,8 @@ fn reflectors_are_projected_by_the_images_own_fields() {
     assert!(output.status.success(), "{text}{errors}");
 }
 
-/// What the air adds to the path between a point and the satellite, metres: N exp(-h / 7.35 km) summed along the line, whose height over the curved
-/// Earth is its height over the plane and the square of what it goes along it over twice the Earth's radius.
+/// Tropospheric delay between a point and the satellite as path, metres: N exp(-h / 7.35 km) integrated along the line, whose height over
+/// the curved Earth is its height over the plane plus the square of its horizontal distance over twice the Earth's radius.
 fn extra_m(refractivity: f64, point: DVec3, satellite: DVec3) -> f64 {
     let line = satellite - point;
     let (sine, cosine2) = (
@@ -126,8 +126,8 @@ fn extra_m(refractivity: f64, point: DVec3, satellite: DVec3) -> f64 {
     1e-6 * refractivity * sum
 }
 
-/// A recording through a vacuum, from which the air's delay is taken, shows what it would have shown nearer: by as much as makes paths to the first and the last place of
-/// the satellite shorter by the air's.
+/// A recording through a vacuum from which the tropospheric delay is removed shows points nearer: shifted so that the paths to the first
+/// and last position of the satellite are shorter by the delay.
 #[test]
 fn removed_delay_agrees_with_the_atmosphere_profile() {
     let folder = tempfile::tempdir().unwrap();
@@ -161,7 +161,7 @@ fn removed_delay_agrees_with_the_atmosphere_profile() {
         let ran = run(at, &line);
         ran.succeeded();
         let (found_m, _) = brightest(name);
-        // Two equations for what it moves by along x and y.
+        // Two equations for the displacement along x and y.
         let [[a, b, e], [c, d, f]] = [0.0, 199.0].map(|pulse| {
             let from = satellite(pulse);
             let sight = (point - from).normalize();
@@ -176,7 +176,7 @@ fn removed_delay_agrees_with_the_atmosphere_profile() {
         let moved = found_m - vacuum_m;
         let measured = [moved.dot(x), moved.dot(y)];
         println!("{name}: {measured:.2?} m, {expected:.2?} expected");
-        // Half a pixel of either image; along x responses are 0.35 m wide and slant.
+        // Half a pixel of either image; along x responses are 0.35 m wide and oblique.
         assert!(
             (measured[0] - expected[0]).abs() <= 0.11,
             "{measured:?} {expected:?}"
@@ -187,7 +187,7 @@ fn removed_delay_agrees_with_the_atmosphere_profile() {
         );
         assert!(refractivity == 0.0 || expected[1] < -3.0, "{expected:?}");
     }
-    // Tiles by a plan, to the same bits, if the plan's recording is given as it was planned.
+    // Tiles of a plan are bit-identical, if the recording is given with the options it was planned with.
     let plan = format!("plan focus a.cphd {grid} --troposphere exponential -o plan.json");
     run(at, &plan).succeeded();
     run(at, "focus a.cphd --plan plan.json --out other").failed(1, &["the plan was made for"]);

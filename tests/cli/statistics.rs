@@ -1,9 +1,9 @@
-//! What the benches make of times.
+//! Statistics of times in the benchmark program.
 
 use subaperture_tests::statistics::{exponent, is_slower, quartiles};
 
 #[test]
-fn an_exponent_is_that_of_the_power_law() {
+fn exponent_is_that_of_power_law() {
     let points = [1.0, 2.0, 4.0, 8.0].map(|x: f64| (x, 3.0 * x.powf(1.7)));
     assert!((exponent(&points).unwrap() - 1.7).abs() < 1e-12);
     // Logarithms 0, 0 and 1 over 0, 1 and 2: a slope of a half.
@@ -23,7 +23,7 @@ fn quartiles_lie_between_sorted_values() {
 }
 
 #[test]
-fn spread_about_the_limit_is_not_slower() {
+fn times_spread_about_limit_are_not_slower() {
     assert!(is_slower(&[1.2, 1.15, 1.3, 1.05, 1.2, 1.25, 1.18], 1.1));
     assert!(!is_slower(&[1.2, 1.0, 1.3, 1.05, 1.2, 0.9, 1.18], 1.1));
     assert!(!is_slower(&[1.0; 7], 1.1));

@@ -1,5 +1,5 @@
-//! `--surface`: a reflector that stands on a hill lands where it stands on the ground of an elevation model, in image and map, and where layover puts
-//! it without.
+//! `--surface`: a reflector on a hill appears at its position on the ground of an elevation model, in image and map, and with layover
+//! without a surface.
 
 use std::fs;
 use std::path::Path;
@@ -15,14 +15,14 @@ use tiff::tags::Tag;
 
 /// The scene's origin, on the ellipsoid.
 const ORIGIN: [f64; 3] = [52.4, 4.6, 0.0];
-/// Where the reflector stands: some 170 m east and 250 m north.
+/// Latitude and longitude of the reflector, some 170 m east and 250 m north of the origin.
 const REFLECTOR: [f64; 2] = [52.402_249_5, 4.6025];
 /// South-western corner of the elevation model.
 const CORNER: [f64; 2] = [52.0, 4.0];
-/// Above the ellipsoid lies the geoid here, metres.
+/// Height of the geoid above the ellipsoid here, metres.
 const GEOID_M: f64 = 43.5;
 
-/// A hill of 200 m, of which the reflector stands on the slope.
+/// Ground height of a hill of 200 m, on whose slope the reflector stands.
 fn hill_m(latitude: f64, longitude: f64) -> f64 {
     let [north, east] = degree_m(ORIGIN[0]);
     let (y, x) = (
@@ -61,19 +61,19 @@ velocity = "100, 0, 0 m/s"
     )
 }
 
-/// The reflector, where `height_m` above the ellipsoid is the ground's.
+/// Position of the reflector on ground of `height_m` above the ellipsoid.
 fn stands_m(height_m: f64) -> DVec3 {
     east_north_up_m(ORIGIN, [REFLECTOR[0], REFLECTOR[1], height_m])
 }
 
-/// Where it appears in the plane z = 0: a straight track sees circles about itself.
+/// Apparent position in the plane z = 0: an echo on a straight track determines a circle about it.
 fn laid_over_m(reflector: DVec3) -> DVec3 {
     let up_m = 4000.0;
     let range2 = (reflector.y + 5000.0).powi(2) + (reflector.z - up_m).powi(2);
     DVec3::new(reflector.x, (range2 - up_m * up_m).sqrt() - 5000.0, 0.0)
 }
 
-/// A grid of 0.25 m about a place.
+/// A grid of 0.25 m about a position.
 fn grid(about: DVec3) -> String {
     let (x, y) = (about.x.round(), about.y.round());
     format!(
@@ -85,7 +85,7 @@ fn grid(about: DVec3) -> String {
     )
 }
 
-/// Where the brightest pixel is, as the record says.
+/// Position of the brightest pixel from the record.
 fn brightest(folder: &Path) -> DVec3 {
     let record: Value =
         serde_json::from_slice(&fs::read(folder.join("image.json")).unwrap()).unwrap();
@@ -94,7 +94,7 @@ fn brightest(folder: &Path) -> DVec3 {
     place.into()
 }
 
-/// Latitude and longitude of the brightest pixel of a geographic GeoTIFF of amplitudes, as another program reads it.
+/// Latitude and longitude of the brightest pixel of a geographic GeoTIFF of amplitudes, by another program's reader.
 fn brightest_of_map(path: &Path) -> [f64; 2] {
     let mut map = Decoder::new(fs::File::open(path).unwrap())
         .unwrap()
@@ -119,14 +119,14 @@ fn brightest_of_map(path: &Path) -> [f64; 2] {
     ]
 }
 
-/// East and north of a map's place from the reflector's, metres.
+/// East and north of a map position from the reflector, metres.
 fn off_m(found: [f64; 2], height_m: f64) -> DVec3 {
     let place = [REFLECTOR[0], REFLECTOR[1], height_m];
     east_north_up_m(place, [found[0], found[1], height_m])
 }
 
 #[test]
-fn a_reflector_on_a_hill_lands_where_it_stands() {
+fn reflector_on_hill_appears_at_its_position_with_surface() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let side = 1201;
@@ -138,7 +138,7 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
     fs::write(at.join("hill.toml"), scenario(true_m)).unwrap();
     run(at, "simulate hill.toml -o hill.cphd").succeeded();
 
-    // Without the ground: towards the radar, by what layover predicts.
+    // Without the ground: displaced towards the radar by the predicted layover.
     let over_m = laid_over_m(true_m);
     run(
         at,
@@ -150,7 +150,7 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
     assert!((found_m - over_m).abs().max_element() <= 0.125 + 1e-6);
     assert!(true_m.y - over_m.y > 150.0);
 
-    // On the ground, a file of it or a folder: where it stands, within half a pixel of 0.25 m.
+    // With the ground from a file or a folder: at its position within half a pixel of 0.25 m.
     for (name, surface) in [
         ("dem", "dem:ground/N52E004.hgt"),
         ("of_folder", "dem:ground"),
@@ -173,19 +173,19 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
                 .contains("the ground of N52E004.hgt above a geoid 43.5 m"),
             "{about:?}"
         );
-        // The slope is less than 1 in 3 there: half a pixel either way is 8 cm of height; nodes err by 0.05 pixels.
+        // The slope is less than 1 in 3: half a pixel is 8 cm of height; nodes have errors of 0.05 pixels.
         assert!(off.z < 0.1, "{off}");
     }
 
-    // Elsewhere there is no ground.
+    // A position outside the elevation model.
     let away =
         "focus hill.cphd --grid x=-50000:-49990:0.5,y=0:10:0.5 --surface dem:ground --out away";
     run(at, away).failed(1, &["ground", "overlaps the scene"]);
 
-    // On the map, at a twentieth of a metre: within half a pixel of the image.
+    // On the map, with pixels of 5 cm: within half a pixel of the image.
     for (name, expected_m) in [
         ("dem", DVec3::ZERO),
-        // What is above the plane's point where it appears: as far from the reflector as there.
+        // In the plane the position is displaced by the layover.
         ("flat", over_m - true_m),
     ] {
         let line = format!(
@@ -196,11 +196,11 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
         let off = off_m(found, height_m);
         println!("{name}.tif: {found:?}, {off:.2} m from the reflector");
         assert!((off.x - expected_m.x).abs() <= 0.15, "{off}");
-        // 180 m of layover at one height are 5 cm less at another, the Earth being round: 300 m / 6371 km of it are 8 mm.
+        // 180 m of layover at one height are 5 cm less at another on the round Earth: 300 m / 6371 km of it are 8 mm.
         assert!((off.y - expected_m.y).abs() <= 0.15, "{off}");
     }
 
-    // What SICD cannot say is refused, what other formers cannot form too.
+    // Formats and formers without surfaces refuse.
     run(at, "export dem --format sicd -o dem.nitf").failed(1, &["plane"]);
     for former in ["pfa", "omega-k", "rda", "rdbp"] {
         let line = format!(
@@ -211,12 +211,12 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
     }
 }
 
-/// The same ground as GeoTIFF: geographic, of points and of areas, in strips and in packed tiles, with voids elsewhere.
+/// The same ground as GeoTIFF: geographic, with pixels as points and as areas, in strips and in compressed tiles, with voids elsewhere.
 #[test]
-fn a_geotiff_of_the_ground_does_as_well() {
+fn geotiff_and_hgt_models_give_same_image() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    // Posts 20 m or so apart: bilinear between them.
+    // Posts about 20 m apart, bilinear in between.
     let step = 2e-4;
     let west_north = [4.59, 52.41];
     let height_of = |latitude: f64, longitude: f64| {
@@ -255,7 +255,7 @@ fn a_geotiff_of_the_ground_does_as_well() {
         ) as f32,
     };
     fs::write(at.join("points.tif"), base.bytes(post)).unwrap();
-    // The outer corner of the first pixel is half a step before its middle.
+    // The outer corner of the first pixel is half a step before its centre.
     let areas = GeoTiff {
         points: false,
         origin: [west_north[0] - 0.5 * step, west_north[1] + 0.5 * step],
@@ -277,11 +277,11 @@ fn a_geotiff_of_the_ground_does_as_well() {
         assert!(off.x <= 0.126 && off.y <= 0.126 && off.z < 0.1, "{off}");
         images.push(npy::read(&at.join(name).join("image.npy")).unwrap());
     }
-    // Both say the same heights, to roundings that nodes of 0.1 mm hide but here and there.
+    // Both have the same heights up to roundings, which nodes of 0.1 mm hide except here and there.
     let error_db = subaperture_tests::error_db(&images[0], &images[1]);
     assert!(error_db < -40.0, "{error_db}");
 
-    // A hole in the ground is told where it is.
+    // A void is reported with its position.
     let hole = |column: usize, row: usize| match column > 50 {
         true => -9999.0,
         false => post(column, row),
@@ -294,7 +294,7 @@ fn a_geotiff_of_the_ground_does_as_well() {
         )
     };
     run(at, &line("dem:hole.tif")).failed(1, &["hole.tif", "latitude 52.40", "void"]);
-    // Other systems and places are refused by name.
+    // Other reference systems and positions are refused by name.
     let other = GeoTiff {
         epsg: 31467,
         ..base.clone()
@@ -308,7 +308,7 @@ fn a_geotiff_of_the_ground_does_as_well() {
     run(at, &line("hae:high")).failed(2, &["hae"]);
     run(at, &line("hae --geoid 3")).failed(2, &["--geoid", "--surface dem"]);
 
-    // A plan keeps the surface, and its tiles are the image's to the bit; the elevation model is needed no more.
+    // A plan contains the surface, and its tiles are bit-identical to the image; the elevation model is not needed any more.
     let plan = format!(
         "plan focus hill.cphd --grid {} --surface dem:points.tif -o plan.json",
         grid(true_m)
@@ -337,9 +337,9 @@ fn a_geotiff_of_the_ground_does_as_well() {
     assert!(whole.image.pixels == tiles.image.pixels);
 }
 
-/// On the ellipsoid, far from the scene's origin: a plane is 31 m above it at 20 km, and puts what lies on it elsewhere.
+/// Points on the ellipsoid far from the scene's origin: a plane is 31 m above it at 20 km, so that points are displaced.
 #[test]
-fn points_on_the_ellipsoid_keep_their_places() {
+fn points_on_ellipsoid_keep_their_positions() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     // 20 km to the north, 12 m above the ellipsoid.
@@ -364,9 +364,9 @@ fn points_on_the_ellipsoid_keep_their_places() {
     .succeeded();
     let off = (brightest(&at.join("hae")) - true_m).abs();
     println!("{off:.3}");
-    // Half a pixel; the ellipsoid falls away by 3 mm a metre there.
+    // Half a pixel; the ellipsoid falls away by 3 mm per metre there.
     assert!(off.x <= 0.26 && off.y <= 0.26 && off.z < 0.02, "{off}");
-    // The slant plane through the place: the reflector lies in it, at its own range and cross-range.
+    // The slant plane through the position contains the reflector at its own range and cross-range.
     let here = format!(
         "x=-10:10:0.5,y=-10:10:0.5,cx={},cy={},z={}",
         true_m.x, true_m.y, true_m.z
@@ -379,7 +379,7 @@ fn points_on_the_ellipsoid_keep_their_places() {
     let off = (brightest(&at.join("slant")) - true_m).abs();
     assert!(off.max_element() < 1e-6, "{off}");
     let slant = product::read(&at.join("slant")).unwrap().grid;
-    // y runs from the antenna to the place, x along the track.
+    // y points from the antenna to the position, x along the track.
     let sight = (true_m - DVec3::new(0.0, -5000.0, 4000.0)).normalize();
     assert!(slant.y_axis.distance(sight) < 1e-4, "{}", slant.y_axis);
     assert!(slant.x_axis.distance(DVec3::X) < 1e-4, "{}", slant.x_axis);

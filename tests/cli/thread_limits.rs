@@ -1,4 +1,4 @@
-//! A system that lets the program start few threads: it refuses with an error or does without them, never by a panic.
+//! A system that allows few threads: the program refuses with an error or uses fewer, and never panics.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use subaperture_tests::subap::{program, run};
 
-/// A user who runs nothing else, so that the limit counts the threads of one program only. The limit does not hold for root.
+/// A user without other processes, so that the limit counts the threads of one program only. The limit does not hold for root.
 const USER: &str = "--reuid=54321";
 
 /// Run `line` in `at` with at most `most` threads in all: its exit status and standard error; `None` where this machine does not allow it.
@@ -78,7 +78,7 @@ fn refused_worker_threads_are_reported_with_their_number_and_its_source() {
 }
 
 #[test]
-fn capture_without_a_thread_for_the_disk_is_an_error_and_leaves_nothing() {
+fn capture_without_disk_thread_is_an_error_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for (name, file) in [("thesis", "thesis.toml"), ("thesis-scene", "scene.toml")] {
@@ -105,7 +105,7 @@ fn capture_without_a_thread_for_the_disk_is_an_error_and_leaves_nothing() {
             _ => panic!("{most}: {code:?}: {stderr}"),
         }
     }
-    // Three threads are the main one and two that work: the next, that of the disk, is refused.
+    // Three threads are the main one and two workers: the next, that of the disk, is refused.
     assert!(errors.len() >= 3, "{errors:?}");
     assert!(
         errors[2].contains("cannot start the disk thread"),

@@ -1,5 +1,5 @@
-//! `subap focus --tiled` and `subap plan focus`: runs that are killed go on, parts make the whole, to the bit; two runs into one
-//! folder do not meet; an image larger than memory.
+//! `subap focus --tiled` and `subap plan focus`: killed runs resume, parts form the whole to the bit, two runs with one folder exclude each
+//! other, and images may be larger than memory.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture_tests::subap::{command, listing, run};
 
-/// A straight track, so that every former takes it.
+/// A straight track that every former accepts.
 const SCENE: &str = r#"
 name = "tiles"
 seed = 3
@@ -47,7 +47,7 @@ velocity = "100, 0, 0 m/s"
 at = "middle"
 "#;
 
-/// One bright point, and much that is dark.
+/// One bright point among dark pixels.
 const BRIGHT: &str = r#"
 name = "bright"
 
@@ -77,7 +77,7 @@ velocity = "100, 0, 0 m/s"
 at = "middle"
 "#;
 
-/// Every file of an image's store but its hidden ones, and what is in it.
+/// All files of an image's store that are not hidden, with their content.
 fn store(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     fn walk(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
         for entry in fs::read_dir(folder).unwrap() {
@@ -102,7 +102,7 @@ fn recording(folder: &Path) {
     run(folder, "simulate scene.toml -o a.cphd").succeeded();
 }
 
-/// How each former is run here: to 2 tiles at least, most of them to 64, of as few pixels as that takes.
+/// Options of each former: at least 2 tiles, mostly 64, with as few pixels as that needs.
 const FORMERS: [(&str, &str); 8] = [
     ("exact", "-a exact --grid x=-40:40:1.2,y=-40:40:1.2"),
     ("bp", "-a bp --grid x=-60:60:0.4,y=-60:60:0.4"),
@@ -135,7 +135,7 @@ fn hidden(folder: &Path) -> Vec<std::path::PathBuf> {
     listing(folder).into_keys().filter(is_hidden).collect()
 }
 
-/// A grid of 4e16 pixels, by options and by a plan that somebody has edited.
+/// A grid of 4e16 pixels, by options and by an edited plan.
 #[test]
 fn grids_larger_than_any_image_are_refused_before_they_are_planned() {
     let folder = tempfile::tempdir().unwrap();
@@ -165,9 +165,9 @@ fn grids_larger_than_any_image_are_refused_before_they_are_planned() {
     }
 }
 
-/// Kills each former's run twenty times; what the last run leaves is what one that nobody disturbed leaves.
+/// Kill each former's run twenty times; the result of the last run equals that of an undisturbed run.
 #[test]
-fn killed_runs_go_on_to_the_same_bits() {
+fn killed_runs_resume_with_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     recording(folder);
@@ -189,7 +189,7 @@ fn killed_runs_go_on_to_the_same_bits() {
                 .stderr(Stdio::null())
                 .spawn()
                 .unwrap();
-            // Mostly where tiles are formed and written.
+            // Mostly while tiles are formed and written.
             sleep(Duration::from_millis(random.next_u64() % (took_ms + 1)));
             child.kill().unwrap();
             let status = child.wait().unwrap();
@@ -205,7 +205,7 @@ fn killed_runs_go_on_to_the_same_bits() {
             });
             amid += usize::from(there > 0 && there < tiles);
             if status.success() || folder.join(format!("{name}/image.json")).exists() {
-                // It was quicker; from the beginning.
+                // The run ended first; begin again.
                 fs::remove_dir_all(folder.join(name)).unwrap();
             }
         }
@@ -220,15 +220,15 @@ fn killed_runs_go_on_to_the_same_bits() {
             assert!(*bytes == got[file], "{name}: {file}");
         }
         assert!(folder.join(format!("{name}/image.png")).is_file());
-        // What killed runs had begun to write is gone.
+        // Partial files of killed runs are gone.
         let left = hidden(&folder.join(name));
         assert!(left.is_empty(), "{name}: {left:?}");
     }
 }
 
-/// Eight processes, a part each, in any order; two of them killed and started again.
+/// Eight processes, one part each, in any order; two of them killed and started again.
 #[test]
-fn eight_processes_make_one_image() {
+fn eight_processes_form_one_image() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     recording(folder);
@@ -264,7 +264,7 @@ fn eight_processes_make_one_image() {
         assert!(child.wait().unwrap().success(), "part {part}");
     }
     assert!(store(&folder.join("all")) == store(&folder.join("one")));
-    // Whoever was last made the record and the picture.
+    // The last process wrote the record and the picture.
     assert!(folder.join("all/image.png").is_file());
     let said = run(folder, "compare one all");
     assert!(
@@ -286,11 +286,11 @@ fn existing_tiles_are_not_lost_by_mistake() {
     run(folder, &format!("focus a.cphd {grid} --resume -a bp -o d"))
         .failed(1, &["tiles of the same plan, found another", "--force"]);
     assert!(store(&folder.join("d")) == before);
-    // All is there: nothing is formed, and the record is written again.
+    // All tiles exist: none is formed, and the record is written again.
     let ran = run(folder, &format!("focus a.cphd {grid} --resume -o d"));
     assert!(ran.succeeded().contains("80 x 80"), "{ran:?}");
     assert!(store(&folder.join("d")) == before);
-    // Another recording by the same plan.
+    // Another recording with the same plan.
     fs::write(
         folder.join("other.toml"),
         SCENE.replace("-4, 3 km", "-4, 2 km"),
@@ -300,7 +300,7 @@ fn existing_tiles_are_not_lost_by_mistake() {
     run(folder, "focus b.cphd --plan d/image.zarr/plan.json -o e")
         .failed(1, &["made for a recording of 300 pulses of 200 samples"]);
     assert!(!folder.join("e/image.zarr").exists());
-    // Tiles that were damaged are told from the picture on.
+    // Damaged tiles are reported when the picture is made.
     let tile = folder.join("d/image.zarr/c/0/0");
     let mut bytes = fs::read(&tile).unwrap();
     bytes[9] ^= 4;
@@ -314,10 +314,10 @@ fn existing_tiles_are_not_lost_by_mistake() {
 }
 
 #[test]
-fn options_that_make_no_sense_together_are_refused() {
+fn conflicting_options_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    for (line, what) in [
+    for (line, part) in [
         ("focus a.cphd -o d --tiles 1/2", "--plan"),
         ("focus a.cphd -o d --plan p --tiles 3/2", "a part is wanted"),
         ("focus a.cphd -o d --plan p -a bp", "--algorithm"),
@@ -325,7 +325,7 @@ fn options_that_make_no_sense_together_are_refused() {
         ("focus a.cphd -o d --tiled --scratch 1K", "at least 64K"),
         ("plan focus a.cphd -o p --velocity 1,2", "--velocity"),
     ] {
-        run(folder, line).failed(2, &[what]);
+        run(folder, line).failed(2, &[part]);
     }
     fs::write(folder.join("p"), "{}").unwrap();
     run(folder, "focus a.cphd -o d --plan p").failed(1, &["a.cphd"]);
@@ -334,9 +334,9 @@ fn options_that_make_no_sense_together_are_refused() {
     run(folder, "focus a.cphd -o d --plan none").failed(1, &["none"]);
 }
 
-/// A second run into one folder is refused while the first is at it.
+/// A second run into a folder is refused while the first is running.
 #[test]
-fn two_runs_into_one_folder_do_not_meet() {
+fn two_runs_into_one_folder_exclude_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     recording(folder);
@@ -355,30 +355,30 @@ fn two_runs_into_one_folder_do_not_meet() {
     let still = first.try_wait().unwrap().is_none();
     first.kill().unwrap();
     first.wait().unwrap();
-    assert!(still, "the first run was over too soon to tell");
+    assert!(still, "the first run ended too soon");
     second.failed(1, &["another run"]);
-    // A dead run's lock is nobody's.
+    // The lock of a dead run is removed.
     let bp = line.replace("exact", "bp");
     run(folder, &bp).failed(1, &["found another"]);
 }
 
-/// Without `--tiled` too an image may be larger than memory: it is the same to the bit, in the same file.
+/// Without `--tiled` an image may be larger than memory too: the same bits in the same file.
 #[test]
-fn an_image_larger_than_memory_is_formed_into_one_array() {
+fn image_larger_than_memory_is_formed_into_one_array() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     recording(folder);
-    // 15 MB of pixels, of some 20 MB that 44 leave.
+    // 15 MB of pixels, of some 20 MB that 44 MB leave.
     for (former, side) in [("rdbp", 0.088), ("ffbp", 0.088)] {
         let line = format!(
             "focus a.cphd -a {former} --grid x=-60:60:{side},y=-60:60:{side} --threads 2 --force"
         );
         run(folder, &format!("{line} --memory 1G -o whole")).succeeded();
-        let told = run(folder, &format!("{line} --memory 44M -o little --check 50"));
+        let ran = run(folder, &format!("{line} --memory 44M -o little --check 50"));
         assert!(
-            told.succeeded()
+            ran.succeeded()
                 .contains("error against the exact sum on 50 pixels"),
-            "{told:?}"
+            "{ran:?}"
         );
         let [whole, little] =
             ["whole", "little"].map(|name| fs::read(folder.join(name).join("image.npy")).unwrap());
@@ -398,10 +398,10 @@ fn record(folder: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(folder.join("image.json")).unwrap()).unwrap()
 }
 
-/// A dark grid beside what is bright, of which the first plan is not good enough, is planned for less in tiles as it is in
-/// one piece; killed or not.
+/// A dark grid near a bright point, for which the first plan is insufficient, is planned again in tiles as in one piece, with and without a
+/// kill.
 #[test]
-fn a_dark_image_in_tiles_is_planned_for_less() {
+fn dark_tiled_image_is_planned_again_for_smaller_error() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("scene.toml"), BRIGHT).unwrap();
@@ -443,8 +443,8 @@ fn a_dark_image_in_tiles_is_planned_for_less() {
     run(folder, &line).succeeded();
     assert!(store(&folder.join("killed")) == expected);
     let hidden = fs::read_dir(folder.join("killed")).unwrap();
-    assert_eq!(hidden.count(), 3, "nothing is left beside");
-    // A plan that is shared is not changed.
+    assert_eq!(hidden.count(), 3, "temporary files are left");
+    // A shared plan is not changed.
     run(
         folder,
         "focus a.cphd --plan whole/image.zarr/plan.json --tiles 1/2 -o half",

@@ -1,4 +1,4 @@
-//! `subap track`, and images on the track that it wrote.
+//! `subap track`, and images on the track that it writes.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use subaperture::io::open::{Options, open_channels};
 use subaperture::io::track_csv;
 use subaperture_tests::subap::run;
 
-/// A radar of the L band with two receivers, on a way that is recorded badly.
+/// An L-band radar with two receivers on a walk with inaccurate recorded positions.
 pub(super) const WALK: &str = r#"name = "walk"
 
 [scene]
@@ -54,7 +54,7 @@ kind = "vibration"
 amplitude = "0, 6, 0 cm"
 frequency = "0.4 Hz"
 
-[navigation]                   # what is recorded wanders by decimetres
+[navigation]                   # recorded positions wander by decimetres
 drift = "8, 8, 0 cm"
 drift_time = "1 s"
 fix_rate = "40 Hz"
@@ -68,7 +68,7 @@ fn peak_db(folder: &Path, image: &str) -> f64 {
 }
 
 #[test]
-fn a_track_is_written_and_images_are_focused_on_it() {
+fn track_is_written_and_images_are_focused_on_it() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();
@@ -77,14 +77,14 @@ fn a_track_is_written_and_images_are_focused_on_it() {
     let text = fs::read_to_string(at.join("track.csv")).unwrap();
     assert_eq!(text.lines().count(), 162);
     assert!(at.join("track.png").exists());
-    // Again, over its own files; as JSON.
-    let told = run(at, "track walk.cphd -o track.csv --json");
-    let told: Value = serde_json::from_str(told.succeeded()).unwrap();
-    assert_eq!(told["schema"], "subaperture-track");
-    let length_m = told["length_m"].as_f64().unwrap();
-    println!("{told}");
+    // A second run replaces its own files; output as JSON.
+    let result = run(at, "track walk.cphd -o track.csv --json");
+    let result: Value = serde_json::from_str(result.succeeded()).unwrap();
+    assert_eq!(result["schema"], "subaperture-track");
+    let length_m = result["length_m"].as_f64().unwrap();
+    println!("{result}");
     assert!((length_m - 4.0).abs() < 0.3, "{length_m}");
-    assert_eq!(told["targets"].as_array().unwrap().len(), 4);
+    assert_eq!(result["targets"].as_array().unwrap().len(), 4);
     let grid = "--grid x=-6:6:0.04,y=4:12:0.04 --channels all";
     run(at, &format!("focus walk.cphd {grid} --out recorded")).succeeded();
     run(
@@ -94,14 +94,14 @@ fn a_track_is_written_and_images_are_focused_on_it() {
     .succeeded();
     let [recorded, found] = ["recorded", "found"].map(|image| peak_db(at, image));
     println!("recorded {recorded:.2} dB, found {found:.2} dB");
-    // A unit scatterer reads 1 where the track is right.
+    // A unit scatterer has amplitude 1 where the track is exact.
     assert!(found > -0.7, "{found}");
     let record = fs::read_to_string(at.join("found/image.json")).unwrap();
     assert!(record.contains("track.csv"));
 }
 
 #[test]
-fn recordings_without_a_track_are_refused_with_advice() {
+fn recordings_without_track_are_refused_with_advice() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();
@@ -122,16 +122,17 @@ fn recordings_without_a_track_are_refused_with_advice() {
         .failed(1, &["no pulse is within", "far.csv"]);
 }
 
-/// Where the radar's origin is, as [`WALK`] has it: at x = -2 m in the middle of 160 pulses.
+/// Position of the radar's origin in [`WALK`]: x = -2 m in the middle of 160 pulses.
 fn place_m(time_s: f64) -> [f64; 2] {
     let sway = 0.06 * (std::f64::consts::TAU * 0.4 * time_s).sin();
     [time_s - 0.025 * 159.0 / 2.0 - 2.0, sway]
 }
 
-/// A receiver's log: 20 places a second over 4 s of a way, each said to have noise of 4 cm an axis, and with so many times that.
-fn log(times: f64, way: impl Fn(f64) -> [f64; 2]) -> String {
+/// Log of a navigation receiver: 20 positions per second over 4 s along `path`, with a stated noise of 4 cm per axis and an actual noise of
+/// `times` that.
+fn log(times: f64, path: impl Fn(f64) -> [f64; 2]) -> String {
     let mut state = 5u64;
-    // Twelve numbers of variance 1/12.
+    // Sum of twelve uniform numbers of variance 1/12.
     let mut gaussian = || {
         let sum = (0..12).fold(-6.0, |sum, _| {
             state = state
@@ -144,13 +145,13 @@ fn log(times: f64, way: impl Fn(f64) -> [f64; 2]) -> String {
     let header = "time_s,x_m,y_m,z_m,sigma_x_m,sigma_y_m,sigma_z_m\n";
     let lines = (0..=80).map(|n| {
         let time_s = f64::from(n) / 20.0;
-        let [x, y] = way(time_s).map(|at_m| at_m + gaussian());
+        let [x, y] = path(time_s).map(|at_m| at_m + gaussian());
         format!("{time_s:.3},{x:.4},{y:.4},0,0.04,0.04,0.04\n")
     });
     header.to_owned() + &lines.collect::<String>()
 }
 
-/// The brightest pixel within 80 cm of a reflector: how far from it, metres, and its level.
+/// The brightest pixel within 80 cm of a reflector: its distance from the reflector, m, and its level, dB.
 fn at_reflector(folder: &Path, track: &str, image: &str) -> [f64; 2] {
     let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
     let line = format!("focus walk.cphd {grid} --track {track} --out {image}");
@@ -162,11 +163,12 @@ fn at_reflector(folder: &Path, track: &str, image: &str) -> [f64; 2] {
     [off_m, record["brightest"]["level_db"].as_f64().unwrap()]
 }
 
-/// Echoes know the track's shape and not where it lies, a receiver where it lies and not its shape: the recorded positions are half a metre
-/// off. The mean of 81 places is known to 0.04 / 9 = 4 mm and their direction to 0.04 / (9 x 1.17 m) = 4 mrad, 27 mm at 7 m: the reflector is within
-/// three times that, and a pixel. Without shape, phases err by 4 pi 0.04 / 0.21 = 2.4 rad, and of a mean of such phasors exp(-2.4^2 / 2) = -25 dB would be left.
+/// Echoes determine the shape of the track but not its position, a navigation receiver its position but not its shape. The recorded
+/// positions are half a metre off. The mean of 81 positions has an error of 0.04 / 9 = 4 mm, their direction one of 0.04 / (9 x 1.17 m) = 4
+/// mrad, 27 mm at 7 m. The reflector is within three times that plus a pixel. Positions alone have phase errors of 4 pi 0.04 / 0.21 = 2.4
+/// rad, and the mean of such phasors is exp(-2.4^2 / 2) = -25 dB.
 #[test]
-fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
+fn track_fused_from_echoes_and_receiver_is_better_than_each() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let biased = WALK.replace("[navigation] ", "[navigation]\nbias = \"0.3, -0.4, 0 m\" ");
@@ -174,8 +176,8 @@ fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
     fs::write(at.join("receiver.csv"), log(1.0, place_m)).unwrap();
     run(at, "simulate walk.toml -o walk.cphd").succeeded();
     run(at, "navigation receiver.csv -o alone.csv").succeeded();
-    // The middle of the antennas is 12.675 cm ahead of the origin.
-    // A tenth of a millisecond is a tenth of a millimetre, and is recorded.
+    // The phase centre of the antennas is 12.675 cm ahead of the origin.
+    // The offset of 0.1 ms is 0.1 mm of track, and is recorded.
     let arm = "--navigation receiver.csv --lever-arm -0.12675,0,0 --navigation-start=-0.0001";
     let both = at_reflector(at, &format!("fused {arm}"), "both");
     let echoes = at_reflector(at, "mpga", "echoes");
@@ -187,24 +189,25 @@ fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
     let record = fs::read_to_string(at.join("both/image.json")).unwrap();
     assert!(record.contains("receiver.csv") && record.contains("\"fused\""));
     assert!(record.contains("\"navigation_start\": \"-0.0001\""));
-    // Noise is as stated, that of some 160 numbers; increments are said to be less sure than they are, and make less than their share of chi-square.
-    let told = run(at, &format!("track walk.cphd {arm} -o track.csv --json"));
-    let told: Value = serde_json::from_str(told.succeeded()).unwrap();
-    let told = &told["one_track"];
-    let number = |key: &str| told[key].as_f64().unwrap();
+    // Noise is as stated, estimated from some 160 numbers; increments have conservative errors and contribute less than their share of
+    // chi-square.
+    let result = run(at, &format!("track walk.cphd {arm} -o track.csv --json"));
+    let result: Value = serde_json::from_str(result.succeeded()).unwrap();
+    let result = &result["one_track"];
+    let number = |key: &str| result[key].as_f64().unwrap();
     let agreement = number("chi_square") / number("chi_square_expected");
-    assert!((0.5..1.3).contains(&agreement), "{told}");
+    assert!((0.5..1.3).contains(&agreement), "{result}");
     assert!(
         (number("positions_off_m") / (0.04 * 2f64.sqrt()) - 1.0).abs() < 0.3,
-        "{told}"
+        "{result}"
     );
-    assert_eq!(told["sources"][0]["used"], 81);
+    assert_eq!(result["sources"][0]["used"], 81);
     assert!(at_reflector(at, "track.csv", "written")[0] < 0.1);
 }
 
-/// One reflector tells nobody's way, and a receiver that is good to 2 mm does.
+/// One reflector determines no track; a receiver with 2 mm of noise does.
 #[test]
-fn without_a_track_of_echoes_that_of_navigation_is_taken() {
+fn navigation_track_is_used_where_echoes_give_none() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let (before, _) = WALK.split_once("[[scene.point]]").unwrap();
@@ -241,7 +244,7 @@ fn track_fusion_reports_mismatched_inputs() {
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();
     run(at, "simulate walk.toml -o walk.cphd").succeeded();
-    // By the recording's own positions: no worse than by the echoes alone.
+    // On the recording's own positions the result is no worse than by the echoes alone.
     let ran = run(
         at,
         "focus walk.cphd --channels all --grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --track fused --out own",
@@ -253,14 +256,15 @@ fn track_fusion_reports_mismatched_inputs() {
     );
     assert!(peak_db(at, "own") > -0.7, "{}", peak_db(at, "own"));
     let track = |more: &str| run(at, &format!("track walk.cphd -o track.csv {more}"));
-    // Twice as far as the echoes have it; and places four times as bad as they say.
+    // Twice the distance that the echoes show, and positions four times as noisy as stated.
     fs::write(at.join("far.csv"), log(1.0, |t| [2.0 * t, 0.0])).unwrap();
     track("--navigation far.csv").failed(1, &["contradict each other", "check the start time"]);
     fs::write(at.join("bad.csv"), log(4.0, place_m)).unwrap();
     let ran = track("--navigation bad.csv --json");
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
-    // Of 81 places the median tells the square to 1 / (ln 2 sqrt(81)) = 16 %, so the root to 8 %; three of that.
-    let widened = told["one_track"]["widened"].as_f64().unwrap();
+    let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    // From 81 positions the median determines the squared error to 1 / (ln 2 sqrt(81)) = 16 %, so its root to 8 %; three times that is
+    // allowed.
+    let widened = result["one_track"]["widened"].as_f64().unwrap();
     assert!((widened / 4.0 - 1.0).abs() < 0.24, "{widened}");
     assert!(
         ran.stderr.contains("deviates from the echoes by"),
@@ -288,16 +292,16 @@ fn track_fusion_reports_mismatched_inputs() {
         .map(|(n, line)| wild(n, line))
         .collect();
     fs::write(at.join("wild.csv"), wild.join("\n")).unwrap();
-    let told = track("--lever-arm -0.12675,0,0 --navigation wild.csv --json");
-    let told: Value = serde_json::from_str(told.succeeded()).unwrap();
-    let told = &told["one_track"];
+    let result = track("--lever-arm -0.12675,0,0 --navigation wild.csv --json");
+    let result: Value = serde_json::from_str(result.succeeded()).unwrap();
+    let result = &result["one_track"];
     assert!(
-        told["widened"].is_null() && told["left_out"]["positions"] == 1,
-        "{told}"
+        result["widened"].is_null() && result["left_out"]["positions"] == 1,
+        "{result}"
     );
-    let off_m = told["positions_off_m"].as_f64().unwrap();
-    assert!((off_m / (0.04 * 2f64.sqrt()) - 1.0).abs() < 0.3, "{told}");
-    // What cannot be computed with is told for what it is.
+    let off_m = result["positions_off_m"].as_f64().unwrap();
+    assert!((off_m / (0.04 * 2f64.sqrt()) - 1.0).abs() < 0.3, "{result}");
+    // Values beyond computation are named in the error.
     track("--navigation far.csv --lever-arm 2e9,0,0")
         .failed(1, &["no track can be computed", "arm_m is 2000000000"]);
     track("--lever-arm 0,0,0").failed(2, &["--navigation"]);
@@ -306,7 +310,8 @@ fn track_fusion_reports_mismatched_inputs() {
         "focus walk.cphd --navigation far.csv --track mpga --out image",
     )
     .failed(2, &["--track fused"]);
-    // Motion out of the plane spoils the track of the echoes: neither source is believed then, and a track that is off by more than twice the noise is refused by itself.
+    // Motion out of the plane invalidates the track of the echoes: then neither source is used, and a track off by more than twice its
+    // noise is refused.
     for (out_cm, error) in [
         (33, &["both inconsistent", "times its stated"]),
         (35, &["the track diverges", "out of the plane"]),
@@ -377,7 +382,8 @@ rms = "5, 5, 0 cm"
 correlation = "3 s"
 "#;
 
-/// RMS distance of a track from the recording's true one in the plane, metres, after the best turn and shift, and how many pulses have no pose.
+/// RMS distance of a track from the recording's true track in the plane, metres, after the best rotation and shift, and the number of
+/// pulses without a pose.
 fn shape_off_m(recording: &Path, track: &Path) -> (f64, usize) {
     let channels = open_channels::<&str>(recording, None, &Options::default()).unwrap();
     let mut wanted = vec![DVec2::ZERO; channels.num_pulses()];
@@ -389,7 +395,7 @@ fn shape_off_m(recording: &Path, track: &Path) -> (f64, usize) {
     }
     let fixes = track_csv::read(track).unwrap();
     let at = |time_s: f64| {
-        // Times are written to the shortest text that is the same number.
+        // Times are written with the fewest digits that give the same number.
         let pulses = &channels.channel(0).collection().pulses;
         pulses
             .iter()
@@ -419,22 +425,25 @@ fn shape_off_m(recording: &Path, track: &Path) -> (f64, usize) {
     )
 }
 
-/// Once 78.7 m of track for 9.6 m, said to be good to 3.6 mm.
+/// An earlier version gave 78.7 m of track in place of 9.6 m, with a stated error of 3.6 mm.
 #[test]
-fn a_mover_beside_four_reflectors_spoils_no_track_and_its_velocity_is_reported() {
+fn mover_among_four_reflectors_leaves_track_exact_and_its_velocity_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("mpm.toml"), AMONG_MOVERS).unwrap();
     run(at, "simulate mpm.toml -o mpm.cphd").succeeded();
     let ran = run(at, "track mpm.cphd -o track.csv --json");
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let (off_m, blind) = shape_off_m(&at.join("mpm.cphd"), &at.join("track.csv"));
-    println!("{:.2} mm, {told}", 1e3 * off_m);
+    println!("{:.2} mm, {result}", 1e3 * off_m);
     assert!(off_m < 2e-3 && blind == 0, "{off_m} {blind}");
     let number = |value: &Value| value.as_f64().unwrap();
-    assert!((number(&told["length_m"]) - 9.615).abs() < 0.02, "{told}");
-    let [mover] = &told["movers"].as_array().unwrap()[..] else {
-        panic!("{told}");
+    assert!(
+        (number(&result["length_m"]) - 9.615).abs() < 0.02,
+        "{result}"
+    );
+    let [mover] = &result["movers"].as_array().unwrap()[..] else {
+        panic!("{result}");
     };
     let velocity = DVec2::new(
         number(&mover["velocity_m_s"][0]),
@@ -442,8 +451,8 @@ fn a_mover_beside_four_reflectors_spoils_no_track_and_its_velocity_is_reported()
     );
     assert!(velocity.distance(DVec2::new(0.3, 0.4)) < 0.02, "{velocity}");
     assert_eq!(mover["steady"], true);
-    assert_eq!(told["targets"].as_array().unwrap().len(), 4);
-    // As text; and where the mover stands, it is a reflector as the others.
+    assert_eq!(result["targets"].as_array().unwrap().len(), 4);
+    // As text output; with velocity zero the mover counts as a reflector.
     let still = "--set scene.mover[0].velocity=\"0,0,0m/s\"";
     let ran = run(at, "track mpm.cphd -o track.csv");
     assert!(
@@ -454,16 +463,17 @@ fn a_mover_beside_four_reflectors_spoils_no_track_and_its_velocity_is_reported()
     );
     run(at, &format!("simulate mpm.toml {still} -o still.cphd")).succeeded();
     let ran = run(at, "track still.cphd -o still.csv --json");
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
     let (off_m, _) = shape_off_m(&at.join("still.cphd"), &at.join("still.csv"));
     assert!(off_m < 2e-3, "{off_m}");
-    assert_eq!(told["movers"].as_array().unwrap().len(), 0, "{told}");
-    assert_eq!(told["targets"].as_array().unwrap().len(), 5);
+    assert_eq!(result["movers"].as_array().unwrap().len(), 0, "{result}");
+    assert_eq!(result["targets"].as_array().unwrap().len(), 5);
 }
 
-/// The four reflectors alone; and with recorded positions that are off by noise and drift of decimetres, which change where the track lies and not its shape.
+/// The four reflectors alone, and with recorded positions off by noise and drift of decimetres: these change the position of the track but
+/// not its shape.
 #[test]
-fn a_track_without_movers_keeps_its_shape_whatever_navigation_says() {
+fn track_shape_is_independent_of_recorded_positions() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let (before, _) = AMONG_MOVERS.split_once("[[scene.mover]]").unwrap();
@@ -477,18 +487,18 @@ fn a_track_without_movers_keeps_its_shape_whatever_navigation_says() {
         fs::write(at.join("scene.toml"), text).unwrap();
         run(at, "simulate scene.toml -o scene.cphd").succeeded();
         let ran = run(at, "track scene.cphd -o track.csv --json");
-        let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+        let result: Value = serde_json::from_str(ran.succeeded()).unwrap();
         let (off_m, blind) = shape_off_m(&at.join("scene.cphd"), &at.join("track.csv"));
         println!("{name}: {:.2} mm", 1e3 * off_m);
         assert!(off_m < 2e-3 && blind == 0, "{name}: {off_m} {blind}");
-        assert_eq!(told["movers"].as_array().unwrap().len(), 0, "{told}");
-        assert_eq!(told["targets"].as_array().unwrap().len(), 4, "{told}");
+        assert_eq!(result["movers"].as_array().unwrap().len(), 0, "{result}");
+        assert_eq!(result["targets"].as_array().unwrap().len(), 4, "{result}");
     }
 }
 
-/// A mover in the walk: the image is as sharp as without it, and the mover is told of.
+/// With a mover in the walk the image is as sharp as without it, and the mover is reported.
 #[test]
-fn an_image_on_the_track_of_its_echoes_is_sharp_beside_a_mover() {
+fn image_on_track_of_its_echoes_is_sharp_with_mover_in_scene() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let mover = "[[scene.mover]]\nkind = \"linear\"\nposition = \"-2, 7, 0 m\"\nvelocity = \"0.6, -0.3, 0 m/s\"\n\n[radar]\n";
@@ -505,14 +515,14 @@ fn an_image_on_the_track_of_its_echoes_is_sharp_beside_a_mover() {
     let record: Value = serde_json::from_slice(&record).unwrap();
     let movers = record["settings"]["movers"].as_array().unwrap();
     let velocity = |k: usize| movers[0]["velocity_m_s"][k].as_f64().unwrap();
-    // The recorded positions, which lie off by decimetres over 4 m, turn the track and all that it tells.
+    // Recorded positions off by decimetres over 4 m rotate the track and all velocities.
     let off_m_s = f64::hypot(velocity(0) - 0.6, velocity(1) + 0.3);
     assert!(movers.len() == 1 && off_m_s < 0.05, "{movers:?}");
 }
 
-/// All targets move, or nothing is left but noise: no track is written, and an image is formed on that of navigation alone.
+/// If all targets move, or only noise is left, no track is written, and the image is formed on the navigation track.
 #[test]
-fn echoes_that_fail_leave_no_track_and_navigation_alone() {
+fn failed_estimate_writes_no_track_and_image_uses_navigation() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     let (before, _) = WALK.split_once("[[scene.point]]").unwrap();
@@ -545,10 +555,10 @@ fn echoes_that_fail_leave_no_track_and_navigation_alone() {
     assert!(peak_db(at, "image") > -0.7, "{}", peak_db(at, "image"));
 }
 
-/// Once tracks of two receivers at 13 dB were metres off, and nothing was said. From noise in which a track is found to noise in which nothing is: what is written is as
-/// good as it says, what is not fails and leaves nothing.
+/// Tracks of two receivers at 13 dB were once metres off without a warning. Noise levels range from those that allow a track to those that
+/// do not: a track that is written is within its stated error, otherwise the command fails and leaves no file.
 #[test]
-fn a_track_in_noise_is_as_good_as_it_says_or_refused() {
+fn track_in_noise_is_within_stated_error_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("walk.toml"), WALK).unwrap();
@@ -564,15 +574,15 @@ fn a_track_in_noise_is_as_good_as_it_says_or_refused() {
             continue;
         }
         written += 1;
-        let told: Value = serde_json::from_str(&ran.stdout).unwrap();
+        let result: Value = serde_json::from_str(&ran.stdout).unwrap();
         let (off_m, blind) = shape_off_m(&at.join("walk.cphd"), &at.join("track.csv"));
-        let sigma_m = told["last_sigma_m"].as_f64().unwrap();
+        let sigma_m = result["last_sigma_m"].as_f64().unwrap();
         println!(
             "{:.1} mm off, last pose known to {:.1} mm, {blind} blind",
             1e3 * off_m,
             1e3 * sigma_m
         );
-        // An end of a track is the worst known; RMS errors beyond three of its standard deviations are none of Gaussian errors.
+        // The ends of a track are the least certain; an RMS error beyond three of their standard deviations is not Gaussian.
         assert!(off_m < 3.0 * sigma_m && off_m < 0.05, "{off_m} {sigma_m}");
     }
     assert!(written > 0 && refused > 0, "{written} {refused}");

@@ -1,4 +1,4 @@
-//! `subap` typed rightly and wrongly.
+//! Usage of `subap`: help, completions, man pages, correct and wrong options.
 
 use std::path::Path;
 use std::process::Stdio;
@@ -6,7 +6,7 @@ use std::process::Stdio;
 use subaperture_tests::subap::{command, listing, run};
 
 #[test]
-fn alone_it_shows_help() {
+fn command_without_arguments_shows_help() {
     let folder = tempfile::tempdir().unwrap();
     let ran = run(folder.path(), "");
     for command in [
@@ -150,7 +150,7 @@ fn man_pages_have_every_option_and_unknown_commands_are_refused() {
 }
 
 #[test]
-fn a_reader_that_goes_away_is_no_failure() {
+fn closed_output_pipe_is_not_a_failure() {
     let folder = tempfile::tempdir().unwrap();
     for line in ["completions bash", "focus --help", ""] {
         let mut child = command(folder.path(), line.split_whitespace())
@@ -222,7 +222,7 @@ fn help_lists_commands_by_group() {
 }
 
 #[test]
-fn help_has_colours_only_where_they_are_wanted() {
+fn help_is_coloured_only_where_requested() {
     for (variables, coloured) in [
         (vec![], false),
         (vec![("CLICOLOR_FORCE", "1")], true),
@@ -276,7 +276,7 @@ fn errors_are_json_objects_with_json() {
 }
 
 #[test]
-fn jpeg_names_are_refused_with_the_formats_that_are_written() {
+fn jpeg_names_are_refused_with_supported_formats() {
     let folder = tempfile::tempdir().unwrap();
     for line in [
         "picture image -o a.jpg",

@@ -1,4 +1,4 @@
-//! `subap view`: what it takes and refuses, what it answers, and how it ends. The page itself is tested in `host/viewer/tests/images.rs`.
+//! `subap view`: inputs, refusals, responses, and termination. The page itself is tested in `host/viewer/tests/images.rs`.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use subaperture_tests::subap::{command, listing, run};
 
-/// A page that is served, killed if a test fails.
+/// A running viewer, killed if a test fails.
 struct Served {
     child: Child,
     address: String,
-    /// What paths begin with.
+    /// First component of all paths.
     secret: String,
 }
 
@@ -71,7 +71,7 @@ impl Served {
         }
     }
 
-    /// By a signal; how it ended, and how long that took.
+    /// End it by a signal; returns the status and the time until the end.
     fn end(mut self, signal: &str) -> (Option<i32>, Duration) {
         let begun = Instant::now();
         let id = self.child.id().to_string();
@@ -88,7 +88,7 @@ impl Drop for Served {
     }
 }
 
-/// A product of few pixels, and layers.
+/// A product of few pixels, with layers.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
@@ -112,7 +112,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_product_is_served_with_its_layers_until_a_signal_comes() {
+fn product_is_served_with_its_layers_until_a_signal() {
     let folder = folder();
     let at = folder.path();
     let before = listing(at);
@@ -141,17 +141,17 @@ fn a_product_is_served_with_its_layers_until_a_signal_comes() {
             (place(i, 0) - expected[0]).abs() < 1e-6 && (place(i, 1) - expected[1]).abs() < 1e-6
         );
     }
-    // The point in the middle: a unit scatterer, as wide as the radar resolves.
+    // The point in the middle: a unit scatterer with the radar's resolution.
     let point: Value = serde_json::from_str(&served.ask("/point/0/50/60/4")).unwrap();
     assert!(point["level_db"].as_f64().unwrap().abs() < 0.2, "{point}");
     assert!(point["cuts"][0]["width_3db"].as_f64().unwrap() > 0.1);
-    // Of the aperture, a half: all cells of the image have a level.
+    // From half of the aperture: all cells of the image have a level.
     let half = served.ask("/look/0/0/500/0/0/0");
     assert!(half.len() > 100_000 && served.ask("/look/1/0/500/0/0/0").contains("no such"));
     for signal in ["-INT", "-TERM"] {
         let served = Served::begin(at, "view image");
         let (code, took) = served.end(signal);
-        // Within a second, as all that it is asked for ends; the machine may be busy. By itself it never ends.
+        // The viewer ends within a second, after its responses; the machine may be busy. Without a signal it never ends.
         assert!(
             code == Some(0) && took < Duration::from_secs(20),
             "{code:?} {took:?}"
@@ -160,7 +160,7 @@ fn a_product_is_served_with_its_layers_until_a_signal_comes() {
     assert_eq!(listing(at), before);
 }
 
-/// A point alone, so that nothing else adds to its maps.
+/// A single point, so that its maps contain nothing else.
 const ALONE: &str = r#"[scene]
 reference = "0, 0, 0 m"
 x = "-10, 10 m"
@@ -183,7 +183,7 @@ position = "0, -4, 3 km"
 velocity = "125, 0, 0 m/s"
 "#;
 
-/// The maps of a recording about its point: the peak is the bin of the place, and a unit scatterer reads 0 dB.
+/// Maps of a recording about its point: the peak is at the bin of the position, and a unit scatterer has 0 dB.
 #[test]
 fn range_doppler_maps_of_a_recording_are_shown() {
     let folder = tempfile::tempdir().unwrap();
@@ -200,23 +200,23 @@ fn range_doppler_maps_of_a_recording_are_shown() {
     assert_eq!(state["maps"][0]["name"], "alone.cphd");
     let sub_cpis = state["maps"][0]["sub_cpis"].as_u64().unwrap();
     assert!(sub_cpis >= 2, "{state}");
-    // Row and column of the largest level, from the place's bin, in the map's units, and that level.
+    // Offset of the largest level from the position's bin (row, column, in map units), and that level.
     let peak = |path: &str| {
-        let told: Value = serde_json::from_str(&served.ask(path)).unwrap();
-        let levels = told["levels"].as_array().unwrap();
+        let response: Value = serde_json::from_str(&served.ask(path)).unwrap();
+        let levels = response["levels"].as_array().unwrap();
         let level = |i: &usize| levels[*i].as_i64().unwrap();
         let at = (0..levels.len()).max_by_key(level).unwrap();
-        let columns = told["columns"].as_u64().unwrap() as usize;
+        let columns = response["columns"].as_u64().unwrap() as usize;
         assert_eq!(
             levels.len(),
-            columns * told["rows"].as_u64().unwrap() as usize
+            columns * response["rows"].as_u64().unwrap() as usize
         );
-        let number = |key: &str, i: usize| told[key][i].as_f64().unwrap();
+        let number = |key: &str, i: usize| response[key][i].as_f64().unwrap();
         let axis = |i: usize, bin: usize| number("first", i) + bin as f64 * number("steps", i);
         ([axis(0, at / columns), axis(1, at % columns)], level(&at))
     };
     let (place, level) = peak("/doppler/0/0/0/50/60");
-    // Its neighbours are empty, and roundings of a bin a tenth of a decibel.
+    // The neighbouring bins are empty, and rounding of a bin is a tenth of a decibel.
     assert!(place[0].abs() < 1e-9 && place[1].abs() < 1e-9, "{place:?}");
     assert!(level.abs() <= 1, "{level}");
     for path in [
@@ -244,9 +244,9 @@ fn record_of_another_image_is_reported_on_the_page() {
     );
 }
 
-/// A store that other processes fill: its plan tells where it is, and tiles are shown as they come.
+/// A store that other processes fill: its plan states the geometry, and tiles appear as they are written.
 #[test]
-fn an_image_that_is_being_formed_in_tiles_is_shown() {
+fn image_still_being_formed_in_tiles_is_shown() {
     let folder = folder();
     let at = folder.path();
     run(
@@ -273,11 +273,11 @@ fn an_image_that_is_being_formed_in_tiles_is_shown() {
     assert_eq!(state["images"][0]["fraction"].as_f64(), Some(1.0));
 }
 
-/// An image of 6000 x 6000 pixels, 288 MB, within little memory: 16 MiB and 1 a thread are the program's own by its account, 5 the overview's and the glance's,
-/// two requests of a few each; the rest is what the allocator keeps.
+/// An image of 6000 x 6000 pixels, 288 MB, within little memory: 16 MiB plus 1 per thread for the program by its own account, 5 for
+/// overview and preview, two requests of a few MiB each; the rest is kept by the allocator.
 #[cfg(target_os = "linux")]
 #[test]
-fn memory_does_not_follow_the_image() {
+fn memory_is_independent_of_image_size() {
     let folder = tempfile::tempdir().unwrap();
     let header = "{'descr': '<c8', 'fortran_order': False, 'shape': (6000, 6000), }";
     let mut file = File::create(folder.path().join("large.npy")).unwrap();
@@ -303,7 +303,8 @@ fn memory_does_not_follow_the_image() {
     assert!(kib < 80 << 10, "{line}");
 }
 
-/// Fifty clients at a time, each with requests of every kind, of images in one array and in tiles, within 64 MiB and the least that is taken.
+/// Fifty simultaneous clients, each with requests of every kind, on images in one array and in tiles, within 64 MiB and within the smallest
+/// accepted budget.
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_holds_under_fifty_clients() {
@@ -345,7 +346,7 @@ fn memory_holds_under_fifty_clients() {
     }
 }
 
-/// Maps of 4096 pulses x 256 samples take 8 MB of samples, and twice as many bins along both axes.
+/// Maps of 4096 pulses x 256 samples need 8 MB of samples, and twice as many bins along both axes.
 #[test]
 fn range_doppler_maps_larger_than_memory_are_refused() {
     let folder = folder();
@@ -374,7 +375,7 @@ fn range_doppler_maps_larger_than_memory_are_refused() {
     }
 }
 
-/// Slow clients, more than may be connected, that begin a request and never end it.
+/// More slow clients than connections allowed, each of which begins a request and never ends it.
 #[test]
 fn slow_clients_do_not_close_the_viewer() {
     let folder = folder();
@@ -390,18 +391,18 @@ fn slow_clients_do_not_close_the_viewer() {
     assert_eq!(served.settled()["images"][0]["name"], "image");
 }
 
-/// Others on this machine reach the port, and without the secret see nothing.
+/// Other users of this machine can reach the port, but see no data without the secret.
 #[test]
-fn without_the_secret_nothing_is_shown() {
+fn requests_without_secret_are_refused() {
     let folder = folder();
     let mut served = Served::begin(folder.path(), "view image");
     served.settled();
     let secret = std::mem::take(&mut served.secret);
     for path in ["/", "/state", "/tile/0/0/0/0", "/value/0/1/1"] {
-        let told = served.ask(path);
+        let response = served.ask(path);
         assert!(
-            told.contains("whole address") && told.len() < 200,
-            "{path}: {told}"
+            response.contains("whole address") && response.len() < 200,
+            "{path}: {response}"
         );
     }
     let again = Served::begin(folder.path(), "view image");
@@ -443,7 +444,7 @@ fn unsupported_inputs_are_refused() {
     ] {
         run(at, line).failed(code, parts);
     }
-    // Two at one port: the second says so.
+    // Two viewers at one port: the second one reports an error.
     let served = Served::begin(at, "view image");
     let port = served.address.rsplit_once(':').unwrap().1;
     run(at, &format!("view image --port {port}")).failed(1, &["cannot listen", port]);

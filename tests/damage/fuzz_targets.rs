@@ -1,9 +1,8 @@
-//! Every reader of bytes on its seeds and on what mutation makes of them: no panic, nothing read for more than
-//! two seconds, no allocation beyond the budget, and what each target promises besides.
+//! Every reader of bytes on its seeds and on mutations of them: no panic, at most two seconds of reading, no allocation beyond the budget,
+//! and the promises of each target.
 //!
-//! `SUBAPERTURE_FUZZ_SECONDS` is the time of a target, 1.5 if it is not set; with `SUBAPERTURE_FUZZ_SEED` other
-//! inputs are made. An input that breaks a promise is kept in `target/fuzz-failures`, and
-//! `SUBAPERTURE_FUZZ_INPUT` names one that is then the only one read.
+//! `SUBAPERTURE_FUZZ_SECONDS` is the time for each target, 1.5 by default, and `SUBAPERTURE_FUZZ_SEED` the seed of the mutations. An input
+//! that breaks a promise is kept in `target/fuzz-failures`; `SUBAPERTURE_FUZZ_INPUT` names one, which is then the only one read.
 
 use std::time::Duration;
 
@@ -28,7 +27,7 @@ fn tried(name: &str) {
     let time = Duration::from_secs_f64(number("SUBAPERTURE_FUZZ_SECONDS", 1.5));
     let tried = trial.run(number("SUBAPERTURE_FUZZ_SEED", 1), time);
     println!("{name}: {tried:?}");
-    // The seeds at least, and of most targets thousands.
+    // At least the seeds; for most targets thousands.
     assert!(tried.executions > 10, "{name}: {tried:?}");
 }
 

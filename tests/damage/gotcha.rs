@@ -1,5 +1,5 @@
-//! Damaged GOTCHA files: cut at every byte, every byte flipped. Nothing panics, nothing hangs, and no
-//! damage makes the reader ask for more memory than three times the file.
+//! Damaged GOTCHA files, truncated at every byte and with every byte flipped: no panic, no endless loop, and no more memory than three
+//! times the file.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use subaperture_tests::matlab::{self, Value};
 
 use crate::{MEMORY, alone};
 
-/// Reads `bytes` and returns the outcome and the bytes allocated at the peak.
+/// Read `bytes`; returns the outcome and the peak of allocated bytes.
 fn measured(path: &Path, bytes: &[u8]) -> (Result<usize, ReadError>, usize) {
     measured_within(path, bytes, u64::MAX)
 }
@@ -21,13 +21,12 @@ fn measured_within(path: &Path, bytes: &[u8], memory: u64) -> (Result<usize, Rea
     MEMORY.reset_peak_usage();
     let begin = Instant::now();
     let result = gotcha::read(path, memory).map(|r| r.collection().pulses.len());
-    // Microseconds for the small files; ten seconds on any machine mean a hang.
+    // Microseconds for the small files; ten seconds mean an endless loop on any machine.
     assert!(begin.elapsed() < Duration::from_secs(10));
     (result, MEMORY.peak_usage().saturating_sub(before))
 }
 
-/// `data` of `rows` frequencies and `columns` pulses whose `fp` is a matrix of doubles stored in one
-/// byte each, as MATLAB stores integral values.
+/// `data` of `rows` frequencies and `columns` pulses whose `fp` is a matrix of doubles, each stored in one byte as MATLAB stores integers.
 fn one_byte_numbers(rows: i32, columns: i32) -> Vec<u8> {
     let count = rows as usize * columns as usize;
     let words =
@@ -38,7 +37,7 @@ fn one_byte_numbers(rows: i32, columns: i32) -> Vec<u8> {
     for _ in 0..2 {
         fp.extend(words(&[1, count as i32]));
         fp.extend((0..count).map(|_| {
-            // Marsaglia's xorshift: what does not pack.
+            // Marsaglia's xorshift, which does not compress.
             state ^= state << 13;
             state ^= state >> 17;
             state ^= state << 5;
@@ -55,9 +54,9 @@ fn one_byte_numbers(rows: i32, columns: i32) -> Vec<u8> {
     for field in &mut fields[2..6] {
         field.1 = Value::Double(1, columns, vec![1000.0; columns as usize]);
     }
-    // `fp` goes last, in place of an element of nothing but its tag of 8 bytes.
+    // `fp` goes last, in place of an empty element of 8 bytes.
     fields.remove(0);
-    fields.push(("fp", Value::Nothing));
+    fields.push(("fp", Value::Empty));
     let mut data = matlab::matrix("data", &Value::Structure(1, 1, fields));
     data.truncate(data.len() - 8);
     data.extend(words(&[14, fp.len() as i32]));
@@ -72,10 +71,10 @@ fn numbers_of_one_byte_are_counted_as_samples(path: &Path) {
     let data = one_byte_numbers(rows, columns);
     for (bytes, unpacked) in [
         (matlab::file(std::slice::from_ref(&data)), 0),
-        // Unpacked, without its own tag of 8 bytes.
+        // Uncompressed, without its own tag of 8 bytes.
         (matlab::file(&[matlab::compressed(&data)]), data.len() - 8),
     ] {
-        // A sample takes 8 bytes, a frequency 8, a pulse 240 and four numbers of 8 each.
+        // A sample needs 8 bytes, a frequency 8, a pulse 240 and four numbers of 8 each.
         let (k, n) = (rows as usize, columns as usize);
         let needed = bytes.len() + unpacked + 8 * k * n + 8 * k + (240 + 32) * n;
         let (result, peak) = measured_within(path, &bytes, needed as u64 - 1);
@@ -92,7 +91,7 @@ fn numbers_of_one_byte_are_counted_as_samples(path: &Path) {
 }
 
 #[test]
-fn cut_and_flipped_files_are_errors_of_bounded_memory() {
+fn truncated_and_flipped_files_are_errors_within_bounded_memory() {
     let _alone = alone();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample.mat");
@@ -101,7 +100,7 @@ fn cut_and_flipped_files_are_errors_of_bounded_memory() {
         matlab::file(std::slice::from_ref(&data)),
         matlab::file(&[matlab::compressed(&data)]),
     ] {
-        // Messages, paths and, if packed, zlib's window of 32 KiB come on top of the data.
+        // Messages, paths and, for compressed files, zlib's window of 32 KiB are added to the data.
         let bound = 3 * bytes.len() + 100_000;
         for cut in 0..bytes.len() {
             let (result, peak) = measured(&path, &bytes[..cut]);
@@ -118,7 +117,7 @@ fn cut_and_flipped_files_are_errors_of_bounded_memory() {
         }
     }
 
-    // A large file: the samples' 8 bytes each, twice, and little else.
+    // A large file: the samples' 8 bytes each, twice, and little more.
     let mut fields = matlab::gotcha_fields();
     let count = 1000 * 500;
     fields[0].1 = Value::Complex(1000, 500, vec![1.0; count], vec![0.5; count]);

@@ -1,6 +1,6 @@
-//! Damaged files and bytes of any kind: no panic, bounded time, no memory beyond what is stated.
+//! Damaged files and arbitrary bytes: no panic, bounded time, and memory within the documented limits.
 //!
-//! An executable of its own, for its allocator counts, and one test at a time, for the count is the process's.
+//! A separate executable because its allocator counts, with one test at a time because the count is that of the process.
 
 mod fuzz_targets;
 mod gotcha;
@@ -12,7 +12,7 @@ use peak_alloc::PeakAlloc;
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
-/// Held by a test from its beginning to its end.
+/// Lock held by a test from its beginning to its end.
 fn alone() -> MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)

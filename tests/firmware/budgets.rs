@@ -1,5 +1,5 @@
-//! The module stays within its budgets: memory by region, stack, flash, instructions by stage, bytes on
-//! the link. Figures and method: `firmware/REPORT.md`.
+//! Budgets of the module: memory by region, stack, flash, instructions by stage, bytes on the link. Figures and method:
+//! `firmware/REPORT.md`.
 
 use subaperture_tests::module_report::{CONFIGURATIONS, Figures, measure_all};
 
@@ -23,7 +23,7 @@ fn every_figure_is_within_its_budget() {
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// A map without Keystone takes at most 1.5 times the instructions of its range transforms.
+/// A map without Keystone needs at most 1.5 times the instructions of its range transforms.
 fn check_ratio(figures: &Figures, failures: &mut Vec<String>) {
     let ratio = figures.ratio();
     if ratio.is_nan() || ratio > 1.5 {
@@ -34,9 +34,8 @@ fn check_ratio(figures: &Figures, failures: &mut Vec<String>) {
     }
 }
 
-/// Per configuration, in the order of `CONFIGURATIONS`: small fixed, medium float, medium fixed, large
-/// float. What was measured, and to spare: 128 bytes of DTCM, 5 % of stack, 4 % of flash, 2 % of
-/// instructions, 32 bytes a map on the link.
+/// Budgets by configuration in the order of `CONFIGURATIONS`: small fixed, medium float, medium fixed, large float. Each is the measured
+/// value with a margin: 128 bytes of DTCM, 5 % of stack, 4 % of flash, 2 % of instructions, 32 bytes per map on the link.
 const BUDGETS: &[(&str, [u64; 4])] = &[
     // Bytes of RAM and flash.
     ("axi", [10_528, 225_824, 115_232, 516_864]),
@@ -52,7 +51,7 @@ const BUDGETS: &[(&str, [u64; 4])] = &[
     ("rows", [497_000, 4_920_000, 13_700_000, 16_000_000]),
     ("ffts", [411_000, 4_240_000, 12_400_000, 14_600_000]),
     ("map", [983_000, 9_580_000, 25_400_000, 30_000_000]),
-    // Instructions of the rest, and the longest piece of each kind.
+    // Instructions of the other stages, and the longest step of each kind.
     ("nodes", [850, 1_440, 1_440, 2_560]),
     ("receive_pulses", [207_000, 4_036_000, 2_151_000, 9_225_000]),
     ("products", [4_930_000, 9_220_000, 14_700_000, 15_700_000]),
@@ -70,7 +69,7 @@ const BUDGETS: &[(&str, [u64; 4])] = &[
     ("down_bytes_a_map", [4_834, 156_507, 79_312, 284_024]),
     ("down_bytes", [19_336, 2_504_112, 1_268_992, 18_177_536]),
     ("chip_bytes", [8_857, 8_859, 8_858, 8_860]),
-    // Increments: instructions of a pulse and of its settings, and bytes.
+    // Increments: instructions for a pulse and for its settings, and bytes.
     (
         "odometer_configure",
         [562_000, 1_043_000, 1_043_000, 1_043_000],

@@ -1,5 +1,4 @@
-//! `subap link`: what it says when something is wrong, and what is left then; and that it does over a
-//! serial device.
+//! `subap link`: its errors and the files that it leaves, and a session over a serial device.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
@@ -14,7 +13,7 @@ use subaperture_tests::subap::{Ran, command, listing, program, run};
 
 const GRID: &str = "--grid x=-6:6:0.5,y=-6:6:0.5,z=0";
 
-/// A folder with `a.cphd` in it. The program is built by then: that is in nobody's time.
+/// A folder with `a.cphd`. The program is built first, so that no time limit includes the build.
 fn scene() -> tempfile::TempDir {
     program();
     let folder = tempfile::tempdir().unwrap();
@@ -95,7 +94,7 @@ fn unreadable_input_is_reported() {
     fs::write(folder.path().join("noise.cphd"), [7; 1000]).unwrap();
     let before = listing(folder.path());
     for name in ["none.cphd", "cut.cphd", "noise.cphd"] {
-        // No module is needed to find out.
+        // The error needs no module.
         let line = format!("link tcp://127.0.0.1:1 {name} -o a.maps");
         run(folder.path(), &line).failed(1, &[name]);
     }
@@ -136,7 +135,7 @@ fn absent_and_silent_modules_are_reported() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
     let line = format!("link tcp://127.0.0.1:{port} a.cphd -o a.maps");
-    // Ten seconds of silence are enough.
+    // The command gives up after ten seconds of silence.
     let start = Instant::now();
     run(folder.path(), &line).failed(1, &["does not answer", &format!("127.0.0.1:{port}")]);
     assert!(start.elapsed() < Duration::from_secs(15));
@@ -161,7 +160,7 @@ fn unwritable_output_is_reported() {
     assert_eq!(listing(folder.path()), before);
 }
 
-/// Starts `subap link` with `-v` and waits until the module is about to work.
+/// Start `subap link` with `-v` and wait until the module begins to work.
 fn linking(folder: &Path, place: &str, more: &str) -> (Child, BufReader<impl Read + use<>>) {
     let line = format!("link {place} a.cphd -o a.maps -v {GRID} {more}");
     let mut child = command(folder, line.split_whitespace())
@@ -196,7 +195,7 @@ fn ctrl_c_keeps_the_maps_so_far() {
     let mut said = String::new();
     stderr.read_to_string(&mut said).unwrap();
     let mut ran: Ran = child.wait_with_output().unwrap().into();
-    // Well before it would have ended by itself, on a busy machine too.
+    // Well before the session would end, even on a busy machine.
     assert!(start.elapsed() < Duration::from_secs(6));
     ran.stderr = said;
     ran.failed(130, &["interrupted", "maps received so far are in a.maps"]);
@@ -210,7 +209,7 @@ fn ctrl_c_keeps_the_maps_so_far() {
 }
 
 #[test]
-fn ctrl_c_before_any_map_leaves_nothing() {
+fn ctrl_c_before_any_map_leaves_no_file() {
     let folder = scene();
     let before = listing(folder.path());
     let more = format!("--firmware {} --rate 0.1", application()[0].display());
@@ -224,9 +223,9 @@ fn ctrl_c_before_any_map_leaves_nothing() {
     assert_eq!(listing(folder.path()), before);
 }
 
-/// Killed, it cannot say good-bye: the module is in mid-run when the next one comes.
+/// A killed command cannot end the session: the module is still in its run when the next command connects.
 #[test]
-fn a_killed_command_does_not_keep_the_next_from_the_module() {
+fn command_takes_over_module_of_killed_command() {
     let folder = scene();
     let module = Emulated::start(&application()[0], Wire::Tcp, Begin::Reset);
     let place = module.place().to_string();
@@ -241,9 +240,9 @@ fn a_killed_command_does_not_keep_the_next_from_the_module() {
     assert!(ran.is_untroubled(), "{ran:?}");
 }
 
-/// Over a pseudo-terminal, which the program opens as it does any serial device.
+/// Over a pseudo-terminal, which the program opens like any serial device.
 #[test]
-fn a_serial_line_does() {
+fn link_works_over_serial_device() {
     let folder = scene();
     let module = Emulated::start(&application()[1], Wire::Terminal, Begin::Reset);
     let place = module.place();
@@ -254,10 +253,10 @@ fn a_serial_line_does() {
     assert!(ran.is_untroubled(), "{ran:?}");
 }
 
-/// A firmware that is found, not named, is run only if nobody else can have put it there.
+/// Firmware that is found rather than named is run only if no other user can have written it.
 #[cfg(unix)]
 #[test]
-fn a_firmware_that_others_can_write_is_not_run() {
+fn firmware_writable_by_others_is_not_run() {
     use std::os::unix::fs::PermissionsExt;
     let folder = scene();
     let module = folder.path().join("target/module");
@@ -269,7 +268,7 @@ fn a_firmware_that_others_can_write_is_not_run() {
     let line = format!("link emulate a.cphd -o a.maps {GRID}");
     run(folder.path(), &line).failed(1, &["target can be written by every user", "--firmware"]);
     assert_eq!(listing(folder.path()), before);
-    // Named, it is the user's own affair; in order, it is found.
+    // Named by the user it is run; with correct permissions it is found.
     let named = format!("{line} --firmware target/module/float");
     run(folder.path(), &named).succeeded();
     fs::set_permissions(&within, fs::Permissions::from_mode(0o755)).unwrap();

@@ -1,4 +1,4 @@
-//! A recording through the firmware under emulation to an image, by the commands that users type.
+//! From a recording to an image through the firmware under emulation, by the commands.
 
 use std::path::Path;
 
@@ -18,18 +18,19 @@ use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "x=-6:6:0.5,y=-6:6:0.5,z=0";
 
-/// What `line` with `--dry-run` says, which leaves nothing.
-fn told(folder: &Path, line: &str) -> Value {
+/// Forecast of `line` with `--dry-run`, which writes no file.
+fn forecast(folder: &Path, line: &str) -> Value {
     let before = listing(folder);
     let ran = run(folder, &format!("{line} --dry-run --json"));
-    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let forecast: Value = serde_json::from_str(ran.succeeded()).unwrap();
     assert_eq!(listing(folder), before, "{line}");
     assert!(
-        told["time_s"].as_f64().unwrap() > 0.0 && told["memory_bytes"].as_u64().unwrap() > 0,
-        "{told}"
+        forecast["time_s"].as_f64().unwrap() > 0.0
+            && forecast["memory_bytes"].as_u64().unwrap() > 0,
+        "{forecast}"
     );
-    println!("{line}: {told}");
-    told
+    println!("{line}: {forecast}");
+    forecast
 }
 
 /// `subap link` and `subap focus --from-maps`.
@@ -39,10 +40,10 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
          --slow-window none --firmware {}",
         elf.display()
     );
-    let ahead = told(folder, &line);
+    let ahead = forecast(folder, &line);
     let ran = run(folder, &line);
     println!("{}", ran.succeeded());
-    // To the byte but for names, weights and counters, which are few.
+    // Exact to the byte except for names, weights and counters, which are few.
     let file = folder
         .join(format!("{arithmetic}.maps"))
         .metadata()
@@ -50,16 +51,16 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
     let disk_bytes = ahead["disk"][0]["bytes"].as_u64().unwrap();
     assert!(
         (disk_bytes..disk_bytes + 8192).contains(&file.len()),
-        "{disk_bytes} bytes told, {}",
+        "{disk_bytes} bytes forecast, {}",
         file.len()
     );
     assert!(ran.stdout.contains("on this computer, 0 not"), "{ran:?}");
     assert!(ran.is_untroubled(), "{ran:?}");
     let line = format!("focus --from-maps {arithmetic}.maps --grid {GRID} --out {arithmetic}");
-    let ahead = told(folder, &line);
+    let ahead = forecast(folder, &line);
     let ran = run(folder, &line);
     ran.succeeded();
-    assert!(ran.is_untroubled(), "nothing is missing: {ran:?}");
+    assert!(ran.is_untroubled(), "maps are missing: {ran:?}");
     let file = folder.join(arithmetic).join("image.npy");
     assert_eq!(
         ahead["disk"][0]["bytes"].as_u64(),
@@ -69,7 +70,7 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
 }
 
 #[test]
-fn a_modules_maps_make_the_exact_sums_image() {
+fn image_from_module_maps_keeps_default_bound() {
     let folder = tempfile::tempdir().unwrap();
     write_recording(&folder.path().join("a.cphd"));
     let history = recording();
@@ -87,7 +88,7 @@ fn a_modules_maps_make_the_exact_sums_image() {
     for (arithmetic, elf) in ["float", "fixed"].iter().zip(application()) {
         let measured_db = error_db(&image(folder.path(), arithmetic, elf), &exact);
         println!("{arithmetic}: {measured_db:.1} dB");
-        // What the command promises where nobody asks for more.
+        // The default bound of the command.
         assert!(measured_db <= -60.0, "{arithmetic}: {measured_db}");
     }
 }

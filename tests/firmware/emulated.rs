@@ -1,5 +1,5 @@
-//! The firmware under emulation as a device: its serial line can be left and taken up again, it can be
-//! reset, and its power can go.
+//! The firmware under emulation as a device: its serial line can be disconnected and reconnected, and the module can be reset or lose
+//! power.
 
 use std::io::{self, BufRead, BufReader, ErrorKind, Write};
 use std::net::{TcpListener, TcpStream};
@@ -13,10 +13,10 @@ use subaperture::module::link::{self, ModuleAddress, Transport};
 use subaperture_tests::faults::Device;
 use subaperture_tests::firmware;
 
-/// The emulator starts in a fraction of a second.
+/// Limit for the start of the emulator, which takes a fraction of a second.
 const START_LIMIT: Duration = Duration::from_secs(20);
 
-/// The application for the emulated board as it is shipped, float32 and fixed point; built on first use.
+/// The release application for the emulated board, float32 and fixed point; built on first use.
 ///
 /// # Panics
 /// If it cannot be built.
@@ -25,30 +25,30 @@ pub(crate) fn application() -> &'static [PathBuf; 2] {
     ELFS.get_or_init(|| firmware::module().unwrap_or_else(|error| panic!("{error}")))
 }
 
-/// What carries the serial line out of the emulator.
+/// Connection to the emulated serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wire {
-    /// A TCP port, which takes one connection after the other. What the module says meanwhile is lost.
+    /// A TCP port for one connection at a time. Output of the module without a connection is lost.
     Tcp,
-    /// A pseudo-terminal: a serial device, which holds some 12 kB.
+    /// A pseudo-terminal: a serial device that buffers some 12 kB.
     Terminal,
 }
 
-/// How the module begins anew.
+/// Restart of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Begin {
-    /// By a reset: the line stays.
+    /// Reset: the line stays connected.
     Reset,
-    /// By a new emulator: the line breaks, and memory holds nothing.
+    /// New emulator: the line breaks and memory is cleared.
     Power,
 }
 
-/// A process that ends with its owner.
+/// A process that is killed when dropped.
 struct Process(Child);
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // Gone already is as good.
+        // It may have ended before.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -58,17 +58,17 @@ impl Drop for Process {
 struct Running {
     _process: Process,
     place: ModuleAddress,
-    /// Commands to the emulator itself, and its answers.
+    /// Commands to the emulator, and its answers.
     console: BufReader<TcpStream>,
 }
 
 impl Running {
-    /// Starts `elf`; on TCP at `port`, or any that is free.
+    /// Start `elf`, on TCP at `port` or any free one.
     fn start(elf: &Path, wire: Wire, port: Option<u16>) -> io::Result<Self> {
         let started = Instant::now();
         loop {
             match Self::try_start(elf, wire, port) {
-                // Somebody else has the port, for a moment or for good.
+                // Another process uses the port.
                 Err(error)
                     if error.kind() == ErrorKind::AddrInUse && started.elapsed() < START_LIMIT =>
                 {
@@ -120,7 +120,7 @@ impl Running {
             },
             console: BufReader::new(stream),
         };
-        // Its answer comes when everything is open, or not at all.
+        // The emulator answers once everything is open.
         let about = running
             .command("info chardev", "serial0")
             .map_err(|error| {
@@ -138,7 +138,7 @@ impl Running {
         Ok(running)
     }
 
-    /// Has the emulator do something; the line of its answer that begins with `answer`.
+    /// Send a command to the emulator; returns the line of its answer that begins with `answer`.
     fn command(&mut self, command: &str, answer: &str) -> io::Result<String> {
         let stream = self.console.get_mut();
         stream.write_all(command.as_bytes())?;
@@ -166,7 +166,7 @@ pub(crate) struct Emulated {
 }
 
 impl Emulated {
-    /// Starts `elf`. Nobody is connected to it before [`Transport::reconnect`].
+    /// Start `elf`. The line is not connected before [`Transport::reconnect`].
     ///
     /// # Panics
     /// If the emulator does not start.
@@ -181,7 +181,7 @@ impl Emulated {
         }
     }
 
-    /// The same, connected.
+    /// Start `elf` and connect.
     ///
     /// # Panics
     /// If it does not start.
@@ -193,7 +193,7 @@ impl Emulated {
         emulated
     }
 
-    /// Where its line is.
+    /// Address of its line.
     ///
     /// # Panics
     /// If it is not running.

@@ -1,16 +1,14 @@
-//! The streaming core's bits: one map of each arithmetic value for value, and the self-tests' checksums on
-//! other machines.
+//! Bits of the streaming core: one map of each arithmetic value by value, and the checksums of the self-tests on other machines.
 //!
-//! `tests/golden/*.txt` hold a map a file, a value a line: Doppler bin, range bin, real and imaginary part;
-//! float32 as the hexadecimal digits of its bits, fixed point as mantissas (hexadecimal, 16 bits) and the
-//! block's exponent (decimal). They change only when the arithmetic changes: then look at why, and
-//! write new ones by
+//! `tests/golden/*.txt` contain one map each, one value per line: Doppler bin, range bin, real and imaginary part. Float32 values are the
+//! hexadecimal digits of their bits; fixed-point values are mantissas (hexadecimal, 16 bits) and the exponent of the block (decimal). They
+//! change only with the arithmetic: find the reason, then write new ones with
 //!
 //! ```text
 //! SUBAPERTURE_WRITE_GOLDEN=1 cargo test -p subaperture-tests --test firmware golden::golden_map
 //! ```
 //!
-//! That the maps are right is shown by `tests/stream/float.rs` and `tests/stream/fixed.rs`; here they are only the same.
+//! `tests/stream/float.rs` and `tests/stream/fixed.rs` show that the maps are correct; here they only have to be the same.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -24,7 +22,7 @@ use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
 use subaperture_tests::firmware::{self, Build, finish};
 use subaperture_xtask::target_installed;
 
-/// Which map is kept: the second patch, off the origin, of the second sub-CPI of the first run.
+/// Number of the recorded map: the second patch, off the origin, of the second sub-CPI of the first run.
 const KEPT: usize = 3;
 
 #[test]
@@ -43,7 +41,7 @@ fn golden_map_of_fixed_point() {
     compare("stream_fixed.txt", &text);
 }
 
-/// Writes the map to `text` if it is the one that is kept.
+/// Write the map to `text` if it is the recorded one.
 fn keep(map: &PatchMap<'_>, number: &mut usize, text: &mut String) {
     if *number == KEPT {
         write_map(map, text);
@@ -73,7 +71,7 @@ fn write_map(map: &PatchMap<'_>, text: &mut String) {
     }
 }
 
-/// Compares with the file line by line, or writes it.
+/// Compare with the file line by line, or write it.
 fn compare(name: &str, text: &str) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden");
     let path = folder.join(name);
@@ -97,13 +95,13 @@ fn compare(name: &str, text: &str) {
     }
 }
 
-/// `no-panic`: it would not link if a panic could be reached.
+/// `no-panic`: the program links only if no panic can be reached.
 #[test]
 fn cortex_m7_computes_the_same_bits() {
     let lines = Machine {
         target: "thumbv7em-none-eabihf",
         features: "no-panic",
-        // The log is the second line.
+        // The log is the second serial line.
         emulator: &["qemu-system-arm", "-M", "mps2-an500", "-serial", "null"],
     }
     .run("stream_selftest");
@@ -113,8 +111,7 @@ fn cortex_m7_computes_the_same_bits() {
     assert!(used < all, "{used} of {all} bytes of stack");
 }
 
-/// 16 KiB of RAM, no floating point, no division, no atomic exchange. The linker holds the statics to the
-/// memory; the stack is what they leave.
+/// 16 KiB of RAM, no floating point, no division, no atomic exchange. The linker limits the statics to the memory; the stack has the rest.
 #[test]
 fn cortex_m0_computes_the_same_bits() {
     let lines = Machine {
@@ -189,7 +186,7 @@ fn checksums(lines: &[String]) -> Vec<(String, String)> {
     parts.collect()
 }
 
-/// Bytes used and there of a line such as `stack 2164 of 11868 bytes`.
+/// Bytes used and available from a line such as `stack 2164 of 11868 bytes`.
 fn stack(line: &str) -> [u32; 2] {
     let words: Vec<&str> = line.split(' ').collect();
     let ["stack", used, "of", all, "bytes"] = words[..] else {
@@ -200,22 +197,22 @@ fn stack(line: &str) -> [u32; 2] {
 
 struct Machine {
     target: &'static str,
-    /// Of the firmware's package.
+    /// Features of the firmware's package.
     features: &'static str,
     emulator: &'static [&'static str],
 }
 
 impl Machine {
-    /// Lines that a program of the firmware prints; none if the target or the emulator is not at hand.
+    /// Lines that a program of the firmware prints; `None` if the target or the emulator is missing.
     fn run(&self, program: &str) -> Option<Vec<String>> {
         let emulator = self.emulator[0];
         let version = Command::new(emulator).arg("--version").output();
-        for (found, what) in [
+        for (found, missing) in [
             (target_installed(self.target), self.target),
             (version.is_ok(), emulator),
         ] {
             if !found {
-                println!("skipped: {what} not found");
+                println!("skipped: {missing} not found");
                 return None;
             }
         }

@@ -1,5 +1,5 @@
-//! A real recording through the firmware under emulation, by the commands that users type: the image is
-//! that of the host's own former. Each run takes half a minute.
+//! A real recording through the firmware under emulation, by the commands: the image equals that of the host's former. Each run takes half
+//! a minute.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn image(folder: &Path, line: &str) -> Image {
 }
 
 #[test]
-fn a_degree_through_the_module_is_the_hosts_image() {
+fn image_of_one_degree_through_module_equals_host_image() {
     let input = root().join("../shared/data/gotcha/data_3dsar_pass1_az001_HH.mat");
     if !input.exists() {
         println!("skipped: {} not found", input.display());

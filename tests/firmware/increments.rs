@@ -1,4 +1,4 @@
-//! Increments from the emulated module: the bits of the core run here, and so the radar's way.
+//! Increments from the emulated module: bit-identical to the core on this machine, and close to the true motion.
 
 use std::time::Duration;
 
@@ -9,11 +9,11 @@ use subaperture_tests::odometer_scene::{Scene, between, pose, setup};
 
 use crate::emulated::{Begin, Emulated, Wire, application};
 
-/// The serial line carries some ten thousand bytes a second, a pulse is a thousand.
+/// The serial line transfers about ten thousand bytes per second; a pulse has a thousand.
 const PULSES: usize = 16;
 
 #[test]
-fn increments_of_the_module_are_the_cores() {
+fn module_increments_are_bit_identical_to_core() {
     let scene = Scene::new(2).with_snr_db(40.0, 7);
     let recorded = scene.recorded(PULSES);
     let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
@@ -30,15 +30,16 @@ fn increments_of_the_module_are_the_cores() {
         receivers_m: &scene.receivers_m,
         channels: &channels,
     };
-    let told = session.increments(&task, &mut Silent);
+    let outcome = session.increments(&task, &mut Silent);
     println!("{}", session.counts());
-    told.ending.unwrap();
-    assert_eq!(told.increments, scene.increments(PULSES));
-    for own in told.increments.iter().skip(6) {
+    outcome.ending.unwrap();
+    assert_eq!(outcome.increments, scene.increments(PULSES));
+    for own in outcome.increments.iter().skip(6) {
         let motion = own.motion.expect("four targets");
         let (moved_m, turn_rad) = between(pose(own.since as usize), pose(own.pulse as usize));
         let off_m = (motion.moved_m[0] - moved_m[0]).hypot(motion.moved_m[1] - moved_m[1]);
-        // Four deviations of what 40 dB leave a step, 6e-6 m (`tests/stream/odometer.rs`); of a turn a thousandth of it in metres, over a receivers' distance of 2 mm.
+        // Four standard deviations of a step at 40 dB, 6e-6 m (`tests/stream/odometer.rs`); of a rotation, a thousandth of that in metres
+        // over the receivers' distance of 2 mm.
         assert!(
             off_m < 3e-5 && (motion.turn_rad - turn_rad).abs() < 0.02,
             "{own:?}"

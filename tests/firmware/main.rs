@@ -1,4 +1,4 @@
-//! Everything that runs under QEMU or builds the firmware, the commands that do so among it.
+//! Tests that run QEMU or build the firmware, including those of the commands that do so.
 
 mod budgets;
 mod cli_link;

@@ -1,4 +1,4 @@
-//! Range profiles from the emulated module: the bits of the core run here.
+//! Range profiles from the emulated module are bit-identical to those of the core on this machine.
 
 use std::time::Duration;
 
@@ -8,9 +8,9 @@ use subaperture_tests::sweep_scene::SweepScene;
 
 use crate::emulated::{Begin, Emulated, Wire, application};
 
-/// The serial line carries some ten thousand bytes a second: bursts are short.
+/// The serial line transfers about ten thousand bytes per second: bursts are short.
 #[test]
-fn profiles_of_the_module_are_the_cores() {
+fn module_profiles_are_bit_identical_to_core() {
     let mut scene = SweepScene::new(20, 64, 64);
     scene.lost = vec![(3, 10..14)];
     scene.left_out = vec![11];
@@ -30,9 +30,9 @@ fn profiles_of_the_module_are_the_cores() {
         source: &mut source,
     };
     let mut came = Vec::new();
-    let told = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
+    let outcome = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
     println!("{}", session.counts());
-    told.ending.unwrap();
+    outcome.ending.unwrap();
     assert_eq!(came.len(), 2);
     for profile in &came {
         let (values, usable, _) = scene.profile(profile.sweep);

@@ -1,5 +1,4 @@
-//! The firmware under emulation: the same bits as on the host, in the memory that is stated; the
-//! sections, faults, and what the linker refuses.
+//! The firmware under emulation: the same bits as on the host, in the documented memory; sections, faults, and programs that must not link.
 
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags};
@@ -8,13 +7,14 @@ use subaperture_tests::firmware::{
     Build, INSTRUCTION_TIME, build, emulate, flash_bytes, module, sections, try_build,
 };
 
-/// RAM beside the self-test's buffers: the count of resets, flags and alignment.
+/// RAM other than the self-test's buffers: the count of resets, flags and alignment.
 const OTHER_RAM_BYTES: u64 = 256;
-/// Code and constants: 147 kB when this was written, of which the FFTs of all lengths are most, increments of echoes 19 kB, those of samples 39 kB, range profiles 14 kB.
+/// Code and constants: 147 kB when written. Most of it are FFTs of all lengths; increments from echoes have 19 kB, increments from samples
+/// 39 kB, range profiles 14 kB.
 const FLASH_BUDGET_BYTES: u64 = 149 * 1024;
 
 #[test]
-fn target_computes_the_hosts_bits_in_the_stated_memory() {
+fn target_computes_same_bits_as_host_in_documented_memory() {
     let elf = build(&Build::bin("selftest", ""));
     let mut host = Box::new(SelfTest::new());
     let host = host.run().unwrap();
@@ -54,34 +54,35 @@ fn target_computes_the_hosts_bits_in_the_stated_memory() {
     );
 }
 
-/// Antennas of six channels, the former pulse's four targets, and a few numbers.
+/// Antennas of six channels, four targets of the previous pulse, and a few numbers.
 fn motion_size_on_target() -> u64 {
-    // A target: its place, six phases and a weight, a count, a name, padded.
+    // A target: position, six phases and a weight, a count, a name, padding.
     let target = 16 + 48 + 8 + 4 + 4;
-    // Centre, nearest channels and what is between them, wavenumber; how many were seen; the last increment.
+    // Centre, nearest channels and the vector between them, wavenumber; number of targets seen; the last increment.
     let others = 16 + 8 + 16 + 8 + 8 + 24;
-    // And how many channels there are, padded.
+    // Number of channels, with padding.
     6 * 32 + 4 * target + others + 8
 }
 
-/// Samples, weights, a profile and its power of two channels of 32 frequencies in 128 bins; and what belongs to targets, channels and settings.
+/// Samples, weights, a profile and its power for two channels of 32 frequencies in 128 bins; and the state of targets, channels and
+/// settings.
 fn odometer_size_on_target() -> u64 {
     let stated = 8 * 2 * 32 + 4 * 32 + 12 * 128;
-    // Of four targets: where they are found, 16 and 8 a channel; whom they are followed as, 88.
+    // Four targets: detections 16 bytes, and 8 per channel; tracks 88.
     let targets = 4 * (16 + 16 + 88);
-    // Two channels, the former pulse's targets, settings and what follows of them, and where it stands.
+    // Two channels, targets of the previous pulse, settings with derived values, and progress.
     let rest = 560;
     stated + targets + rest
 }
 
-/// Tones of 8 samples, 50 carriers and 128 bins; and what belongs to settings, a burst's blocks and where it stands.
+/// Tones of 8 samples, 50 carriers and 128 bins; and settings, the blocks of a burst and progress.
 fn sweep_size_on_target() -> u64 {
     let stated = 24 * 8 + 20 * 50 + 8 * 128;
     let (setup, blocks, rest) = (32, 31 * 12, 60);
     stated + setup + blocks + rest
 }
 
-/// The buffers by arithmetic; lengths (`usize`) and alignment differ from the host by a few words.
+/// Buffers by arithmetic; lengths (`usize`) and alignment differ from the host by a few words.
 fn size_on_target() -> u64 {
     let (m, f, r, d, l) = (32, 64, 128, 64, 128);
     let weights = 4 * (m + f);
@@ -103,11 +104,11 @@ fn named_sections_are_zero_at_start_and_the_stack_is_measured() {
         panic!("{printed}");
     };
     assert_eq!(first, "resets 0, bytes not zero 0");
-    // The second start finds the ones of the first, unless they are zeroed.
+    // The second start sees values of the first one unless they are zeroed.
     assert_eq!(second, "resets 1, bytes not zero 0");
     let rise = stack.strip_prefix("stack rose by ").expect(stack);
     let rise: u32 = rise.parse().unwrap();
-    // 10 000 bytes, some of them in what `main` had used and left (it formats a line: below 1 kB).
+    // 10 000 bytes, some of them in the part that `main` had used before (it formats a line: below 1 kB).
     assert!((9_000..=10_200).contains(&rise), "{rise}");
 
     let sections = sections(&elf);
@@ -118,7 +119,7 @@ fn named_sections_are_zero_at_start_and_the_stack_is_measured() {
 }
 
 #[test]
-fn every_death_ends_in_a_counted_reset() {
+fn every_fault_ends_in_a_counted_reset() {
     let printed = emulate(&build(&Build::example("faults", "")), &[]);
     let starts: Vec<_> = printed
         .lines()
@@ -130,9 +131,9 @@ fn every_death_ends_in_a_counted_reset() {
     }
 }
 
-/// The application links although nothing could be called if it panicked; a program that indexes does not.
+/// The application links, so no reachable function panics; a program with indexing does not link.
 #[test]
-fn a_reachable_panic_does_not_link() {
+fn reachable_panic_does_not_link() {
     for elf in module().unwrap() {
         assert!(flash_bytes(&elf) > 0, "{}", elf.display());
     }
@@ -141,7 +142,7 @@ fn a_reachable_panic_does_not_link() {
         refused.contains("undefined symbol: panic_is_reachable"),
         "{refused}"
     );
-    // It is the panic that is refused, not the program.
+    // The panic is the cause: the program links without that check.
     build(&Build::example("panics", ""));
 }
 
@@ -150,7 +151,7 @@ fn a_reachable_panic_does_not_link() {
 fn defmt_links() {
     for features in ["defmt", "board-h743,defmt"] {
         let elf = build(&Build::bin("application", features));
-        // Where defmt keeps the texts that the frames refer to.
+        // Section of the texts that defmt's frames refer to.
         assert!(
             sections(&elf).iter().any(|s| s.name == ".defmt"),
             "{features}"
@@ -159,7 +160,7 @@ fn defmt_links() {
 }
 
 #[test]
-fn stage_costs_agree_with_their_statement() {
+fn stage_costs_agree_with_documentation() {
     let elf = build(&Build::bin("cycles", ""));
     let printed = emulate(&elf, &INSTRUCTION_TIME);
     println!("{printed}");
@@ -167,14 +168,14 @@ fn stage_costs_agree_with_their_statement() {
         let line = printed.lines().find(|line| line.starts_with(stage));
         line.expect(stage)[stage.len()..].trim().parse().unwrap()
     };
-    // Two instructions a round, two calls, and a tick (0.8 instructions) at either end.
+    // Two instructions per round, two calls, and a tick (0.8 instructions) at either end.
     for (stage, instructions) in [("loop 1000 ", 2_000.0), ("loop 30000 ", 60_000.0)] {
         assert!(
             (0.0..=12.0).contains(&(cost(stage) - instructions)),
             "{stage}"
         );
     }
-    // As the documentation of `core::fft` states them; compilers differ by a few percent.
+    // As documented in `core::fft`; compilers differ by a few percent.
     for (stage, instructions) in [
         ("fft 64 ", 3.0e3),
         ("fft 1024 ", 90.9e3),
@@ -186,7 +187,7 @@ fn stage_costs_agree_with_their_statement() {
 }
 
 #[test]
-fn the_h743s_memory_holds_the_self_test() {
+fn self_test_fits_memory_of_h743() {
     let sections = sections(&build(&Build::bin("selftest", "board-h743")));
     // The regions of the reference manual (RM0433, section 2), not those of `memory.x`.
     for (name, start, length) in [

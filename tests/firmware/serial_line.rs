@@ -1,4 +1,4 @@
-//! The emulated board's serial link: bytes there and back.
+//! Serial line of the emulated board: bytes in both directions.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use subaperture_tests::firmware::{Build, TIME_LIMIT, build, emulator};
 
-/// The emulator with its serial port connected to us.
+/// The emulator with its serial port connected to this process.
 struct Wired {
     emulator: Child,
     link: TcpStream,
@@ -24,9 +24,9 @@ impl Wired {
         Self { emulator, link }
     }
 
-    /// Sends `bytes` bytes while it reads as many; the rate there and back in bytes a second.
+    /// Send `bytes` bytes and read as many back; returns the rate in bytes per second.
     fn echo(&mut self, bytes: usize) -> f64 {
-        // Knuth's generator: every value of a byte, no pattern that a lost one would hide in.
+        // Knuth's generator: every byte value, without a period in which a lost byte could remain undetected.
         let mut state = 1u64;
         let sent: Vec<u8> = std::iter::repeat_with(|| {
             state = state
@@ -43,7 +43,7 @@ impl Wired {
             scope.spawn(|| writer.write_all(&sent).unwrap());
             let result = self.link.read_exact(&mut received);
             if result.is_err() {
-                // Or the writer would wait for an emulator that has stopped.
+                // Otherwise the writer would wait for an emulator that has stopped.
                 let _ = self.link.shutdown(Shutdown::Both);
             }
             result.expect("as many bytes come back as were sent");
@@ -61,20 +61,20 @@ impl Drop for Wired {
     }
 }
 
-/// A program that is slower than its input holds it up and loses nothing: 64 kB are more than the
-/// 64 bytes it takes at a time, and all are on their way before the first comes back.
+/// A program slower than its input makes the sender wait, and no byte is lost: 64 kB are more than the 64 bytes it takes at a time, and all
+/// are sent before the first comes back.
 #[test]
-fn a_slow_reader_loses_nothing() {
+fn slow_reader_receives_every_byte() {
     let elf = build(&Build::example("slow_echo", ""));
     let rate = Wired::start(&elf).echo(65_536);
     println!("slow echo: {rate:.0} bytes a second");
-    // 64 bytes a millisecond at most: it did rest.
+    // At most 64 bytes per millisecond, so the program did pause.
     assert!(rate < 64_000.0, "{rate}");
 }
 
-/// The emulated UART moves a byte at a time, each for some system calls.
+/// The emulated UART transfers bytes one at a time, with several system calls each.
 #[test]
-fn bytes_come_back_unchanged() {
+fn echoed_bytes_are_unchanged() {
     let elf = build(&Build::example("echo", ""));
     let rate = Wired::start(&elf).echo(131_072);
     println!("echo: {rate:.0} bytes a second there and back");

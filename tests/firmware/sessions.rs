@@ -1,8 +1,8 @@
-//! Sessions with the firmware under emulation over lines with faults, across resets and lost power: no
-//! wrong map is ever taken, every loss is counted, and what comes after a fault is right.
+//! Sessions with the firmware under emulation over faulty lines, across resets and power loss: no wrong map is accepted, every loss is
+//! counted, and results after a fault are correct.
 //!
-//! Maps are judged by the core run here on the same pulses, bit by bit. The emulated serial line carries
-//! 12 to 35 kB a second; a run of all 46 pulses is 10 kB there and 25 kB back.
+//! Maps are compared bit by bit with those of the core on this machine from the same pulses. The emulated serial line transfers 12 to 35 kB
+//! per second; a run of all 46 pulses is 10 kB to the module and 25 kB back.
 
 use std::io;
 use std::time::Duration;
@@ -28,12 +28,12 @@ fn settings(retries: u32) -> Settings {
     }
 }
 
-/// The float application behind such a line.
+/// The float application behind a faulty line.
 fn module(wire: Wire, begin: Begin, faults: Faults) -> FaultyLine<Emulated> {
     FaultyLine::new(Emulated::connected(&application()[0], wire, begin), faults)
 }
 
-/// Has the module do the scene; every map that was taken has been judged, every loss accounted for.
+/// Run the scene on the module; asserts that every accepted map is correct and every loss counted.
 fn session(module: &mut dyn Transport, settings: Settings) -> (Outcome, Kept) {
     let scene = scene();
     let recording = recorded(&scene);
@@ -47,7 +47,7 @@ fn session(module: &mut dyn Transport, settings: Settings) -> (Outcome, Kept) {
     (outcome, keep.0)
 }
 
-/// Every map and every pulse is in one of the counts.
+/// Assert that every map and every pulse is in one of the counts.
 fn account(outcome: &Outcome, kept: &Kept) {
     let counts = &outcome.counts;
     assert_eq!(counts.maps_wanted, MAPS as u64);
@@ -56,18 +56,18 @@ fn account(outcome: &Outcome, kept: &Kept) {
     assert!(outcome.missing.iter().all(|key| !kept.contains_key(key)));
     let broken = counts.restarts + counts.reconnects > 0;
     if broken || matches!(outcome.ending, TransferEnd::Failed(_)) {
-        // What the module counted in a run that broke off is not known.
+        // Counts of an interrupted run are lost with the module.
         return;
     }
-    // Of the numbers of each run every one has one of four ends; one that was not sent never came.
+    // Every pulse number of a run has one of four outcomes; a pulse that was not sent never arrived.
     let module = &counts.module_pulses;
     let ends = module.accepted + module.lost + module.refused + module.dropped;
     let sent = counts.pulses_sent - counts.pulses_resent;
     assert_eq!(sent + counts.pulses_unsent, ends, "{counts}");
     let made = counts.maps_taken + counts.maps_repeated + counts.maps_lost;
     if counts.runs == 1 && counts.maps_refused == 0 {
-        // What was stored is in maps, but for one to three pulses of every sub-CPI given up. All have
-        // four, but the last, which has two.
+        // Stored pulses are in maps, except for one to three pulses of every abandoned sub-CPI. Sub-CPIs have four pulses, the last one
+        // two.
         assert_eq!(made % 2, 0, "both patches of each");
         let given_up = module.sub_cpis_incomplete;
         let stored = (2 * made + given_up).saturating_sub(2)..=2 * made + 3 * given_up;
@@ -83,14 +83,14 @@ fn complete(outcome: &Outcome) {
     );
 }
 
-/// A sub-CPI after one of which a map is missing came whole.
+/// Whether the sub-CPI after one with a missing map is complete.
 fn next_is_there(outcome: &Outcome, kept: &Kept) -> bool {
     let mut missing = outcome.missing.iter();
     missing.any(|key| (0..2).all(|patch| kept.contains_key(&(key.0 + 1, patch))))
 }
 
 #[test]
-fn a_clean_line_brings_everything_in_one_run() {
+fn clean_line_delivers_all_maps_in_one_run() {
     let mut module = module(Wire::Tcp, Begin::Reset, Faults::default());
     let (outcome, _) = session(&mut module, settings(0));
     complete(&outcome);
@@ -103,7 +103,7 @@ fn a_clean_line_brings_everything_in_one_run() {
 }
 
 #[test]
-fn fixed_point_over_a_bad_line_is_the_cores() {
+fn fixed_point_maps_over_bad_line_equal_those_of_core() {
     let faults = Faults {
         seed: 1,
         bit_errors: 2e-5,
@@ -128,7 +128,7 @@ fn fixed_point_over_a_bad_line_is_the_cores() {
 }
 
 #[test]
-fn bit_errors_cost_time_and_nothing_else() {
+fn bit_errors_only_cost_time() {
     for (seed, bit_errors) in [(2, 1e-5), (3, 1e-4)] {
         let faults = Faults {
             seed,
@@ -139,7 +139,7 @@ fn bit_errors_cost_time_and_nothing_else() {
         let (outcome, _) = session(&mut module, settings(1000));
         complete(&outcome);
         if bit_errors > 5e-5 {
-            // 8 wrong bits there and 20 back in the first run alone.
+            // 8 wrong bits to the module and 20 back in the first run alone.
             let counts = &outcome.counts;
             assert!(counts.frames_to_module.damaged > 0);
             assert!(counts.frames_from_module.damaged > 0);
@@ -149,14 +149,14 @@ fn bit_errors_cost_time_and_nothing_else() {
 }
 
 #[test]
-fn a_line_too_bad_for_any_map_ends_and_says_so() {
+fn line_too_bad_for_any_map_ends_with_error() {
     let faults = Faults {
         seed: 4,
         bit_errors: 1e-3,
         ..Faults::default()
     };
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
-    // A pulse comes through with a chance of 0.2, four in a row with 0.001.
+    // A pulse arrives with a probability of 0.2, four in a row with 0.001.
     let (outcome, _) = session(&mut module, settings(0));
     assert!(
         !matches!(outcome.ending, TransferEnd::Complete),
@@ -164,13 +164,13 @@ fn a_line_too_bad_for_any_map_ends_and_says_so() {
     );
     assert!(outcome.counts.frames_from_module.damaged > 0);
     assert!(outcome.counts.frames_to_module.damaged > 0);
-    // And the module is as it was.
+    // The module is unaffected.
     let mut module = module_after(module);
     let (outcome, _) = session(&mut module, settings(0));
     complete(&outcome);
 }
 
-/// The same module, its line repaired.
+/// The same module with a repaired line.
 fn module_after(module: FaultyLine<Emulated>) -> FaultyLine<Emulated> {
     FaultyLine::new(module.into_device(), Faults::default())
 }
@@ -190,7 +190,7 @@ fn lost_pulses_are_counted_and_sent_again() {
     );
     let counts = &outcome.counts;
     assert!(counts.module_pulses.lost > 0);
-    assert_eq!(counts.maps_lost, 0, "pulses are lost and nothing else");
+    assert_eq!(counts.maps_lost, 0, "only pulses are lost");
     assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
 
     let (outcome, _) = session(&mut module, settings(100));
@@ -199,7 +199,7 @@ fn lost_pulses_are_counted_and_sent_again() {
 }
 
 #[test]
-fn cut_frames_are_lost_and_their_maps_fetched() {
+fn truncated_frames_are_lost_and_their_maps_repeated() {
     let faults = Faults {
         seed: 6,
         cuts: 3e-4,
@@ -216,9 +216,9 @@ fn cut_frames_are_lost_and_their_maps_fetched() {
     complete(&outcome);
 }
 
-/// Without news from the module the host sends what there is room for, and then waits too.
+/// Without reports of the module the host sends as much as the module has room for, and then waits.
 #[test]
-fn a_host_that_does_not_read_for_seconds_loses_nothing() {
+fn host_that_stops_reading_for_seconds_loses_no_map() {
     let faults = Faults {
         stalls_at: vec![(4_000, Duration::from_secs(2))],
         ..Faults::default()
@@ -230,8 +230,8 @@ fn a_host_that_does_not_read_for_seconds_loses_nothing() {
     assert_eq!((outcome.counts.maps_lost, outcome.counts.runs), (0, 1));
 }
 
-/// At a radar's rate nothing is sent twice: what is lost stays lost, and is told. (That pulses find no
-/// room needs a module slower than its line: `tests/link/session.rs`. The emulated line holds its sender up.)
+/// At the radar's rate no pulse is repeated: losses remain and are reported. (Pulses without room need a module slower than its line, see
+/// `tests/link/session.rs`; the emulated line makes its sender wait.)
 #[test]
 fn losses_at_full_rate_are_counted() {
     let faults = Faults {
@@ -257,10 +257,10 @@ fn losses_at_full_rate_are_counted() {
     assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
 }
 
-/// A session whose host is gone at once, without a word to the module.
-struct NoWayBack<'a>(&'a mut FaultyLine<Emulated>);
+/// A host that disappears at once, without a message to the module.
+struct DeafHost<'a>(&'a mut FaultyLine<Emulated>);
 
-impl Transport for NoWayBack<'_> {
+impl Transport for DeafHost<'_> {
     fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
         self.0.read(buffer, wait)
     }
@@ -275,18 +275,18 @@ impl Transport for NoWayBack<'_> {
 }
 
 #[test]
-fn a_host_that_dies_leaves_a_module_that_the_next_can_use() {
+fn module_serves_next_host_after_host_disappears() {
     let faults = Faults {
         dies_at: vec![4_000, 8_000],
         ..Faults::default()
     };
     let mut module = module(Wire::Tcp, Begin::Reset, faults);
-    let (outcome, _) = session(&mut NoWayBack(&mut module), settings(0));
+    let (outcome, _) = session(&mut DeafHost(&mut module), settings(0));
     assert!(
         matches!(outcome.ending, TransferEnd::Failed(LinkError::Line(_))),
         "{outcome:?}"
     );
-    // In mid-run, and the line dies once more.
+    // In the middle of a run, and the line fails once more.
     module.reconnect().unwrap();
     let next = Settings {
         first_number: 1000,
@@ -298,7 +298,7 @@ fn a_host_that_dies_leaves_a_module_that_the_next_can_use() {
 }
 
 #[test]
-fn power_lost_in_mid_run_costs_that_run() {
+fn power_loss_costs_only_current_run() {
     let faults = Faults {
         restarts_at: vec![4_321, 9_000],
         ..Faults::default()
@@ -310,7 +310,7 @@ fn power_lost_in_mid_run_costs_that_run() {
 }
 
 #[test]
-fn a_reset_in_mid_run_is_found_and_repaired() {
+fn reset_during_run_is_detected_and_repaired() {
     let faults = Faults {
         restarts_at: vec![4_321, 9_000],
         ..Faults::default()
@@ -323,7 +323,7 @@ fn a_reset_in_mid_run_is_found_and_repaired() {
 }
 
 #[test]
-fn everything_at_once() {
+fn all_faults_together_still_deliver_every_map() {
     let faults = Faults {
         seed: 20,
         bit_errors: 2e-5,
@@ -338,13 +338,13 @@ fn everything_at_once() {
     complete(&outcome);
 }
 
-/// A self-test asks the emulator to end when it is through, as a program could ask it to read a file or start a
-/// program: by semihosting. What `subap link` starts is not heard.
+/// A self-test ends the emulator by semihosting, as a program could also use it to read a file or start a program. In an emulator started
+/// by `subap link` semihosting is off.
 #[test]
-fn a_firmware_cannot_reach_the_host() {
+fn firmware_cannot_reach_the_host() {
     let elf = build(&Build::bin("selftest", ""));
     let mut line = Emulator::start(Firmware::Float, Some(&elf), false).unwrap();
-    // It takes a fraction of a second.
+    // The self-test would end within a fraction of a second.
     std::thread::sleep(Duration::from_secs(3));
     let read = line.read(&mut [0; 64], Duration::ZERO);
     assert_eq!(read.expect("the emulator still runs"), 0);

@@ -1,4 +1,4 @@
-//! `unsafe` is in the firmware, in the kernels' SIMD and in the binding to UHD alone, and every place of it says why it is sound.
+//! `unsafe` occurs only in the firmware, the kernels' SIMD and the binding to UHD, and every use states why it is sound.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,18 +16,18 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Code of a line without its comment; texts have no slashes here.
+/// Code of a line without its comment; string literals contain no slashes here.
 fn code(line: &str) -> &str {
     line.split("//").next().unwrap_or_default()
 }
 
-/// Whether the line, or what stands above it without a gap, says why.
+/// Whether the line, or the comment directly above it, states a reason.
 fn has_reason(lines: &[&str], n: usize) -> bool {
     let above = lines[..=n]
         .iter()
         .rev()
         .take_while(|line| !line.trim().is_empty());
-    // Of a block within an expression the reason stands above the expression; further up is another's.
+    // The reason of a block within an expression is above the expression; further up it belongs to other code.
     above.take(6).any(|line| line.contains("SAFETY:"))
 }
 
@@ -57,12 +57,12 @@ fn every_unsafe_has_its_reason() {
         }
     }
     println!("{sites} places");
-    assert!(sites > 40, "the search finds nothing");
+    assert!(sites > 40, "the search is broken");
 }
 
-/// The compiler refuses it elsewhere.
+/// The compiler refuses `unsafe` elsewhere.
 #[test]
-fn nothing_else_may_be_unsafe() {
+fn unsafe_is_forbidden_elsewhere() {
     let mut crates = vec!["core/src/lib.rs".to_owned(), "tests/src/lib.rs".to_owned()];
     for entry in fs::read_dir(root().join("host")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
@@ -74,7 +74,7 @@ fn nothing_else_may_be_unsafe() {
     }
     for path in crates {
         let text = fs::read_to_string(root().join(&path)).unwrap();
-        // In the kernels the compiler refuses it but where it is allowed by name; in the radio, in three modules of the binding.
+        // In the kernels it is allowed by name in some modules; in the radio, in three modules of the binding.
         let (refused, allowed) = match path.as_str() {
             "host/kernels/src/lib.rs" => ("deny", 1),
             "host/radio/src/lib.rs" => ("deny", 0),

@@ -1,5 +1,5 @@
-//! The accuracy contract: bounds that are missed are refused, before the work where that can be known, or
-//! recorded; dark grids are told; what is not finite is no image.
+//! The error contract: a bound that would be exceeded is refused before the computation where the plan predicts it, otherwise afterwards or
+//! recorded as missed. Dark grids are reported, and images with non-finite pixels are refused.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,7 +25,7 @@ use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::error_db;
 use subaperture_tests::subap::{listing, run};
 
-/// A history that counts its pulses as they are read.
+/// A history that counts the pulses read from it.
 struct Counted(PointTargetHistory, AtomicUsize);
 
 impl PhaseHistory for Counted {
@@ -39,7 +39,7 @@ impl PhaseHistory for Counted {
     }
 }
 
-/// Table 4.1 with scatterers of these places and amplitudes.
+/// Table 4.1 with scatterers `(x_m, y_m, amplitude)`.
 fn table_4_1(scatterers: &[(f64, f64, f64)]) -> PointTargetHistory {
     let preset = Preset::Table41.simulate(&Variation::default());
     let scatterers = scatterers
@@ -83,7 +83,7 @@ fn rdbp(mode: Mode, sub_cpi: Option<usize>) -> RangeDopplerBackprojection {
 }
 
 #[test]
-fn a_plan_that_misses_the_bound_is_refused_before_anything_is_read() {
+fn plan_that_exceeds_bound_is_refused_before_reading() {
     let polar = PolarFormat {
         error_db: -60.0,
         centre_m: None,
@@ -113,7 +113,7 @@ fn a_plan_that_misses_the_bound_is_refused_before_anything_is_read() {
         assert!(predicted_db > bound_db && Some(bound_db) == former.bound_db());
         assert!(!limit.remedies.is_empty(), "{limit}");
         assert_eq!(history.1.load(Ordering::Relaxed), 0, "{}", former.name());
-        // Allowed, it is formed, and the record says so.
+        // With `BoundPolicy::Allowed` the image is formed, and its record states the missed bound.
         let formed = form(former, &history, grid, BoundPolicy::Allowed).unwrap();
         assert!(formed.bound_missed && formed.predicted_error_db >= predicted_db);
         assert_eq!(formed.settings["bound_missed"], true);
@@ -150,8 +150,8 @@ fn sampling_deviations(image: &Image, exact: &Image) -> [f64; 2] {
     squares.map(|squares: f64| squares.sqrt() / sum)
 }
 
-/// Scatterers outside the grid are most of what the recording holds. A plan from the geometry alone leaves no room for their echoes; one made for
-/// the recording does, and needs not be made again.
+/// Most energy of the recording comes from scatterers outside the grid. A plan from the geometry alone ignores their echoes; a plan for the
+/// recording includes them and is not replaced.
 #[test]
 fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
     let history = Preset::Table41.simulate(&Variation::default());
@@ -209,8 +209,8 @@ fn stored_plan_for_a_recording_leaves_room_for_scatterers_outside_the_grid() {
 }
 
 #[test]
-fn dark_grid_beside_a_bright_scatterer_exceeds_the_bound_that_a_bright_grid_keeps() {
-    // A scatterer of 1 at (60, -50), of a millionth in the grid: its side lobes are all that the grid shows.
+fn dark_grid_near_bright_scatterer_exceeds_bound_that_bright_grid_keeps() {
+    // A scatterer of amplitude 1 at (60, -50) and one of 1e-6 in the grid: the grid shows only side lobes of the first.
     let history = table_4_1(&[(60.0, -50.0, 1.0), (0.0, 0.0, 1e-6)]);
     let formers: [&dyn ImageFormer; 3] = [
         &Backprojection { error_db: -60.0 },
@@ -229,8 +229,8 @@ fn dark_grid_beside_a_bright_scatterer_exceeds_the_bound_that_a_bright_grid_keep
             "{}: {measured:.1} dB, predicted {predicted:.1} dB",
             former.name()
         );
-        // Neither hidden nor exaggerated. The sampled error is an upper limit of an estimate without bias, which is at most three of its
-        // deviations above the error. With a second look the limit is three more above that, else a factor of 1.6.
+        // The sampled error is the upper confidence limit of an unbiased estimate, at most three standard deviations above the error. With
+        // a second look the limit is three more above that, else a factor of 1.6.
         let sampled = formed.settings["sampled_error_db"].as_f64().unwrap();
         let [even, both] = sampling_deviations(&formed.image, &exact.image);
         let limits = [1.6 * (1.0 + 3.0 * even), (1.0 + 3.0 * both).powi(2)];
@@ -238,7 +238,7 @@ fn dark_grid_beside_a_bright_scatterer_exceeds_the_bound_that_a_bright_grid_keep
         println!("sampled {sampled:.1} dB, at most {limit_db:.1} dB above");
         assert!(measured <= predicted && measured >= sampled - limit_db);
         assert_eq!(formed.bound_missed, predicted > -60.0);
-        // Histories of patches err most, and more than asked, where side lobes cancel.
+        // Factorised backprojection errs most, and exceeds its bound, where side lobes cancel.
         assert!(formed.bound_missed || former.name() != "ffbp");
         let strict = form(former, &history, dark, BoundPolicy::Refused);
         match strict {
@@ -251,10 +251,10 @@ fn dark_grid_beside_a_bright_scatterer_exceeds_the_bound_that_a_bright_grid_keep
     }
 }
 
-/// Pixels 4 m apart with a scatterer in the middle of four, and pixels 0.2 m apart with one outside: both grids are dark, and only the first one is
-/// better when finer. The resolution is about 0.4 m.
+/// Pixels 4 m apart with a scatterer midway between four of them, and pixels 0.2 m apart with a scatterer outside. Both grids are dark, and
+/// a finer spacing helps only the first. The resolution is about 0.4 m.
 #[test]
-fn dark_grid_is_advised_by_its_spacing() {
+fn dark_grid_gets_advice_that_suits_its_spacing() {
     let history = table_4_1(&[(1.7, 2.1, 1.0)]);
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     let former = FastFactorised { error_db: -60.0 };
@@ -278,7 +278,7 @@ fn dark_grid_is_advised_by_its_spacing() {
         println!("{text}: {reason}");
         assert_eq!(reason.remedies, [remedy]);
         assert!(reason.why.contains(why), "{reason}");
-        // An image refused for this reason has the same remedy, before the one of a stricter plan.
+        // A refused image has the same remedy, listed before that of a stricter plan.
         let error = match former.form(&Task {
             history: &history,
             grid: &grid,
@@ -317,8 +317,8 @@ fn thesis_mode_predicts_its_error() {
 }
 
 #[test]
-fn images_that_are_not_finite_are_refused() {
-    // Sums of 1e38 over 200 000 samples are beyond float32 on the way, or at the end.
+fn images_with_non_finite_pixels_are_refused() {
+    // Sums of 1e38 over 200 000 samples overflow float32 during the summation or at its end.
     let history = table_4_1(&[(0.0, 0.0, 3e38), (0.5, 0.0, 3e38), (0.3, 0.2, 3e38)]);
     let former = Backprojection { error_db: -60.0 };
     match form(
@@ -344,12 +344,12 @@ fn images_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn the_command_refuses_or_says_with_status_3() {
+fn command_refuses_or_exits_with_status_3() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     run(path, "simulate --preset table-4-1 -o s.cphd").succeeded();
     let focus = "focus s.cphd --grid x=-30:30:2,y=-30:30:2";
-    // A former that is named forms the image, says what limits it and what would pass: status 3.
+    // A former that the user names forms the image, reports the missed bound and one that would be kept, and exits with status 3.
     let named = run(path, &format!("{focus} -a pfa --out a"));
     named.failed(
         3,
@@ -365,7 +365,7 @@ fn the_command_refuses_or_says_with_status_3() {
         &format!("{focus} --mode thesis --error-db -60 --out t"),
     )
     .failed(3, &["predicted error", "-60 dB", "--mode precise"]);
-    // What is printed does pass.
+    // The bound that the message proposes is kept.
     let bound = named.stderr.split("--error-db ").nth(1).unwrap();
     let bound = bound.split_whitespace().next().unwrap();
     run(
@@ -373,7 +373,7 @@ fn the_command_refuses_or_says_with_status_3() {
         &format!("{focus} -a pfa --error-db {bound} --out passes"),
     )
     .succeeded();
-    // The default former refuses, unless that is allowed.
+    // The default former refuses, unless `--allow-error` is given.
     let before = listing(path);
     let strict = "focus s.cphd --grid x=3000:3030:2,y=-15:15:2 --error-db -100";
     run(path, &format!("{strict} --out refused"))
@@ -386,11 +386,11 @@ fn the_command_refuses_or_says_with_status_3() {
     let resolved = &record["settings"]["resolved"];
     assert_eq!(resolved["bound_missed"], true);
     assert!(resolved["predicted_error_db"].as_f64().unwrap() > -60.0);
-    // The thesis's method has no bound of its own, and still says what it expects.
+    // The thesis's method has no bound of its own, but reports its predicted error.
     run(path, &format!("{focus} --mode thesis --out b")).succeeded();
     let record = std::fs::read(path.join("b/image.json")).unwrap();
     let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
     assert!(record["settings"]["resolved"]["predicted_error_db"].is_f64());
-    // A bound that is kept needs no permission, and gives status 0.
+    // With `--allow-error` and a bound that is kept, the status is 0.
     run(path, &format!("{focus} --out c --allow-error")).succeeded();
 }

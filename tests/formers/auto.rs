@@ -1,4 +1,4 @@
-//! The fastest former: which it takes, and what it refuses.
+//! `auto`: choice of the fastest former, and refusals.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +14,7 @@ use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
 
-/// Past a scene 2 km away, a little bent.
+/// A slightly bent track past a scene 2 km away.
 fn collection(num_pulses: usize, num_samples: usize, length_m: f64) -> Collection {
     let pulse = |n: usize| {
         let u = n as f64 / (num_pulses - 1) as f64 - 0.5;
@@ -63,7 +63,7 @@ fn plan(
 }
 
 #[test]
-fn the_fastest_that_keeps_the_bound_is_taken() {
+fn auto_picks_fastest_former_that_keeps_bound() {
     let mut taken = BTreeSet::new();
     for (pulses, samples, length_m, grid) in [
         (60, 64, 3.0, "x=-4:4:0.2,y=-4:4:0.2"),
@@ -111,9 +111,9 @@ fn timing_model_selects_the_former() {
     assert_eq!(plan.unwrap().summary["former"], "bp");
 }
 
-/// Samples taken one after another in motion are for formers that know their moments.
+/// Intra-pulse motion restricts the choice to formers that compensate it.
 #[test]
-fn in_motion_only_those_are_taken_that_follow_it() {
+fn auto_picks_only_formers_that_handle_intra_pulse_motion() {
     let mut collection = collection(300, 256, 20.0);
     for pulse in &mut collection.pulses {
         pulse.sweep = Sweep {
@@ -146,7 +146,7 @@ fn image_that_every_candidate_refuses_is_refused() {
     let model = &TimeModel::DEFAULT;
     let refused = plan(&asked, &collection, grid, BoundPolicy::Refused, model).unwrap_err();
     assert!(refused.to_string().contains("-150 dB asked"), "{refused}");
-    // As good as can be.
+    // The best bound that any candidate reaches.
     let best = plan(&asked, &collection, grid, BoundPolicy::Allowed, model).unwrap();
     for candidate in CANDIDATES {
         let former = former(candidate, &asked.settings()).unwrap();
@@ -156,9 +156,9 @@ fn image_that_every_candidate_refuses_is_refused() {
     assert!(best.planned_db > -150.0);
 }
 
-/// A plan that was changed by hand names no other former.
+/// A plan edited to name another former is refused.
 #[test]
-fn choices_of_others_are_refused() {
+fn edited_plan_that_names_another_former_is_refused() {
     let collection = collection(60, 64, 3.0);
     let model = &TimeModel::DEFAULT;
     let grid = "x=-4:4:0.2,y=-4:4:0.2";
@@ -173,17 +173,17 @@ fn choices_of_others_are_refused() {
     let text = plan.to_text();
     let name = plan.summary["former"].as_str().unwrap();
     let weights = plan.weights(&collection).unwrap();
-    for other in ["pfa", "auto", "nothing"] {
+    for other in ["pfa", "auto", "unknown"] {
         let changed = text.replace(
             &format!("\"former\": \"{name}\""),
             &format!("\"former\": \"{other}\""),
         );
         assert_ne!(changed, text);
         let plan = Plan::from_text(&changed).unwrap();
-        let told = match plan.open(&collection, &weights) {
+        let message = match plan.open(&collection, &weights) {
             Ok(_) => panic!("{other} is opened"),
             Err(error) => error.to_string(),
         };
-        assert!(told.contains("it is by another former"), "{told}");
+        assert!(message.contains("it is by another former"), "{message}");
     }
 }

@@ -1,4 +1,4 @@
-//! Every image former against the exact sum: complex images, phase included.
+//! `exact`, `bp` and both modes of `rdbp` against the exact sum: complex images, phase included.
 
 use crate::track_scene::{noise, scene};
 use glam::DVec3;
@@ -15,7 +15,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::error_db;
 
-/// A scene, a grid and windows: what formers are compared on.
+/// Scene, grid and windows on which formers are compared.
 struct Bench {
     history: PointTargetHistory,
     grid: ImageGrid,
@@ -53,22 +53,22 @@ impl Bench {
         self.try_form(former, 1 << 30, &Silent).unwrap().image
     }
 
-    /// Both fast formers keep a bound on this bench.
-    fn assert_bounds(&self, what: &str, bounds_db: &[f64]) {
+    /// Assert that `bp` and `rdbp` keep each bound on this bench.
+    fn assert_bounds(&self, case: &str, bounds_db: &[f64]) {
         let exact = self.form(&Exact);
         for &bound_db in bounds_db {
             let kept = |former: &dyn ImageFormer| {
                 let formed = self.try_form(former, 1 << 30, &Silent).unwrap();
                 let predicted_db = formed.predicted_error_db;
-                assert!(!formed.bound_missed, "{what}: {bound_db}: {predicted_db}");
+                assert!(!formed.bound_missed, "{case}: {bound_db}: {predicted_db}");
                 error_db(&formed.image, &exact)
             };
             let bp = kept(&Backprojection { error_db: bound_db });
             let rdbp = kept(&precise(bound_db, None));
-            println!("{what}, bound {bound_db} dB: bp {bp:.1} dB, rdbp {rdbp:.1} dB");
+            println!("{case}, bound {bound_db} dB: bp {bp:.1} dB, rdbp {rdbp:.1} dB");
             assert!(
                 bp <= bound_db && rdbp <= bound_db,
-                "{what}: {bound_db}: {bp} {rdbp}"
+                "{case}: {bound_db}: {bp} {rdbp}"
             );
         }
     }
@@ -92,7 +92,7 @@ fn thesis(sub_cpi: usize) -> RangeDopplerBackprojection {
     }
 }
 
-/// One of each.
+/// One former of each kind and mode.
 fn every_former() -> [Box<dyn ImageFormer>; 4] {
     [
         Box::new(Exact),
@@ -103,19 +103,19 @@ fn every_former() -> [Box<dyn ImageFormer>; 4] {
 }
 
 fn table_4_1() -> Bench {
-    // A coarse grid with a step that falls on all fractions of bins and patches.
+    // A coarse grid whose step is incommensurate with bins and patches.
     let history = Preset::Table41.simulate(&Variation::default());
     Bench::new(history, "x=-40:40:1.37,y=-40:40:1.31", Window::None)
 }
 
 #[test]
-fn table_4_1_as_the_thesis_and_past_it() {
+fn table_4_1_errors_agree_with_thesis_and_precise_keeps_smaller_bounds() {
     let bench = table_4_1();
     let exact = bench.form(&Exact);
     let error = |former: &dyn ImageFormer| error_db(&bench.form(former), &exact);
 
-    // An independent numpy evaluation of the thesis's mode on such a scene gave -30.9, -18.7, -10.0 and
-    // +0.6 dB; scatterers and grid differ, hence 2 dB.
+    // An independent numpy evaluation of the thesis's method on a similar scene gave -30.9, -18.7, -10.0 and +0.6 dB. Scatterers and grid
+    // differ, hence the tolerance of 2 dB.
     for (pulses, expected_db) in [(20, -30.9), (40, -18.7), (65, -10.0), (130, 0.6)] {
         let got = error(&thesis(pulses));
         println!("thesis, {pulses} pulses: {got:.1} dB");
@@ -130,7 +130,7 @@ fn table_4_1_as_the_thesis_and_past_it() {
 }
 
 #[test]
-fn the_plan_predicts_the_error() {
+fn plan_predicts_error() {
     let bench = table_4_1();
     let exact = bench.form(&Exact);
     for (sub_cpi, patch_m) in [(40, 20.0), (130, 20.0), (260, 20.0), (130, 40.0)] {
@@ -157,7 +157,7 @@ fn the_plan_predicts_the_error() {
 }
 
 #[test]
-fn perturbed_tracks_windows_and_noise() {
+fn bounds_hold_with_perturbed_tracks_windows_and_noise() {
     let variation = Variation {
         noise: Some(Noise {
             power_db: -10.0,
@@ -178,7 +178,7 @@ fn perturbed_tracks_windows_and_noise() {
 }
 
 #[test]
-fn bistatic_on_a_tilted_plane_and_a_polar_grid() {
+fn bounds_hold_for_bistatic_radar_on_tilted_and_polar_grids() {
     let antennas = |n: f64| {
         let angle = n * 1.5e-4;
         let transmitter = DVec3::new(-6000.0, 300.0, 4000.0);
@@ -201,8 +201,8 @@ fn bistatic_on_a_tilted_plane_and_a_polar_grid() {
 }
 
 #[test]
-fn a_rail_radar_in_its_near_field() {
-    // 1.5 m of rail in 5 mm steps, 4 to 6 GHz, targets from 3 m on: curvature everywhere.
+fn bounds_hold_for_rail_radar_in_near_field() {
+    // A rail of 1.5 m with 5 mm steps, 4 to 6 GHz, targets from 3 m: wavefronts are curved everywhere.
     let antennas = |n: f64| {
         let at = DVec3::new(n * 5e-3, -5.0, 0.3);
         (at, at + DVec3::new(0.1, 0.0, 0.0))
@@ -213,7 +213,7 @@ fn a_rail_radar_in_its_near_field() {
 }
 
 #[test]
-fn a_full_circle() {
+fn bounds_hold_on_full_circle() {
     let antennas = |n: f64| {
         let angle = n * std::f64::consts::TAU / 720.0;
         let at = DVec3::new(800.0 * angle.cos(), 800.0 * angle.sin(), 600.0);
@@ -226,7 +226,7 @@ fn a_full_circle() {
 
 #[test]
 fn gaps_and_odd_lengths_drop_no_pulse() {
-    // Two runs of 37 and 60 pulses, 40 m apart.
+    // Two segments of 37 and 60 pulses, 40 m apart.
     let antennas = |n: f64| {
         let at = DVec3::new(n + if n < -11.5 { -20.0 } else { 20.0 }, -3000.0, 2000.0);
         (at, at)
@@ -242,9 +242,9 @@ fn gaps_and_odd_lengths_drop_no_pulse() {
 }
 
 #[test]
-fn a_rough_stretch_of_track() {
-    // 50 of 600 pulses with 5 cm of jitter, and a receiver that jumps while the transmitter does not:
-    // a few sub-CPIs in places where a plan by samples would not look.
+fn bounds_hold_where_few_pulses_have_jitter_or_a_jump() {
+    // 50 of 600 pulses with 5 cm of jitter, then a receiver that jumps while the transmitter does not: only a few sub-CPIs are affected,
+    // and a plan from sampled sub-CPIs would miss them.
     for (jitter_m, jump_m) in [(0.05, 0.0), (0.0, 600.0)] {
         let antennas = move |n: f64| {
             let rough = if (60.0..110.0).contains(&n) {
@@ -263,7 +263,7 @@ fn a_rough_stretch_of_track() {
 }
 
 #[test]
-fn a_very_wide_band() {
+fn bounds_hold_for_very_wide_band() {
     // 0.1 to 2 GHz: Doppler scales by 20 across the band.
     let antennas = |n: f64| {
         let at = DVec3::new(0.05 * n, -60.0, 20.0);
@@ -287,7 +287,7 @@ fn a_very_wide_band() {
 }
 
 #[test]
-fn few_frequencies_on_a_wide_grid() {
+fn bounds_hold_for_one_or_two_frequencies_on_wide_grid() {
     // One and two frequencies: range profiles shorter than the kernel, many range periods in the grid.
     let antennas = |n: f64| {
         let at = DVec3::new(n, -3000.0, 2000.0);
@@ -301,7 +301,7 @@ fn few_frequencies_on_a_wide_grid() {
 }
 
 #[test]
-fn little_memory_takes_fewer_threads_and_smaller_maps() {
+fn small_memory_budget_reduces_threads_and_maps() {
     let bench = table_4_1();
     let ample = bench.form(&precise(-60.0, None));
     let exact = bench.form(&Exact);
@@ -315,7 +315,7 @@ fn little_memory_takes_fewer_threads_and_smaller_maps() {
 }
 
 #[test]
-fn a_pixel_at_the_antenna_is_a_number() {
+fn pixel_at_antenna_is_finite() {
     let still = |n: f64| (DVec3::new(n, 0.0, 0.0), DVec3::new(n, 0.0, 0.0));
     let history = scene(41, (1e9, 1e6, 32), still, 10.0);
     let bench = Bench::new(history, "x=-1:2:0.5,y=-1:2:0.5", Window::None);
@@ -323,7 +323,7 @@ fn a_pixel_at_the_antenna_is_a_number() {
 }
 
 #[test]
-fn small_things_work() {
+fn smallest_recordings_and_grids_are_formed() {
     let still = |_: f64| (DVec3::new(0.0, -100.0, 0.0), DVec3::new(0.0, -100.0, 0.0));
     for (num_pulses, num_samples) in [(1, 64), (2, 64), (3, 1), (5, 2)] {
         let history = scene(num_pulses, (1e9, 1e6, num_samples), still, 10.0);
@@ -334,7 +334,7 @@ fn small_things_work() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit() {
+fn images_are_bit_identical_for_any_thread_count() {
     let bench = table_4_1();
     for former in every_former() {
         let former = former.as_ref();
@@ -350,7 +350,7 @@ fn threads_do_not_change_a_bit() {
 }
 
 #[test]
-fn a_band_that_moves_suits_backprojection_only() {
+fn only_backprojection_accepts_band_that_changes_between_pulses() {
     let bench = table_4_1();
     let mut collection = bench.history.collection().clone();
     for (n, pulse) in collection.pulses.iter_mut().enumerate() {
@@ -370,7 +370,7 @@ fn a_band_that_moves_suits_backprojection_only() {
 }
 
 #[test]
-fn memory_is_refused_before_it_is_taken() {
+fn plan_beyond_memory_is_refused_before_allocation() {
     let bench = table_4_1();
     for former in every_former() {
         let former = former.as_ref();
@@ -381,14 +381,14 @@ fn memory_is_refused_before_it_is_taken() {
             former.name()
         );
     }
-    // A budget that fits little gives the same image as one that fits all.
+    // A small sufficient budget gives the same image as a large one.
     let exact = bench.form(&Exact);
     let tight = bench.try_form(&Exact, 500_000, &Silent).unwrap().image;
     assert_eq!(exact, tight);
 }
 
 #[test]
-fn work_can_be_stopped() {
+fn cancelled_work_stops() {
     struct Stop;
     impl Monitor for Stop {
         fn progress(&self, _fraction: f64) {}
@@ -409,7 +409,7 @@ fn work_can_be_stopped() {
 }
 
 #[test]
-fn a_unit_scatterer_reads_one() {
+fn unit_scatterer_has_amplitude_one_with_any_window() {
     let history = Preset::Table41.simulate(&Variation::default());
     let lone = PointTargetHistory::new(
         history.collection().clone(),
@@ -428,7 +428,7 @@ fn a_unit_scatterer_reads_one() {
     for former in formers {
         let image = bench.form(former);
         assert_eq!(image.pixels.len(), 1);
-        // -60 dB of the peak is 1e-3.
+        // 1e-3 is -60 dB of the peak.
         assert!(
             (image.pixels[0] - Complex32::ONE).norm() < 1e-3,
             "{}",

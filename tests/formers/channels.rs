@@ -1,5 +1,4 @@
-//! Channels summed coherently by every former that takes any track, against the sum over all channels, pulses and frequencies, written
-//! out here.
+//! Coherent sum of channels by every former for any track, against a sum over channels, pulses and frequencies written out here.
 
 use std::f64::consts::TAU;
 
@@ -18,10 +17,10 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Experiment, Scatterer};
 use subaperture_tests::experiment::{IDEAL, antenna, experiment, five_points, point, read_whole};
 
-/// Turns: pulses of a channel.
+/// Pulses of each channel.
 const TURNS: usize = 192;
 
-/// A radar of so many transmitters, which take turns, 15 cm apart up, and two receivers 40 cm apart along the track.
+/// A radar with `transmitters` antennas 15 cm apart in height, transmitting in turn, and two receivers 40 cm apart along the track.
 fn radar(transmitters: usize, points: Vec<Scatterer>) -> Experiment {
     let mut experiment = experiment(IDEAL, points);
     let up = |i: usize| antenna(&format!("tx{i}"), DVec3::Z * (0.15 * i as f64));
@@ -48,7 +47,7 @@ fn form(
     })
 }
 
-/// The mean over all channels, pulses and frequencies of what is recorded, each turned back by the path of its antennas.
+/// Matched-filter sum over all channels, pulses and frequencies, divided by their count.
 fn sum_over_all(channels: &Channels, grid: &ImageGrid) -> Vec<Complex64> {
     let mut pixels = vec![Complex64::ZERO; grid.rows.count * grid.columns.count];
     let mut count = 0;
@@ -85,7 +84,7 @@ fn error_db(pixels: &[Complex32], expected: &[Complex64]) -> f64 {
     10.0 * (error / power).log10()
 }
 
-/// The pulses of all channels in the order of time.
+/// The pulses of all channels in order of time.
 fn in_turn(channels: &Channels) -> InMemory {
     let mut collection = channels.channel(0).collection().clone();
     collection.pulses.clear();
@@ -105,7 +104,7 @@ fn in_turn(channels: &Channels) -> InMemory {
 }
 
 #[test]
-fn formers_keep_their_bound_on_the_sum_of_channels() {
+fn formers_keep_bound_on_sum_of_channels() {
     let grid: ImageGrid = "x=-16:16:0.83,y=-16:16:0.79,z=0".parse().unwrap();
     for transmitters in [1, 2] {
         let experiment = radar(transmitters, five_points());
@@ -129,10 +128,10 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
         let ffbp = FastFactorised::default();
         let mut formers: Vec<&dyn ImageFormer> = vec![&Exact, bp, rdbp, &ffbp];
         if transmitters == 1 {
-            // Two receivers beside each other pass the same places one after another, which omega-k takes as they are.
+            // Two receivers next to each other pass the same positions in turn; omega-k accepts this.
             formers.push(&omega_k);
         } else {
-            // A second transmitter elsewhere is on no line with the first.
+            // A second transmitter at another height does not lie on the line of the first.
             let refused = form(&omega_k, &sum, &grid, Window::None).unwrap_err();
             assert!(
                 matches!(refused, FormError::BoundMissed { .. }),
@@ -148,7 +147,7 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
                 former.name(),
                 formed.predicted_error_db
             );
-            // The exact sum's pixels are rounded to float32.
+            // Pixels of the exact sum are rounded to float32.
             assert!(
                 measured_db < former.bound_db().unwrap_or(-140.0),
                 "{}",
@@ -160,7 +159,7 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
                 former.name()
             );
         }
-        // Sub-CPIs are as long as those of one channel; with channels in turn each would hold that many fewer moments.
+        // Sub-CPIs have the length of one channel's; interleaved channels would give each sub-CPI that many fewer pulse times.
         let pulses = |formed: &Formed| formed.settings["sub_cpi_pulses"].as_u64().unwrap();
         let rdbp = RangeDopplerBackprojection::default();
         let together = form(&rdbp, &sum, &grid, Window::None).unwrap();
@@ -175,9 +174,9 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
     }
 }
 
-/// So few turns that the step from channel to channel is none that stands out.
+/// So few pulses of each channel that the step between channels does not stand out.
 #[test]
-fn bounds_are_kept_where_channels_have_few_pulses() {
+fn formers_keep_bound_with_few_pulses_per_channel() {
     let grid: ImageGrid = "x=-16:16:2.3,y=-16:16:2.1,z=0".parse().unwrap();
     for turns in [1, 2, 5] {
         let mut experiment = radar(2, five_points());
@@ -200,7 +199,7 @@ fn bounds_are_kept_where_channels_have_few_pulses() {
 }
 
 #[test]
-fn a_unit_scatterer_reads_1_with_any_number_of_channels() {
+fn unit_scatterer_has_amplitude_one_with_any_number_of_channels() {
     let grid: ImageGrid = "x=-2:2:0.5,y=-2:2:0.5,z=0".parse().unwrap();
     for transmitters in [1, 2, 3] {
         let experiment = radar(transmitters, vec![point(1.0, -0.5, 1.0)]);
@@ -224,9 +223,9 @@ fn a_unit_scatterer_reads_1_with_any_number_of_channels() {
     }
 }
 
-/// Every channel under the same window: the sum is the mean of their images.
+/// Every channel has the same window, so the sum is the mean of the channels' images.
 #[test]
-fn windows_weigh_every_channel_alike() {
+fn window_is_the_same_for_every_channel() {
     let grid: ImageGrid = "x=-16:16:1.9,y=-16:16:1.7,z=0".parse().unwrap();
     for transmitters in [1, 3] {
         let experiment = radar(transmitters, five_points());
@@ -243,7 +242,7 @@ fn windows_weigh_every_channel_alike() {
         let off_db = error_db(&formed.image.pixels, &mean);
         // Rounded to float32 on both sides.
         assert!(off_db < -140.0, "{transmitters}: {off_db}");
-        // As a whole whose pulses are not put in order again.
+        // The same as one recording whose pulses keep their order.
         let alone = Joined::alone(Box::new(
             InMemory::new(sum.collection().clone(), read_whole(&sum)).unwrap(),
         ));

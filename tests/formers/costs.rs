@@ -1,4 +1,4 @@
-//! What formers say that an image takes, against counts by hand and what is known of the scene.
+//! Operation counts and memory that formers state, against counts by hand.
 
 use serde_json::Value;
 use subaperture::focus::formers::FORMERS;
@@ -49,24 +49,24 @@ fn transform(length: f64) -> f64 {
     5.0 * length * length.log2()
 }
 
-fn near(got: f64, expected: f64, tolerance: f64, what: &str) {
-    println!("{what}: {got:.4e}, by hand {expected:.4e}");
+fn near(got: f64, expected: f64, tolerance: f64, name: &str) {
+    println!("{name}: {got:.4e}, by hand {expected:.4e}");
     assert!(
         (got / expected - 1.0).abs() <= tolerance,
-        "{what}: {got} {expected}"
+        "{name}: {got} {expected}"
     );
 }
 
-/// What a pixel more takes, of 300 x 300 against 200 x 200, where nothing else depends on them.
+/// Operations of one more pixel: the difference between 300 x 300 and 200 x 200 pixels, where only the number of pixels matters.
 #[test]
-fn operations_of_a_pixel_agree_with_its_loop() {
+fn operations_of_a_pixel_agree_with_inner_loop() {
     for (name, operations) in [
-        // A complex product (4 and 2) and sum (2) for each pulse and frequency.
+        // A complex product (4 products, 2 sums) and a complex sum (2) for each pulse and frequency.
         ("exact", 8.0 * PULSES * SAMPLES),
-        // The paths from 16 pulses, 11 each, and as much to fit a place to them; a phasor; 6 x 6 values, each with a real weight 2
-        // and to add 2.
+        // Paths from 16 pulses at 11 each, and as much to fit the position in the spectrum; a phasor; 6 x 6 values, each a real weight (2)
+        // and a sum (2).
         ("pfa", 16.0 * 22.0 + 20.0 + 4.0 * 36.0),
-        // Its place on the line and from it, and 6 taps in both directions, those of rows first.
+        // Position along the line and across it, and 6 taps in both directions, rows first.
         ("omega-k", 40.0),
         ("rda", 40.0),
     ] {
@@ -83,8 +83,8 @@ fn operations_of_a_pixel_agree_with_its_loop() {
     }
     for side in [200, 300] {
         let Decision { cost, settings, .. } = decide(&*listed("bp"), &grid(side));
-        // For each pulse: place 2; nearest bin and the way to it 3; a spline of two parts 4 a degree; the carrier from the last two 4,
-        // and times the group's 6; a complex product 6 and a sum 2.
+        // For each pulse: position 2; nearest bin and offset 3; a spline of two components 4 per degree; the carrier from the last two 4,
+        // times that of the group 6; a complex product 6 and a sum 2.
         let each = 23.0 + 4.0 * settings["spline_degree"].as_f64().unwrap();
         let pixels = (side * side) as f64;
         let own = (cost.operations - cost.shared_operations) / pixels;
@@ -92,8 +92,8 @@ fn operations_of_a_pixel_agree_with_its_loop() {
     }
 }
 
-/// Both comparisons with the exact sum: 64 pixels spread evenly and 64 drawn, a complex product (6) and sum (2) for each pulse and frequency, and
-/// a range profile of each pulse. Of 10 x 10 pixels all are compared, once.
+/// Two comparisons with the exact sum, 64 pixels spread evenly and 64 drawn: a complex product (6) and a sum (2) for each pulse and
+/// frequency, and a range profile of each pulse. All of 10 x 10 pixels are compared, once.
 #[test]
 fn forecast_counts_both_comparisons_with_the_exact_sum() {
     let history = Preset::Table41.simulate(&Variation::default());
@@ -125,15 +125,15 @@ fn forecast_counts_both_comparisons_with_the_exact_sum() {
 }
 
 #[test]
-fn profiles_are_transformed_once_a_pulse() {
+fn each_pulse_has_one_range_transform() {
     let grid = grid(200);
     let decision = decide(&*listed("bp"), &grid);
     let bins = decision.settings["profile_length"].as_f64().unwrap();
-    // Of each bin that is read the coefficients of a polynomial from as many values, by the weight.
+    // For each bin read: polynomial coefficients from as many values, and the weight.
     let taps = decision.settings["spline_degree"].as_f64().unwrap() + 1.0;
     let piece = 2.0 * taps * taps + 2.0 * taps;
     let made = decision.cost.shared_operations / PULSES - transform(bins);
-    // Between the least path to the grid's edges and the largest: within them there is none less or larger.
+    // Shortest and longest path to the grid's edges: no path inside the grid lies outside this interval.
     let history = Preset::Table41.simulate(&Variation::default());
     let edges = (0..200).flat_map(|i| [[0, i], [199, i], [i, 0], [i, 199]]);
     let edges: Vec<_> = edges.map(|[i, j]| grid.position_m(i, j)).collect();
@@ -148,7 +148,8 @@ fn profiles_are_transformed_once_a_pulse() {
     let least = places.iter().copied().fold(f64::INFINITY, f64::min);
     let read = places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - least;
     assert!(read < 0.9 * bins, "{read} of {bins}");
-    // To either side as far as the corner of a tile of 64 x 64 pixels and its last groups lie, 16 bins of windows, and whole bins.
+    // Margins on either side: the half-diagonal of a tile of 64 x 64 pixels with its last groups, 16 bins of windows, and rounding to whole
+    // bins.
     let bin_m = 299_792_458.0 / (bins * history.collection().pulses[0].step_hz);
     let reach = 2.0 * (32.0 + 15.0) * 2f64.sqrt() * 0.4 / bin_m + 18.0;
     let pieces = made / piece;
@@ -159,21 +160,22 @@ fn profiles_are_transformed_once_a_pulse() {
 }
 
 #[test]
-fn sub_cpis_take_maps_and_their_reading() {
+fn operations_of_rdbp_are_maps_and_interpolation() {
     let side = 400;
     let decision = decide(&*listed("rdbp"), &grid(side));
     let chosen = |key: &str| decision.settings[key].as_u64().unwrap() as usize;
     let (longest, count) = (chosen("sub_cpi_pulses"), chosen("sub_cpis"));
     let (rows, taps) = (chosen("patch_rows"), chosen("kernel_taps") as f64);
     let patches = side.div_ceil(rows) * side.div_ceil(chosen("patch_columns"));
-    // A scatterer at the edge of a patch goes nearer by 2 x d / R a pulse: d = 0.125 m, R = 5000 m. Doppler bins are twice
-    // Nyquist's at 10.1 GHz, a tenth more, and the kernel's reach and a bin on both sides.
+    // A scatterer at the edge of a patch approaches by 2 x d / R per pulse: offset x, pulse spacing d = 0.125 m, R = 5000 m. Doppler bins are twice the Nyquist
+    // rate's at 10.1 GHz plus a tenth, with the kernel's half-width and one bin on both sides.
     let edge_m = (chosen("patch_columns") - 1) as f64 / 2.0 * 80.0 / side as f64;
     let doppler = 2.0 * edge_m * 0.125 / 5000.0 * 10e9 / 299_792_458.0;
     let map = |pulses: f64| {
         let reach = (1.1 * doppler * 2.0 * pulses * 1.01).ceil() + 1.0 + taps / 2.0;
         let bins = 2.0 * reach + 1.0;
-        // Of two pulses as far from the middle and two bins as far from zero: 4 products with sums, and as many to turn sine and cosine.
+        // Two pulses symmetric to the middle and two bins symmetric to zero share 4 products with sums, and as many to rotate sine and
+        // cosine.
         8.0 * pulses * SAMPLES
             + SAMPLES * pulses / 2.0 * bins / 2.0 * (8.0 + 8.0)
             + bins * transform(2.0 * SAMPLES)
@@ -190,12 +192,12 @@ fn sub_cpis_take_maps_and_their_reading() {
 }
 
 #[test]
-fn the_thesis_takes_maps_of_the_scene() {
+fn operations_of_thesis_mode_are_scene_maps() {
     let thesis = RangeDopplerBackprojection::default()
         .mode(Mode::Thesis(Thesis::default()))
         .sub_cpi(40);
     let decision = decide(&thesis, &grid(200));
-    // 640 and 2560 are fast lengths: 2^7 5 and 2^9 5.
+    // 640 and 2560 are lengths of fast transforms: 2^7 5 and 2^9 5.
     let map = 4.0 * SAMPLES * 1600.0 + SAMPLES * transform(640.0) + 640.0 * transform(2560.0);
     near(decision.cost.shared_operations, 26.0 * map, 1e-6, "maps");
     near(
@@ -206,15 +208,15 @@ fn the_thesis_takes_maps_of_the_scene() {
     );
 }
 
-/// What was told of Table 4.1 on 400 x 400 pixels within -60 dB when sizes were estimated, not decided: rounded lengths and
-/// margins are a few per cent.
+/// Operations of Table 4.1 on 400 x 400 pixels within -60 dB from an earlier estimate that ignored rounded lengths and margins, a few per
+/// cent.
 #[test]
-fn accounts_are_as_they_were() {
+fn operations_agree_with_recorded_counts() {
     for (name, operations) in [
         ("exact", 3.407_872e11),
-        // Since the carrier is turned down a tile; 6.508e9 by a phasor for each pixel.
+        // With the carrier demodulated once per tile; 6.508e9 with a phasor for each pixel.
         ("bp", 5.304_749e9),
-        // Since Doppler is a product of matrices; 1.002e9 by chirp-z.
+        // With the Doppler transform as a matrix product; 1.002e9 with the chirp-z transform.
         ("rdbp", 9.226_035e8),
         ("pfa", 1.339_082e8),
         ("omega-k", 9.341_259e7),
@@ -225,7 +227,7 @@ fn accounts_are_as_they_were() {
     }
 }
 
-/// A plan says it too, and what a tile alone takes: all that is shared, and its pixels' part.
+/// A plan states its operations and memory, and those of a single tile: the shared part and the part of its pixels.
 #[test]
 fn plans_state_operations_and_memory() {
     let history = Preset::Table41.simulate(&Variation::default());

@@ -1,4 +1,4 @@
-//! The frequency-domain formers on tracks that are neither straight nor even, against the exact sum.
+//! Frequency-domain formers on tracks that are bent or flown unevenly, against the exact sum.
 
 use glam::DVec3;
 use serde_json::json;
@@ -19,11 +19,11 @@ use crate::strip_scene::{
     OMEGA_K, RAIL, RDA, Radar, STRIPMAP, errors_db, others, try_form, twelve,
 };
 
-/// Smooth random motion: of each direction four sines of up to `cycles` cycles over the aperture, together of `rms_m`.
+/// Smooth random motion with RMS `rms_m` along each axis: four sines of up to `cycles` cycles over the aperture.
 fn wandering(seed: u32, num_pulses: usize, cycles: f64, rms_m: DVec3) -> impl Fn(f64) -> DVec3 {
     let mut state = u64::from(seed) * 2 + 1;
     let mut draw = move || {
-        // Knuth's multiplier; the upper bits.
+        // Knuth's multiplier; the upper bits are used.
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
@@ -44,7 +44,7 @@ fn wandering(seed: u32, num_pulses: usize, cycles: f64, rms_m: DVec3) -> impl Fn
     }
 }
 
-/// The image without windows as one compensation forms it, whatever it errs by.
+/// The image without windows by one method of motion compensation, whatever its error.
 fn compensated(
     former: &dyn ImageFormer,
     history: &PointTargetHistory,
@@ -75,7 +75,7 @@ fn compensated(
     })
 }
 
-/// The strip map's radar, whose antenna wanders from its line by as much in RMS: along, across and up.
+/// The stripmap radar with random motion of RMS `rms_m` along track, across track and in height.
 fn wandering_stripmap(seed: u32, rms_m: DVec3) -> PointTargetHistory {
     let path = wandering(seed, STRIPMAP.num_pulses, 4.0, rms_m);
     let collection = STRIPMAP.collection_on(|n| {
@@ -85,8 +85,8 @@ fn wandering_stripmap(seed: u32, rms_m: DVec3) -> PointTargetHistory {
     PointTargetHistory::new(collection, twelve([30.0, 30.0]), None)
 }
 
-/// The table in the documentation of motion compensation: surge, sway and heave, metres, and errors of omega-k that are at most and at
-/// least left for a point, by places and by range. What it predicts is never less than what is measured.
+/// Errors of omega-k after motion compensation of the point, of positions, and of ranges, for surge and for sway and heave (m). These are
+/// the numbers in the documentation of motion compensation. No prediction is below the measurement.
 #[test]
 fn residual_of_each_motion_compensation() {
     let grid: ImageGrid = "x=-30:30:2.3,y=-30:30:2.7".parse().unwrap();
@@ -101,7 +101,7 @@ fn residual_of_each_motion_compensation() {
         let history = wandering_stripmap(3, DVec3::new(surge_m, sway_m, sway_m));
         let form = |former| try_form(&history, &grid, Window::None, former, 1 << 30, &Silent);
         let exact = form(&Exact).unwrap().image;
-        // So little that everything is looked at, unless nothing is left.
+        // A bound so small that every method is evaluated.
         let former = OmegaK { error_db: -190.0 };
         let formed = form(&former).unwrap();
         for (compensation, [least_db, most_db]) in
@@ -114,7 +114,7 @@ fn residual_of_each_motion_compensation() {
                 "{surge_m} {sway_m} {compensation}: {got_db:.1} dB, predicted {predicted_db:.1?}"
             );
             assert!(least_db < got_db && got_db < most_db, "{got_db}");
-            // A prediction of nearly nothing is of the track alone, and beside it stand kernels; one of everything says no more.
+            // Predictions below -95 dB omit the kernels' error; those above -3 dB are saturated.
             let of_track = predicted_db.filter(|db| (-95.0..-3.0).contains(db));
             assert!(
                 of_track.is_none_or(|db| got_db <= db),
@@ -127,11 +127,11 @@ fn residual_of_each_motion_compensation() {
 }
 
 #[test]
-fn wandering_tracks_err_as_predicted_and_the_cheapest_way_is_taken() {
+fn cheapest_motion_compensation_that_keeps_bound_is_used() {
     let grid = "x=-30:30:2.3,y=-30:30:2.7";
     for seed in 0..3 {
-        // A straight track flown unevenly needs its places; one that sways by 6 cm in RMS as much as is there.
-        for (rms_m, way) in [
+        // A straight track flown unevenly needs the compensation of positions; one with 6 cm RMS of sway that of ranges.
+        for (rms_m, method) in [
             (DVec3::new(0.7, 0.0, 0.0), "places"),
             (DVec3::new(0.7, 0.06, 0.06), "ranges"),
         ] {
@@ -154,12 +154,12 @@ fn wandering_tracks_err_as_predicted_and_the_cheapest_way_is_taken() {
                 1 << 30,
                 &Silent,
             );
-            assert_eq!(formed.unwrap().settings["motion_compensation"], way);
+            assert_eq!(formed.unwrap().settings["motion_compensation"], method);
         }
     }
 }
 
-/// Near the ground directions differ most: 1.2 GHz, 4 m of track 2 m high, pixels 8 to 14 m off, and 1 cm of sway.
+/// Directions differ most near the ground: 1.2 GHz, 4 m of track at 2 m height, pixels 8 to 14 m away, and 1 cm of sway.
 #[test]
 fn residual_of_directions_near_the_ground_is_predicted() {
     let path = wandering(5, 201, 3.0, DVec3::new(0.05, 0.01, 0.01));
@@ -188,7 +188,7 @@ fn residual_of_directions_near_the_ground_is_predicted() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit_and_memory_is_counted() {
+fn image_is_bit_identical_for_any_thread_count_and_memory_is_counted() {
     let history = wandering_stripmap(7, DVec3::new(0.5, 0.1, 0.1));
     let grid: ImageGrid = "x=-30:30:2.3,y=-30:30:2.7".parse().unwrap();
     let on = |threads: usize| {
@@ -203,7 +203,7 @@ fn threads_do_not_change_a_bit_and_memory_is_counted() {
 
 #[test]
 fn small_deviations_are_compensated_and_large_ones_refused() {
-    // 3 cm of slow sway, and antennas 0.5 m apart: exact at the grid's middle.
+    // 3 cm of slow sway, and antennas 0.5 m apart: the compensation is exact at the grid's middle.
     let radar = Radar {
         antennas: |n| {
             let sway_m = 0.03 * (n * 0.02).sin();
@@ -222,7 +222,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
     };
     let got = errors_db("sway", &history, grid, Window::None, [&omega_k, &rda]);
     assert!(got.iter().all(|&db| db < -40.0), "{got:?}");
-    // What the track leaves is in the prediction of either.
+    // The prediction of both formers includes the residual of the track.
     for former in [&omega_k as &dyn ImageFormer, &rda] {
         let grid = grid.parse().unwrap();
         let formed = try_form(&history, &grid, Window::None, former, 1 << 30, &Silent).unwrap();
@@ -230,7 +230,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
         assert!((-64.0..-40.0).contains(&predicted_db), "{predicted_db}");
     }
 
-    // A circle of 3 km: 2.4 m off the line at the ends of 240 m.
+    // A circle of radius 3 km: the ends of 240 m of track lie 2.4 m off the line.
     let curved = Radar {
         antennas: |n| {
             let angle = n * 0.4 / 3000.0;
@@ -256,7 +256,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
             assert!(matches!(error, FormError::BoundMissed { .. }), "{error}");
             assert!(error.to_string().contains("not straight"), "{error}");
             assert!(others(&error).contains(&"rdbp"), "{error:?}");
-            // Formed all the same, it is as bad as was said.
+            // Formed with `BoundPolicy::Allowed`, the image has the predicted error.
             let [got] = errors_db(
                 "bent",
                 &history,
@@ -270,12 +270,12 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
 }
 
 #[test]
-fn gaps_and_stops_are_no_errors() {
-    // 40 m without pulses in the middle of the track; and a radar that stands still for a third of its pulses.
+fn gaps_and_stops_cause_no_error() {
+    // 40 m without pulses in the middle of the track, and a radar that stands still for a third of its pulses.
     let gap = |n: f64| 0.4 * n + 20.0 * n.signum();
     let stop = |n: f64| 0.4 * (n - n.clamp(-100.0, 100.0));
     let straight: [(&str, &dyn Fn(f64) -> f64); 2] = [("gap", &gap), ("stop", &stop)];
-    for (what, along_m) in straight {
+    for (case, along_m) in straight {
         let collection = STRIPMAP.collection_on(|n| {
             let at = DVec3::new(along_m(n), -3000.0, 0.0);
             (at, at)
@@ -283,7 +283,7 @@ fn gaps_and_stops_are_no_errors() {
         let history = PointTargetHistory::new(collection, twelve([30.0, 30.0]), None);
         let formers: [&dyn ImageFormer; 2] = [&OMEGA_K, &RDA];
         let [omega_k, rda] = errors_db(
-            what,
+            case,
             &history,
             "x=-30:30:2.3,y=-30:30:2.7",
             Window::None,

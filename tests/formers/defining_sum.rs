@@ -1,5 +1,5 @@
-//! Every former against the sum that defines the image, written out in [`subaperture_tests::plain_sum`], on samples made by the same
-//! module: no code of the library on the other side, not even its windows.
+//! Every former against the sum that defines the image, written out in [`subaperture_tests::plain_sum`]. That module also makes the
+//! samples; it uses no code of the library, not even its windows.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -14,13 +14,13 @@ use subaperture_tests::experiment::difference_db;
 use subaperture_tests::plain_history::{complex, pixels_m, plain_echoes, plain_sum};
 use subaperture_tests::plain_sum::{Complex, LIGHT_M_S, PlainPulse, PlainSum, hamming};
 
-/// The bound asked of every former that takes one.
+/// Error bound of every former that accepts one, dB.
 const BOUND_DB: f64 = -60.0;
 
-/// Rounding of pixels to float32 is 2^-25 in RMS, -150 dB; of a path of 10 km to float64 1e-12 m, 2e-10 rad at 10 GHz, -190 dB.
+/// Rounding of pixels to float32 is 2^-25 in RMS, -150 dB. Rounding of a path of 10 km to float64 is 1e-12 m, 2e-10 rad at 10 GHz, -190 dB.
 const EXACT_DB: f64 = -140.0;
 
-/// A recording, a grid, weights and the defining sum's image.
+/// Recording, grid, weights, and the image by the defining sum.
 struct Scene {
     history: InMemory,
     grid: ImageGrid,
@@ -29,8 +29,8 @@ struct Scene {
 }
 
 impl Scene {
-    /// Ten scatterers within `half_m` of the origin, seen from antennas by the pulse's number from the aperture's middle, Hamming's weights
-    /// over frequencies and pulses.
+    /// Ten scatterers within `half_m` of the origin and Hamming weights over frequencies and pulses. `antennas` gives transmitter and
+    /// receiver by pulse number, 0 in the middle.
     fn new(
         num_pulses: usize,
         (start_hz, step_hz, num_samples): (f64, f64, usize),
@@ -115,7 +115,7 @@ impl Scene {
             let [measured_db, predicted_db] = self.errors_db(&*entry.within(BOUND_DB));
             let bound_db = if name == "exact" { EXACT_DB } else { BOUND_DB };
             assert!(measured_db <= bound_db, "{name}: {measured_db} dB");
-            // A prediction rests on 64 pixels or on a bound: 1 dB is left to chance.
+            // 1 dB of tolerance, as the prediction may be a statistical estimate from 64 pixels.
             assert!(
                 measured_db <= predicted_db + 1.0,
                 "{name}: {measured_db} dB"
@@ -126,10 +126,10 @@ impl Scene {
     }
 }
 
-/// A unit scatterer `x` metres nearer than the reference point, on a track that stands still: `sum_k exp(-j 2 pi f_k 2 x / c) / K`
-/// is the middle frequency's phase times Dirichlet's kernel.
+/// A unit scatterer `x` metres closer than the reference point, seen by a stationary radar: `sum_k exp(-j 2 pi f_k 2 x / c) / K` is the
+/// phase of the middle frequency times the Dirichlet kernel.
 #[test]
-fn plain_sum_is_the_closed_form() {
+fn plain_sum_of_scatterer_is_dirichlet_kernel() {
     let (start_hz, step_hz, count) = (9.4e9, 3e6, 50);
     let pulse = PlainPulse {
         transmitter_m: [0.0, -800.0, 0.0],
@@ -160,13 +160,13 @@ fn plain_sum_is_the_closed_form() {
         };
         let phase = TAU * (start_hz + step_hz * (count as f64 - 1.0) / 2.0) * delay_s;
         let (expected_re, expected_im) = (kernel * phase.cos(), kernel * phase.sin());
-        // 1600 m in float64 are 2e-13 m, 5e-11 rad at 9.4 GHz; the phase here of 3000 rad has 5e-13.
+        // Paths of 1600 m in float64 are exact to 2e-13 m, 5e-11 rad at 9.4 GHz; the phase of 3000 rad to 5e-13.
         let off = (re - expected_re).hypot(im - expected_im);
         assert!(off < 1e-10, "{x}: {re} {im}, {expected_re} {expected_im}");
     }
 }
 
-/// A straight pass: 50 m of track at 5 km, 200 MHz at 10 GHz. All formers of the list form it.
+/// A straight pass that every former accepts: 50 m of track at 5 km, 200 MHz at 10 GHz.
 #[test]
 fn every_former_forms_the_defining_sum_of_a_straight_pass() {
     let scene = Scene::new(
@@ -179,7 +179,7 @@ fn every_former_forms_the_defining_sum_of_a_straight_pass() {
     let names = FORMERS.map(|entry| entry.name);
     assert_eq!(scene.judge(&names).len(), FORMERS.len());
 
-    // The thesis's mode keeps what it predicts, -18.7 dB on Table 4.1 with 40 pulses a sub-CPI, and no bound.
+    // The thesis's mode has no bound; its prediction holds: -18.7 dB on Table 4.1 with 40 pulses in each sub-CPI.
     let thesis = former(
         "rdbp",
         &serde_json::json!({ "mode": { "thesis": {} }, "sub_cpi": 40 }),
@@ -188,7 +188,7 @@ fn every_former_forms_the_defining_sum_of_a_straight_pass() {
     assert!(measured_db < -12.0 && measured_db <= predicted_db + 1.0);
 }
 
-/// Two antennas on bent tracks, a tilted plane and a polar grid: what the formers for any track take.
+/// Formers for any track: two antennas on bent tracks, a tilted plane and a polar grid.
 #[test]
 fn formers_for_any_track_form_the_defining_sum_of_a_bent_bistatic_one() {
     let antennas = |n: f64| {

@@ -1,5 +1,5 @@
-//! Formers at the edges of what they are given: nothing, one of everything, no motion, positions that are not
-//! numbers, grids beyond any memory. None panics; what is formed is the exact sum; what is refused says why.
+//! Formers on degenerate input: empty recordings and grids, one pulse, one sample or one pixel, no motion, non-finite positions, grids
+//! beyond any memory. None panics; an image that is formed equals the exact sum; a refusal states its reason.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -44,7 +44,7 @@ fn formers() -> Vec<Box<dyn ImageFormer>> {
     ]
 }
 
-/// A radar at 1 GHz, 300 m from a scatterer at the origin's side.
+/// A radar at 1 GHz, 300 m from a scatterer near the origin.
 fn history(
     num_pulses: usize,
     num_samples: usize,
@@ -80,7 +80,7 @@ fn history(
     PointTargetHistory::new(collection, vec![scatterer], None)
 }
 
-/// Along x, a metre a pulse.
+/// Antenna position of pulse `n`: along x, 1 m from pulse to pulse.
 fn line(n: f64) -> DVec3 {
     DVec3::new(n, -300.0, 0.0)
 }
@@ -106,7 +106,7 @@ fn grid(text: &str) -> ImageGrid {
 }
 
 #[test]
-fn nothing_is_refused() {
+fn empty_recordings_and_grids_are_refused() {
     let some = grid("x=-2:2:0.5,y=-2:2:0.5");
     let none = Axis {
         start: 0.0,
@@ -122,7 +122,7 @@ fn nothing_is_refused() {
         ..some.clone()
     };
     for former in formers() {
-        for (history, grid, what) in [
+        for (history, grid, reason) in [
             (history(0, 8, line), &some, "no pulses"),
             (history(5, 0, line), &some, "no samples"),
             (history(5, 8, line), &no_rows, "no pixels"),
@@ -131,17 +131,17 @@ fn nothing_is_refused() {
             let error = form(&*former, &history, grid).unwrap_err();
             let text = error.to_string();
             assert!(matches!(error, FormError::Unsuited(_)), "{text}");
-            assert!(text.contains(what), "{}: {text}", former.name());
+            assert!(text.contains(reason), "{}: {text}", former.name());
         }
     }
 }
 
-/// One pulse, one sample, one pixel, or no motion: the exact sum, or a refusal that names another former.
+/// One pulse, one sample, one pixel, or no motion: the image equals the exact sum, or the refusal names another former.
 #[test]
-fn one_of_everything_is_formed_or_refused() {
+fn single_pulse_sample_or_pixel_is_formed_or_refused() {
     let some = "x=-2:2:0.5,y=-2:2:0.5";
     let still = |_| DVec3::new(0.0, -300.0, 0.0);
-    for (what, history, text) in [
+    for (case, history, text) in [
         ("one pulse", history(1, 32, line), some),
         ("one sample", history(40, 1, line), some),
         ("one of both", history(1, 1, line), some),
@@ -165,20 +165,20 @@ fn one_of_everything_is_formed_or_refused() {
             match form(&*former, &history, &grid) {
                 Ok(formed) => {
                     let error_db = error_db(&formed.image, &exact);
-                    // The range-Doppler algorithm keeps no bound, but says what it expects.
+                    // The range-Doppler algorithm has no bound, but predicts its error.
                     let bound_db = formed.predicted_error_db.max(ERROR_DB);
-                    println!("{what}: {} {error_db:.1} dB", former.name());
-                    assert!(error_db < bound_db, "{what}: {}", former.name());
+                    println!("{case}: {} {error_db:.1} dB", former.name());
+                    assert!(error_db < bound_db, "{case}: {}", former.name());
                 }
                 Err(error) => {
-                    println!("{what}: {}: {error}", former.name());
-                    let may_refuse: &[&str] = match what {
+                    println!("{case}: {}: {error}", former.name());
+                    let may_refuse: &[&str] = match case {
                         "an antenna amid the pixels" => &["rda", "omega-k", "pfa"],
                         _ => &["rda", "omega-k"],
                     };
                     assert!(
                         may_refuse.contains(&former.name()),
-                        "{what}: {}: {error}",
+                        "{case}: {}: {error}",
                         former.name()
                     );
                     let named = |remedy: &Remedy| matches!(remedy, Remedy::OtherFormer(names) if names.contains(&"bp"));
@@ -190,7 +190,7 @@ fn one_of_everything_is_formed_or_refused() {
 }
 
 #[test]
-fn extreme_numbers_do_not_panic() {
+fn extreme_positions_and_grids_do_not_panic() {
     let lost = |n: f64| match n {
         0.5 => DVec3::new(f64::NAN, 0.0, 0.0),
         _ => line(n),
@@ -199,7 +199,7 @@ fn extreme_numbers_do_not_panic() {
     let wide = grid("x=-9e8:9e8:1e8,y=-9e8:9e8:1e8");
     let fine = grid("x=0:1:1e-6,y=0:1:1e-6");
     for former in formers() {
-        // No image can be right; any answer but a panic will do, and numbers stay where they are.
+        // No image can be right here; any result except a panic is accepted.
         let result = form(&*former, &history(40, 32, lost), &some);
         println!("lost: {} {:?}", former.name(), result.err());
         let result = form(&*former, &history(40, 32, line), &wide);
@@ -211,7 +211,7 @@ fn extreme_numbers_do_not_panic() {
             former.name()
         );
     }
-    // All but the exact sum and plain backprojection have to say that so wide a grid is beyond them, or form it.
+    // All formers except the exact sum and backprojection must refuse so wide a grid, or form it.
     let error = form(
         &PolarFormat {
             error_db: ERROR_DB,

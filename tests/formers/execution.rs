@@ -1,4 +1,4 @@
-//! Execution of plans by tiles: a stricter plan replaces one whose image exceeds the bound, as for an image formed in memory.
+//! Execution of plans by tiles. A stricter plan replaces one whose image exceeds the bound, as for an image formed in memory.
 
 use std::error::Error;
 
@@ -16,13 +16,13 @@ use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 
-/// Nearly all energy of the recording comes from scatterers outside this grid, so that a plan from the geometry alone is not enough.
+/// Nearly all energy of the recording comes from scatterers outside this grid, so that a plan from the geometry alone is insufficient.
 const GRID: &str = "x=-8:8:0.4,y=-8:8:0.4";
 
 /// Image in memory that records its plans and the order of its tiles.
 struct Recorded {
     image: InMemory,
-    /// Tiles that this process forms, of the whole image.
+    /// Selects the tiles that this process forms, by number.
     own: fn(usize) -> bool,
     plans: Vec<Plan>,
     taken: Vec<usize>,
@@ -72,7 +72,7 @@ impl ImageSink for Recorded {
     }
 }
 
-/// Bound that the plan from the geometry keeps and its image does not, and the plan in tiles of 7 x 9 pixels.
+/// A bound that the plan from the geometry keeps but its image exceeds, and that plan in tiles of 7 x 9 pixels.
 fn case(spec: &ImageSpec, task: &Task) -> (FastFactorised, Plan) {
     let bounds = [-40.0, -45.0, -50.0, -60.0];
     let replans = |former: &FastFactorised| {
@@ -119,7 +119,7 @@ fn with_case(check: impl FnOnce(&FastFactorised, &Plan, &Execution<FastFactorise
 }
 
 #[test]
-fn tiles_are_planned_again_as_a_whole_image_is() {
+fn tiles_are_planned_again_like_a_whole_image() {
     with_case(|former, plan, execution, task| {
         let mut sink = Recorded::new(|_| true);
         let executed = execution.run(plan, &mut sink).unwrap().unwrap();
@@ -162,7 +162,7 @@ fn shared_plan_is_not_replaced() {
 }
 
 #[test]
-fn part_of_an_image_has_no_error_yet() {
+fn incomplete_image_has_no_error() {
     with_case(|_, plan, execution, _| {
         let mut sink = Recorded::new(|index| index % 2 == 1);
         assert!(execution.run(plan, &mut sink).unwrap().is_none());

@@ -1,5 +1,4 @@
-//! The frequency-domain formers against the exact sum: complex images, phase included, and points by
-//! their measures.
+//! Frequency-domain formers against the exact sum: complex images, phase included, and point responses.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -17,7 +16,7 @@ use crate::strip_scene::{
 };
 
 #[test]
-fn stripmap() {
+fn stripmap_images_keep_bound() {
     let history = STRIPMAP.over_many([50.0, 50.0]);
     for window in [Window::None, Window::default()] {
         let [omega_k, rda, without] = errors_db(
@@ -33,7 +32,7 @@ fn stripmap() {
 }
 
 #[test]
-fn rail() {
+fn rail_images_keep_bound() {
     let history = RAIL.over_many([2.0, 2.5]);
     let [omega_k, rda] = errors_db(
         "rail",
@@ -46,7 +45,7 @@ fn rail() {
 }
 
 #[test]
-fn table_4_1() {
+fn table_4_1_images_keep_bound() {
     let history = Preset::Table41.simulate(&Variation::default());
     let [omega_k, rda] = errors_db(
         "Table 4.1",
@@ -59,7 +58,7 @@ fn table_4_1() {
 }
 
 #[test]
-fn squint() {
+fn squinted_images_keep_bound() {
     let history = SQUINT.over_many([15.0, 15.0]);
     let [omega_k, rda, without] = errors_db(
         "squint",
@@ -72,7 +71,7 @@ fn squint() {
     assert!(without > -5.0, "{without}");
 }
 
-/// Measures of a point's response along a cut.
+/// Position and width of a point's response along a cut.
 struct Cut {
     peak_m: f64,
     width_m: f64,
@@ -81,13 +80,13 @@ struct Cut {
 }
 
 impl Cut {
-    /// Of values at `start_m + i step_m`, with the point's own main lobe among them.
+    /// From values at `start_m + i step_m`, which include the point's main lobe.
     fn new(start_m: f64, step_m: f64, values: &[num_complex::Complex32]) -> Self {
         let power: Vec<f64> = values.iter().map(|z| f64::from(z.norm_sqr())).collect();
         let top = (0..power.len())
             .max_by(|&a, &b| power[a].total_cmp(&power[b]))
             .unwrap();
-        // A parabola through the top three.
+        // A parabola through the three largest values.
         let (a, b, c) = (power[top - 1], power[top], power[top + 1]);
         let shift = 0.5 * (a - c) / (a - 2.0 * b + c);
         let peak = b - 0.25 * (a - c) * shift;
@@ -116,9 +115,8 @@ impl Cut {
 }
 
 #[test]
-fn a_point_is_where_it_is_and_as_wide_as_it_should() {
-    // Cuts of 20 resolutions: along track 0.37 m (240 m of track at 3 km), on the ground 1.6 m (1.5 m
-    // of range at 1 km height).
+fn points_have_exact_position_and_width() {
+    // Cuts of 20 resolution cells: 0.37 m along track (240 m of track at 3 km), 1.6 m on the ground (1.5 m of range from 1 km height).
     let stripmap = (&STRIPMAP, DVec3::new(13.31, -17.73, 0.0), [0.37, 1.59]);
     // 1.6 m of rail at 9.4 m and 1.2 GHz; 200 MHz.
     let rail = (&RAIL, DVec3::new(0.31, 0.43, 0.0), [0.73, 0.75]);
@@ -174,7 +172,7 @@ fn a_point_is_where_it_is_and_as_wide_as_it_should() {
 }
 
 #[test]
-fn any_plane_and_either_kind_of_grid() {
+fn tilted_planes_and_polar_grids_keep_bound() {
     let history = STRIPMAP.over_many([20.0, 20.0]);
     for grid in [
         "x=-20:20:1.7,y=-20:20:1.9,yaw=30,pitch=10,roll=-20",
@@ -187,8 +185,8 @@ fn any_plane_and_either_kind_of_grid() {
 }
 
 #[test]
-fn slow_time_that_is_sampled_too_coarsely_is_as_ambiguous_as_it_is() {
-    // 3 m from pulse to pulse and 600 m of track: ambiguities lie 30 m apart, inside the scene.
+fn undersampled_slow_time_has_the_ambiguities_of_the_exact_sum() {
+    // 3 m between pulses and 600 m of track: ambiguities lie 30 m apart, inside the scene.
     let radar = Radar {
         num_pulses: 200,
         antennas: |n| {
@@ -211,7 +209,7 @@ fn unsuited_geometry_is_refused() {
             let grid = grid.parse().unwrap();
             try_form(history, &grid, Window::None, former, memory_bytes, &Silent).unwrap_err()
         };
-    // Pixels on the track's line, next to it, far along it, and past the budget.
+    // Pixels on the track's line, close to it, far along it, and grids beyond the memory.
     for (grid, expected) in [
         ("x=-1:1:0.5,y=-9:-8:0.5", "too near"),
         ("x=-1:1:0.5,y=-8.9:-8:0.5", "too near"),
@@ -225,7 +223,7 @@ fn unsuited_geometry_is_refused() {
         let error = refused(&history, "x=-1:1:0.1,y=-1:1:0.1", 40_000, former);
         assert!(matches!(error, FormError::Memory { .. }), "{error}");
     }
-    // 0.3 to 1.7 GHz: what goes 45 degrees off at 1.7 GHz does not exist at 1 GHz.
+    // 0.3 to 1.7 GHz: a wavenumber 45 degrees from broadside at 1.7 GHz does not exist at 1 GHz.
     let wide = Radar {
         band: (0.3e9, 20e6, 71),
         ..RAIL
@@ -236,7 +234,7 @@ fn unsuited_geometry_is_refused() {
 }
 
 #[test]
-fn threads_do_not_change_a_bit_and_work_can_be_stopped() {
+fn image_is_bit_identical_for_any_thread_count_and_cancelled_work_stops() {
     struct Stop;
     impl Monitor for Stop {
         fn progress(&self, _fraction: f64) {}
@@ -258,12 +256,12 @@ fn threads_do_not_change_a_bit_and_work_can_be_stopped() {
     }
 }
 
-/// A stage kept: kind, values, rows, columns.
+/// A stored stage: kind, values, rows, columns.
 type Kept = (StageKind, Vec<num_complex::Complex32>, Axis, Axis);
 
 #[test]
 fn stages_hold_the_documented_arrays() {
-    // The rail: a scatterer 9 m off, 0.3 m ahead of the aperture's centre.
+    // The rail: a scatterer 9 m away, 0.3 m ahead of the aperture's centre.
     let at = DVec3::new(0.3, 0.0, 0.0);
     let scatterer = Scatterer {
         position_m: at,
@@ -305,7 +303,7 @@ fn stages_hold_the_documented_arrays() {
         let (kind, values, rows, columns) = spectrum;
         assert_eq!(*kind, StageKind::Spectrum);
         assert_eq!((rows.count, columns.count), (51, sizes.along_wavenumbers));
-        // The transform over slow time, a plain sum over the paths of 81 antennas.
+        // Slow-time transform by a plain sum over the paths of 81 antennas.
         for (k, q) in [(0, 0), (25, columns.count / 2), (50, columns.count - 1)] {
             let sum: Complex64 = (0..81)
                 .map(|n| {
@@ -317,12 +315,12 @@ fn stages_hold_the_documented_arrays() {
                 .sum();
             let got = values[k * columns.count + q];
             let error = (Complex64::new(got.re.into(), got.im.into()) - sum).norm();
-            // Of 1 / 51 at most; float32 phases of some 500 rad are made in float64.
+            // The largest value is 1 / 51; float32 phases of some 500 rad are computed in float64.
             assert!(error < 1e-6 / 51.0, "{k} {q}: {error:e}");
         }
 
         let (kind, values, rows, columns) = corrected;
-        assert_eq!(*kind, StageKind::RangeDopplerBackprojection);
+        assert_eq!(*kind, StageKind::RangeDoppler);
         assert_eq!(
             (rows.count, columns.count),
             (sizes.along_wavenumbers, sizes.ranges)
@@ -331,7 +329,7 @@ fn stages_hold_the_documented_arrays() {
             let largest = |a: &usize, b: &usize| line[*a].norm().total_cmp(&line[*b].norm());
             (0..line.len()).max_by(largest).unwrap()
         };
-        // Directions well inside the aperture's, from 0.3 - 0.8 to 0.3 + 0.8 m at 9 m: the line is straight.
+        // Directions well inside the aperture's extent, from 0.3 - 0.8 to 0.3 + 0.8 m at 9 m: the line is straight there.
         let inside = (0..rows.count).filter(|&q| (rows.at(q) / 50.0 - 0.033).abs() < 0.05);
         let mut seen = 0;
         for q in inside {
@@ -355,8 +353,8 @@ fn stages_hold_the_documented_arrays() {
 }
 
 #[test]
-fn a_scatterer_in_a_corner_errs_as_predicted() {
-    // Seen from the aperture's far end, a near corner is where the band of directions ends.
+fn error_of_scatterer_in_corner_is_predicted() {
+    // Seen from the far end of the aperture, the near corner lies at the edge of the band of directions.
     let preset = Preset::Table41.simulate(&Variation::default());
     for (x, y) in [(39.0, 39.0), (-39.5, -39.5), (0.0, 0.0), (39.9, -39.9)] {
         let scatterer = Scatterer {
@@ -364,7 +362,7 @@ fn a_scatterer_in_a_corner_errs_as_predicted() {
             amplitude: Complex64::ONE,
         };
         let history = PointTargetHistory::new(preset.collection().clone(), vec![scatterer], None);
-        // As fine as the resolution: a coarser grid may show the side lobes alone.
+        // Sampled at the resolution; a coarser grid might contain side lobes only.
         let grid = "x=-40:40:0.61,y=-40:40:0.67";
         // Within 3 dB of the prediction.
         let [omega_k, rda] = errors_db("corner", &history, grid, Window::None, [&OMEGA_K, &RDA]);

@@ -1,4 +1,4 @@
-//! The image formers on a real recording, against the exact sum.
+//! Image formers on a real recording (GOTCHA), against the exact sum.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ use subaperture::signal::window::Window;
 use subaperture_tests::accuracy_table::{figure_db, misstated};
 use subaperture_tests::error_db;
 
-/// Both degrees of the recording as one aperture, if at hand.
+/// Both degrees of the recording as one aperture; `None` if the files are missing.
 fn gotcha() -> Option<Joined> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/gotcha");
     let paths = [1, 2].map(|i| folder.join(format!("data_3dsar_pass1_az00{i}_HH.mat")));
@@ -31,7 +31,7 @@ fn gotcha() -> Option<Joined> {
 }
 
 #[test]
-fn error_on_a_thousand_pixels_and_the_brightest_point() {
+fn errors_on_a_thousand_pixels_keep_bound_and_brightest_point_is_resolved() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = "x=-50:50:0.2,y=-50:50:0.2,z=0".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
@@ -44,7 +44,7 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
         numerics: Default::default(),
     };
 
-    // Knuth's generator: a thousand pixels, the same in every run.
+    // Knuth's generator: the same thousand pixels in every run.
     let mut state = 1u64;
     let chosen: Vec<usize> = std::iter::repeat_with(|| {
         state = state
@@ -101,7 +101,7 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
 
 /// All pixels of the guide's GOTCHA image, without windows.
 #[test]
-fn guide_states_the_errors_measured_on_gotcha() {
+fn errors_stated_in_guide_agree_with_measurement() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = "x=-50:50:0.2,y=-50:50:0.2,z=0".parse().unwrap();
     let weights = Weights::new(history.collection(), Window::None, Window::None);
@@ -132,10 +132,10 @@ fn guide_states_the_errors_measured_on_gotcha() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// A vertical plane, on which paths change quickly from row to row; decimated pulses beyond the aperture's ends once cost
-/// 23 dB more than predicted there.
+/// A vertical plane, where paths change quickly from row to row. Decimated pulses beyond the aperture's ends once caused an error 23 dB
+/// above the prediction.
 #[test]
-fn factorised_backprojection_keeps_its_bound_on_a_wall() {
+fn ffbp_keeps_bound_on_vertical_plane() {
     let Some(history) = gotcha() else { return };
     let text = "x=-15:15:0.15,y=-10:10:0.15,z=0,cx=-15.6,cy=21.6,roll=90";
     let grid: ImageGrid = text.parse().unwrap();
@@ -148,7 +148,7 @@ fn factorised_backprojection_keeps_its_bound_on_a_wall() {
         monitor: &Silent,
         numerics: Default::default(),
     };
-    // Every 17th pixel, prime to the rows' length.
+    // Every 17th pixel; 17 has no common factor with the row length.
     let chosen: Vec<usize> = (0..grid.num_pixels() as usize).step_by(17).collect();
     let points: Vec<DVec3> = chosen
         .iter()
@@ -174,8 +174,8 @@ fn factorised_backprojection_keeps_its_bound_on_a_wall() {
     }
 }
 
-/// A file's numbers as they lie in it: frequencies, antennas, ranges to scene centre, samples pulse by pulse.
-/// Places by a hex dump.
+/// Numbers of a file in its own units, at byte offsets found by a hex dump: frequencies, antennas, ranges to the scene centre, samples by
+/// pulse.
 struct Raw {
     hz: Vec<f64>,
     antennas_m: Vec<DVec3>,
@@ -203,11 +203,11 @@ impl Raw {
         }
     }
 
-    /// What pulse `n` says of `point`, if its phase is referred to `range_m`: the plain sum over frequencies.
+    /// Matched-filter output of pulse `n` at `point` with phases referred to `range_m`: the plain sum over frequencies.
     fn response(&self, n: usize, point: DVec3, range_m: f64) -> Complex64 {
         let path_m = 2.0 * ((self.antennas_m[n] - point).length() - range_m);
-        // Frequencies are a line, rounded to 1024 Hz, 296 Hz RMS: by the means of both halves the step is
-        // known to 0.14 Hz, the first to 32 Hz.
+        // Frequencies lie on a line with rounding to 1024 Hz, 296 Hz RMS. The means of both halves determine the step to 0.14 Hz, the first
+        // frequency to 32 Hz.
         let mean = |hz: &[f64]| hz.iter().sum::<f64>() / hz.len() as f64;
         let step_hz = (mean(&self.hz[212..]) - mean(&self.hz[..212])) / 212.0;
         let first_hz = mean(&self.hz) - 211.5 * step_hz;
@@ -229,7 +229,7 @@ fn entropy(image: &[Complex64]) -> f64 {
     -shares.map(|p| p * p.ln()).sum::<f64>()
 }
 
-/// RMS of what is left of phases after the parabola that fits them best, radians.
+/// RMS of phases after removal of the best-fitting parabola, radians.
 fn jitter_rad(responses: &[Complex64]) -> f64 {
     let mut phase = vec![responses[0].arg()];
     for pair in responses.windows(2) {
@@ -237,7 +237,7 @@ fn jitter_rad(responses: &[Complex64]) -> f64 {
     }
     let count = phase.len() as f64;
     let mut left = phase;
-    // Orthogonal polynomials on the pulses, one after another.
+    // Orthogonal polynomials on the pulses.
     let u = |n: usize| n as f64 - (count - 1.0) / 2.0;
     let mean_square = (count * count - 1.0) / 12.0;
     let basis: [&dyn Fn(usize) -> f64; 3] = [&|_| 1.0, &u, &|n| u(n) * u(n) - mean_square];
@@ -252,7 +252,7 @@ fn jitter_rad(responses: &[Complex64]) -> f64 {
 }
 
 #[test]
-fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
+fn reference_from_antenna_position_is_sharper_than_stored_range() {
     let Some(history) = gotcha() else { return };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/gotcha");
     let files = [1, 2].map(|i| Raw::read(&folder.join(format!("data_3dsar_pass1_az00{i}_HH.mat"))));
@@ -263,7 +263,7 @@ fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
     let by_position = |file: &Raw, n: usize| file.antennas_m[n].length();
     let stored = |file: &Raw, n: usize| file.ranges_m[n];
 
-    // The reflector, pulse by pulse.
+    // Response of the reflector in each pulse.
     let reflector = DVec3::new(-15.6, 21.6, 0.0);
     let jitter = |range: &dyn Fn(&Raw, usize) -> f64| {
         let responses = pulses
@@ -274,7 +274,7 @@ fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
     let (before_rad, after_rad) = (jitter(&stored), jitter(&by_position));
     println!("reflector's phase jitter: {before_rad:.3} rad by r0, {after_rad:.3} by position");
 
-    // An image of 40 x 30 m, by the sum written out above.
+    // An image of 40 x 30 m by the sum written out above.
     let grid: ImageGrid = "x=-30:10:0.5,y=0:30:0.5,z=0".parse().unwrap();
     let columns = grid.columns.count;
     let points: Vec<DVec3> = (0..grid.num_pixels() as usize)
@@ -297,7 +297,7 @@ fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
         entropy(&after)
     );
 
-    // The library's, as it reads the recording.
+    // The image by the library, from its own reader.
     let weights = Weights::new(history.collection(), Window::None, Window::None);
     let got = Exact::at_points(&history, &weights, &points, 1 << 30, &Silent).unwrap();
     let relative_db = |a: &[Complex64], b: &[Complex64]| {
@@ -306,7 +306,7 @@ fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
     };
     let (to_after, to_before) = (relative_db(&got, &after), relative_db(&got, &before));
     println!("the reader's image: {to_after:.1} dB from that by position, {to_before:.1} by r0");
-    // Two fits of the first frequency that differ by some 40 Hz, over 60 m of path: 5e-5 rad, -86 dB.
+    // The two fits of the first frequency differ by some 40 Hz: over 60 m of path 5e-5 rad, -86 dB.
     assert!(to_after < -75.0, "{to_after}");
     assert!(to_before > -25.0, "{to_before}");
     assert!(after_rad < 0.8 * before_rad, "{after_rad} {before_rad}");
@@ -314,7 +314,7 @@ fn the_reference_is_the_position_s_range_and_sharper_than_the_stored_one() {
 }
 
 #[test]
-fn core_and_rdbp_maps_keep_their_bounds() {
+fn core_and_rdbp_maps_keep_bounds() {
     let Some(history) = gotcha() else { return };
     for sub_cpi in [17, 40] {
         let report = crosscheck(&history, sub_cpi, 1 << 30, &Silent).unwrap();

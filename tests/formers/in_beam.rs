@@ -1,4 +1,4 @@
-//! Every former in a beam: against the plain sum over the pulses that see each block, in tiles, and by a stored plan.
+//! Every former restricted to a beam: against the plain sum over the pulses that illuminate each block, in tiles, and by a stored plan.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -27,7 +27,7 @@ const WIDTH_RAD: f64 = 0.07;
 const SQUINT_RAD: f64 = 0.03;
 const PULSES: usize = 240;
 
-/// A straight strip past points, each seen by a Gaussian beam a few degrees forward.
+/// A straight strip past points, seen by a Gaussian beam squinted a few degrees forward.
 fn strip() -> InMemory {
     let pulses = (0..PULSES).map(|n| {
         let antenna_m = DVec3::new(0.4 * (n as f64 - 0.5 * PULSES as f64), 0.0, 60.0);
@@ -66,7 +66,7 @@ fn strip() -> InMemory {
     InMemory::new(collection, samples).unwrap()
 }
 
-/// Of the angle forward of broadside, on a track along x.
+/// Sine of the angle forward of broadside, for a track along x.
 fn sine(pulse: &Pulse, place_m: DVec3) -> f64 {
     let from = place_m - pulse.transmitter_m;
     from.x / from.length()
@@ -81,7 +81,8 @@ fn in_beam(name: &str) -> InBeam {
     InBeam::new(former, beam()).unwrap()
 }
 
-/// The plain sum at every pixel, over the pulses whose angle to the middle of the pixel's block is within the beam, under this test's own Hamming window over them.
+/// The plain sum at every pixel over the pulses whose beam covers the middle of the pixel's block, with this test's own Hamming window over
+/// these pulses.
 fn expected(history: &InMemory, grid: &ImageGrid, weights: &Weights) -> Vec<Complex64> {
     let lit = weights.lit.as_ref().unwrap();
     let columns = grid.columns.count;
@@ -129,7 +130,7 @@ fn error_db(formed: &[Complex32], expected: &[Complex64]) -> f64 {
 }
 
 #[test]
-fn every_former_keeps_its_bound_in_a_beam() {
+fn every_former_keeps_bound_in_beam() {
     let history = strip();
     let grid: ImageGrid = GRID.parse().unwrap();
     let mut formed_by = 0;
@@ -154,7 +155,7 @@ fn every_former_keeps_its_bound_in_a_beam() {
         };
         let formed = match former.form_best(&task) {
             Ok(formed) => formed,
-            // A former that cannot form a block says so.
+            // A former that cannot form a block refuses.
             Err(error @ FormError::Unsuited(_)) => {
                 println!("{}: {error}", entry.name);
                 continue;
@@ -179,7 +180,7 @@ fn every_former_keeps_its_bound_in_a_beam() {
 }
 
 #[test]
-fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
+fn tiles_of_stored_plan_in_beam_are_bit_identical_to_whole_image() {
     let history = strip();
     let grid: ImageGrid = GRID.parse().unwrap();
     for name in ["bp", "ffbp", "auto"] {
@@ -211,7 +212,7 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
         let text = Plan::new(&former, &spec, BoundPolicy::Allowed, &Silent)
             .unwrap()
             .to_text();
-        // Tiles of any size, in any order, a few a pass, some of which cut blocks.
+        // Tiles of several sizes, in both orders, a few in each pass; some cut blocks.
         for (tile, most_a_pass, backwards) in
             [([9, 75], 9, false), ([5, 17], 2, true), ([1, 30], 3, false)]
         {
@@ -250,7 +251,7 @@ fn tiles_of_a_stored_plan_in_a_beam_have_the_bits_of_the_whole() {
 }
 
 #[test]
-fn weights_of_a_beam_and_formers_without_one_refuse_each_other() {
+fn weights_with_beam_and_former_without_beam_refuse_each_other() {
     let history = strip();
     let grid: ImageGrid = GRID.parse().unwrap();
     let former = in_beam("bp");
@@ -274,14 +275,14 @@ fn weights_of_a_beam_and_formers_without_one_refuse_each_other() {
         refused.contains("which pulses see which pixels"),
         "{refused}"
     );
-    // Settings as a plan has them make the same former again.
+    // Settings stored in a plan create the same former.
     let again = formers::former("bp", &former.settings()).unwrap();
     assert_eq!(again.beam(), Some(beam()));
     let wide = Beam::new(4.0, 0.0, BeamSource::Given);
     assert!(InBeam::new(bp, wide).is_err());
 }
 
-/// A strip of a point by antennas that look 3 deg forward and down, on a platform that keeps an attitude.
+/// A strip with one point; antennas look 3 deg forward and down from a platform with constant attitude.
 const STRIP: &str = r#"name = "strip"
 
 [scene]
@@ -326,7 +327,7 @@ at = "middle"
 "#;
 
 #[test]
-fn files_of_a_scenario_state_its_beam() {
+fn scenario_files_contain_its_beam() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     std::fs::write(at.join("strip.toml"), STRIP).unwrap();
@@ -335,7 +336,7 @@ fn files_of_a_scenario_state_its_beam() {
     let pair = experiment.pairs()[0];
     let recorded = experiment.record(pair).unwrap();
     let stated = recorded.beam().unwrap();
-    // By hand: 1 / w^2 of both adds, and a boresight of the horizontal length 1 with 0.0524 along the track.
+    // By hand: the 1 / w^2 of both antennas add, and the boresight has a horizontal length of 1 with 0.0524 along the track.
     let narrow = |deg: f64| deg.to_radians().powi(-2);
     let width_rad = (2.0 / (narrow(5.0) + narrow(7.0))).sqrt();
     let squint_rad = (0.0524f64 / (0.0524f64.powi(2) + 0.9986f64.powi(2) + 0.04).sqrt()).asin();
@@ -355,12 +356,12 @@ fn files_of_a_scenario_state_its_beam() {
     recording::write(&at.join("raw"), &[raw], &Silent).unwrap();
     let from_cphd = subaperture::open(&file).unwrap();
     let from_raw = subaperture::open(at.join("raw/recording.toml")).unwrap();
-    // The description has the same numbers, written to the last digit.
+    // The description contains the same numbers with all digits.
     let described = from_raw.beam().unwrap();
     assert!((described.width_rad - stated.width_rad).abs() < 1e-12);
     assert!((described.squint_rad - stated.squint_rad).abs() < 1e-9);
-    // The file has gain over direction cosines. Its cut goes through boresight and heading, which are not at a right angle: the width is that of an
-    // azimuth about `up` but for the cosine of the elevation off the boresight within the cut, below 1e-3 of 6 deg for 3 deg forward.
+    // The file states gain over direction cosines. The cut through boresight and heading is not at a right angle to `up`, so the width
+    // differs from that in azimuth by the cosine of the elevation off boresight, below 1e-3 of 6 deg for 3 deg forward.
     let filed = from_cphd.beam().unwrap();
     println!("{stated:?}\n{filed:?}");
     assert!(
@@ -372,7 +373,7 @@ fn files_of_a_scenario_state_its_beam() {
         "{filed:?}"
     );
 
-    // A former gets that beam from either by default.
+    // By default a former uses that beam with either file.
     let grid: ImageGrid = "x=-8:8.1:0.4,y=299:301.1:1".parse().unwrap();
     let bp = Backprojection::default();
     let beam_of = |history: &dyn PhaseHistory, choice| {

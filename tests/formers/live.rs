@@ -58,7 +58,7 @@ impl Pulses {
     }
 }
 
-/// What one pulse adds to every pixel, with weights over its samples; not divided by anything.
+/// Contribution of one pulse to every pixel, weighted over its samples and not normalised.
 fn one_pulse(
     pulse: &Pulse,
     row: &[Complex32],
@@ -84,7 +84,7 @@ fn widened(image: &Image) -> Vec<Complex64> {
         .collect()
 }
 
-/// The image of the pulses `from..to` by a former, without windows.
+/// The image of pulses `from..to` by `former`, without windows.
 fn formed(
     former: &dyn ImageFormer,
     history: &dyn PhaseHistory,
@@ -109,7 +109,7 @@ fn unweighted() -> Settings {
 }
 
 #[test]
-fn the_image_after_every_push_is_that_of_the_pulses_so_far() {
+fn image_after_every_push_is_that_of_pulses_so_far() {
     let (experiment, grid) = (pass(), grid());
     let recording = experiment.record(PAIR).unwrap();
     let pulses = Pulses::of(&recording);
@@ -140,7 +140,7 @@ fn the_image_after_every_push_is_that_of_the_pulses_so_far() {
             if window == Window::None && n % 16 == 6 {
                 let bp = formed(&Backprojection::default(), &recording, [0, n + 1], &grid);
                 let off_db = error_db(&image, &widened(&bp));
-                // Both round profiles to float32, of samples scaled otherwise: 3.3e-7 each, -126 dB; bp its sums too.
+                // Both round profiles of differently scaled samples to float32: 3.3e-7 each, -126 dB; bp also rounds its sums.
                 assert!(off_db < -120.0, "{n}: {off_db}");
             }
         }
@@ -152,7 +152,7 @@ fn the_image_after_every_push_is_that_of_the_pulses_so_far() {
 }
 
 #[test]
-fn the_order_of_pushes_does_not_matter() {
+fn image_is_independent_of_push_order() {
     let (experiment, grid) = (pass(), grid());
     let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
     let in_order = |order: &dyn Fn(usize) -> usize| {
@@ -161,18 +161,19 @@ fn the_order_of_pushes_does_not_matter() {
         live.image()
     };
     let forth = in_order(&|n| n);
-    // 37 has no factor in common with 96.
+    // 37 has no common factor with 96.
     for order in [&(|n| PULSES - 1 - n) as &dyn Fn(usize) -> usize, &|n| {
         n * 37 % PULSES
     }] {
-        // Pulses are the same to the bit; float64 sums differ by 1e-16, and a rounding to float32 may fall otherwise.
+        // Contributions of pulses are bit-identical; the order of float64 sums changes them by 1e-16, which may change their rounding to
+        // float32.
         let off_db = error_db(&in_order(order), &widened(&forth));
         assert!(off_db < -150.0, "{off_db}");
     }
 }
 
 #[test]
-fn bounds_are_kept_as_asked() {
+fn live_image_keeps_bound_without_excess() {
     let (experiment, grid) = (pass(), grid());
     let recording = experiment.record(PAIR).unwrap();
     let pulses = Pulses::of(&recording);
@@ -183,15 +184,15 @@ fn bounds_are_kept_as_asked() {
         (0..PULSES).for_each(|n| pulses.push(&mut live, n));
         let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
         println!("{bound_db} dB asked: {measured_db:.1} dB, {accuracy:?}");
-        // No finer than it has to be: 4 dB are kept, lengths are rounded up (by a quarter at most: 6 to 8 dB), and a flat band reads 7 to
-        // 9 dB less.
+        // The error is not much below the bound: 4 dB of margin, lengths rounded up (by a quarter at most: 6 to 8 dB), and 7 to 9 dB less
+        // for a flat band.
         assert!(
             measured_db < bound_db && measured_db > bound_db - 22.0,
             "{measured_db}"
         );
         assert!(measured_db < accuracy.predicted_db() + 1.0 && accuracy.predicted_db() < bound_db);
     }
-    // What float32 does not hold is refused, pulse by pulse.
+    // Samples beyond float32 are refused pulse by pulse.
     let mut live = Live::new(&grid, pulses.width, &unweighted().error_db(-140.0)).unwrap();
     let error = live.push(&pulses.pulses[0], pulses.row(0)).unwrap_err();
     assert!(
@@ -204,25 +205,25 @@ fn bounds_are_kept_as_asked() {
 #[test]
 fn dark_grid_is_reported() {
     let mut experiment = pass();
-    // Beside the grid a scatterer of 1, in it one of a millionth.
+    // A scatterer of amplitude 1 outside the grid, one of 1e-6 in it.
     experiment.scene.points = vec![point(-13.0, 12.0, 1.0), point(6.0, -10.0, 1e-6)];
     let recording = experiment.record(PAIR).unwrap();
     let pulses = Pulses::of(&recording);
     let grid: ImageGrid = "x=5.5:7:0.11,y=-11:-9.5:0.13,z=0".parse().unwrap();
-    // A bound that the plan meets with little to spare.
+    // A bound that the plan meets with a small margin.
     let settings = unweighted().error_db(-50.0);
     let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
     (0..PULSES).for_each(|n| pulses.push(&mut live, n));
     let exact = widened(&formed(&Exact, &recording, [0, PULSES], &grid));
     let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
     println!("dark grid: {measured_db:.1} dB, {accuracy:?}");
-    assert!(measured_db > accuracy.planned_db, "nothing to be told");
+    assert!(measured_db > accuracy.planned_db, "the grid is not dark");
     assert!(measured_db < accuracy.predicted_db() + 1.0);
     assert!(measured_db > accuracy.predicted_db() - 12.0);
     assert_eq!(accuracy.num_sampled, 64);
 }
 
-/// Counts how often it is asked; stops when that is `most`.
+/// Counts calls of `cancelled` and stops at the call `most`.
 struct Counting {
     asked: AtomicUsize,
     most: usize,
@@ -244,7 +245,7 @@ impl Monitor for Counting {
 }
 
 #[test]
-fn pulses_that_are_none_are_refused_and_leave_the_image_as_it_was() {
+fn invalid_pulses_are_refused_and_leave_image_unchanged() {
     let (experiment, grid) = (pass(), grid());
     let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
     for settings in [unweighted(), unweighted().last_pulses(5)] {
@@ -293,7 +294,7 @@ fn pulses_that_are_none_are_refused_and_leave_the_image_as_it_was() {
                 row.to_vec(),
                 "finite",
             ),
-            // Finite, but not what becomes of them.
+            // Finite samples whose products overflow.
             (
                 *good,
                 vec![Complex32::new(f32::MAX, f32::MAX); row.len()],
@@ -310,7 +311,7 @@ fn pulses_that_are_none_are_refused_and_leave_the_image_as_it_was() {
                 "{part}"
             );
         }
-        // Stopped anywhere, in the new pulse or in the one that falls out.
+        // Cancelled at any point, in the new pulse or in the one that leaves the window.
         let whole = Counting::new(usize::MAX);
         let mut other = Live::new(&grid, pulses.width, &settings).unwrap();
         (0..7).for_each(|n| pulses.push(&mut other, n));
@@ -325,14 +326,14 @@ fn pulses_that_are_none_are_refused_and_leave_the_image_as_it_was() {
             );
             assert_eq!(live.image().pixels, before.pixels, "{most}");
         }
-        // And goes on.
+        // The next push succeeds.
         pulses.push(&mut live, 7);
         assert_eq!(live.image().pixels, other.image().pixels);
     }
 }
 
 #[test]
-fn a_push_costs_the_same_however_many_came_before() {
+fn cost_of_push_is_independent_of_earlier_pulses() {
     let (experiment, grid) = (pass(), grid());
     let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
     let work = |settings: &Settings| {
@@ -349,7 +350,7 @@ fn a_push_costs_the_same_however_many_came_before() {
         let each: Vec<usize> = each.collect();
         (each, live.pixels_a_push())
     };
-    // For every patch of pixels the monitor is asked once, and once after a pulse.
+    // The monitor is called once for every patch of pixels, and once after each pulse.
     let (each, pixels) = work(&unweighted());
     let once = each[0];
     assert!(
@@ -364,11 +365,11 @@ fn a_push_costs_the_same_however_many_came_before() {
 }
 
 #[test]
-fn the_last_pulses_are_shown_and_older_ones_leave_no_trace() {
+fn sliding_window_shows_last_pulses_without_residue_of_older_ones() {
     const LAST: usize = 16;
     let (experiment, grid) = (pass(), grid());
     let mut pulses = Pulses::of(&experiment.record(PAIR).unwrap());
-    // One pulse 180 dB above the others: in float32 sums its rounding would be 60 times the rest.
+    // One pulse 180 dB above the others: in float32 sums its rounding error would be 60 times the other pulses' sum.
     let strong = 20;
     let width = pulses.width;
     (pulses.samples[strong * width..(strong + 1) * width].iter_mut()).for_each(|z| *z *= 1e9);
@@ -393,17 +394,17 @@ fn the_last_pulses_are_shown_and_older_ones_leave_no_trace() {
             measured_db < accuracy.predicted_db() + 1.0,
             "{n}: {measured_db}, {accuracy:?}"
         );
-        // Every `LAST` pulses the sums are those of new ones.
+        // Every `LAST` pulses the sums are computed anew.
         if (n + 1) % LAST == 0 {
             let mut fresh = Live::new(&grid, width, &unweighted()).unwrap();
             (from..=n).for_each(|m| pulses.push(&mut fresh, m));
             assert_eq!(live.image().pixels, fresh.image().pixels, "{n}");
         } else if !(strong..strong + LAST).contains(&n) && n > LAST {
-            // In between they are off by 3 (M + 1) 2^-53 of the strongest value, 1e9 times some 5 of the scatterers'.
+            // Between these the error is at most 3 (M + 1) 2^-53 of the strongest value, 1e9 times the scatterers' sum of about 5.
             let mut fresh = Live::new(&grid, width, &unweighted()).unwrap();
             (from..=n).for_each(|m| pulses.push(&mut fresh, m));
             let most = 3.0 * (LAST + 1) as f64 * 2f64.powi(-53) * 5e9;
-            // And by a rounding of each to float32.
+            // Plus one rounding of each to float32.
             let (live, fresh) = (live.image(), fresh.image());
             for (a, b) in live.pixels.iter().zip(&fresh.pixels) {
                 assert!(
@@ -416,11 +417,11 @@ fn the_last_pulses_are_shown_and_older_ones_leave_no_trace() {
 }
 
 #[test]
-fn memory_is_capped_and_nothing_is_taken_beyond_it() {
+fn memory_is_bounded_and_refused_beyond_bound() {
     let grid = grid();
     let mut settings = unweighted().memory_bytes(1 << 20);
     let live = Live::new(&grid, 64, &settings).unwrap();
-    // 24 bytes a pixel and the window.
+    // 24 bytes for each pixel, and the window.
     assert_eq!(live.held_bytes(), u128::from(grid.num_pixels()) * 24 + 512);
     for count in [4000, usize::MAX] {
         settings = settings.last_pulses(count);
@@ -442,9 +443,9 @@ fn memory_is_capped_and_nothing_is_taken_beyond_it() {
     }
 }
 
-/// Sweeps that last while the radar flies are followed, as backprojection follows them.
+/// Intra-pulse motion is compensated as by backprojection.
 #[test]
-fn sweeps_in_motion_are_followed() {
+fn intra_pulse_motion_is_compensated() {
     let mut experiment = experiment(fmcw(false), five_points());
     experiment.radar.num_pulses = 24;
     experiment.radar.motion = Motion::True;

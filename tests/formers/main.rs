@@ -1,4 +1,4 @@
-//! Image formers against the defining sum, the exact former and theory: what they form, what they refuse, how well they predict their errors.
+//! Image formers against the defining sum, the exact former and theory: images, refusals, error predictions.
 
 mod accuracy;
 mod auto;

@@ -1,4 +1,4 @@
-//! Targets in motion (Schone 2020, 4.3): echoes and images by the plain sum, along the targets' own paths.
+//! Moving targets (Schone 2020, 4.3): echoes and images by the plain sum along the targets' own paths.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -19,7 +19,7 @@ use subaperture_tests::plain_history::{pixels_m, plain_pulse, plain_sum};
 use subaperture_tests::plain_sum::unit_echo;
 use subaperture_tests::subap::run;
 
-/// Two-way path to where a target that left `start` at time 0 is in a pulse, less the reference.
+/// Two-way path, less the reference, at pulse `pulse` to a target that was at `start` at time 0.
 fn path_m(pulse: &Pulse, start: DVec3, velocity: DVec3) -> f64 {
     let at = start + velocity * pulse.time_s;
     plain_pulse(pulse, 1.0).relative_path_m(at.to_array())
@@ -38,7 +38,7 @@ fn echo(collection: Collection, start: DVec3, velocity: DVec3) -> InMemory {
     InMemory::new(collection, samples).unwrap()
 }
 
-/// The matched filter for targets from places at velocities, without windows.
+/// Matched-filter outputs for targets `(position, velocity)`, without windows.
 fn plain_values(history: &InMemory, targets: &[(DVec3, DVec3)]) -> Vec<Complex32> {
     let collection = history.collection();
     let weights = Weights::new(collection, Window::None, Window::None);
@@ -65,7 +65,7 @@ fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) 
     former.form(&task).unwrap().image
 }
 
-/// The plain sum's image: positions on `grid` at one velocity.
+/// Image by the plain sum: positions on `grid` at one velocity.
 fn plain_image(history: &InMemory, grid: &ImageGrid, velocity: DVec3) -> Image {
     let targets = pixels_m(grid).into_iter().map(|at| (at, velocity));
     Image {
@@ -99,10 +99,10 @@ fn thesis_target() -> (InMemory, DVec3) {
 }
 
 #[test]
-fn a_target_smears_at_rest_and_focuses_in_motion() {
+fn moving_target_focuses_only_at_its_velocity() {
     let (history, velocity) = thesis_target();
-    // 3.5 m/s along the line of sight look like 3.5 / 125 * 5000 m = 141 m of displacement along the
-    // track: the peak of the stationary image is looked for there and everywhere between.
+    // 3.5 m/s along the line of sight cause 3.5 / 125 * 5000 m = 141 m of displacement along the track: the
+    // stationary image is searched for the peak there and everywhere between.
     let wide = "x=-180:180:0.4,y=-8:8:0.4".parse().unwrap();
     let still = peak_db(&form(&Backprojection { error_db: -50.0 }, &history, &wide));
     // 3.5 m/s along the track change the quadratic phase, 4 pi 65^2 / (2 R lambda) = 177 rad at the
@@ -124,8 +124,8 @@ fn a_target_smears_at_rest_and_focuses_in_motion() {
             },
             -60.0,
         ),
-        // The thesis's own error at 40 pulses, -18.7 dB on stationary scenes, is the scene's grating
-        // lobes; near a lone target little of it shows.
+        // The error of the thesis's method with 40 pulses, -18.7 dB on stationary scenes, consists of the scene's grating lobes, few of
+        // which appear near a single target.
         (&rdbp(Mode::Thesis(Thesis::default()), Some(20)), -25.0),
     ] {
         let error = error_db(&form(former, &moving, &grid), &oracle);
@@ -138,7 +138,7 @@ fn a_target_smears_at_rest_and_focuses_in_motion() {
 }
 
 #[test]
-fn the_velocity_plane_peaks_at_the_velocity() {
+fn velocity_plane_peaks_at_target_velocity() {
     let (history, velocity) = thesis_target();
     let plane = VelocityPlane {
         position_m: DVec3::ZERO,
@@ -157,7 +157,7 @@ fn the_velocity_plane_peaks_at_the_velocity() {
     assert!((found.y - velocity.y).abs() < radial / 4.0, "{found}");
     assert!(peak_db(&image).abs() < 0.1);
 
-    // Some of its values against the plain sum.
+    // Some values of the plane against the plain sum.
     let coarse: ImageGrid = "x=3:4.2:0.23,y=3.52:3.55:0.0047".parse().unwrap();
     let got = form(&plane, &history, &coarse);
     let targets = pixels_m(&coarse).into_iter().map(|v| (DVec3::ZERO, v));
@@ -169,7 +169,7 @@ fn the_velocity_plane_peaks_at_the_velocity() {
     println!("velocity plane: {error:.1} dB");
     assert!(error < -60.0, "{error}");
 
-    // Off by the resolution in one direction, the response has fallen by 3 dB at the least.
+    // One resolution off in one direction, the response is at least 3 dB lower.
     let value = |v: DVec3| plain_values(&history, &[(DVec3::ZERO, v)])[0];
     let level = |v: DVec3| 20.0 * f64::from(value(v).norm()).log10();
     for step in [DVec3::X * tangential, DVec3::Y * radial] {
@@ -177,10 +177,10 @@ fn the_velocity_plane_peaks_at_the_velocity() {
     }
 }
 
-/// Figure 4.14: 50 m/s towards the radar's back, 1 GHz of band, 80 pulses of 0.1 ms a sub-CPI. In one sub-CPI
-/// the target runs 0.4 m, 2.7 range cells of 0.15 m.
+/// Figure 4.14: 50 m/s away from the radar, 1 GHz of bandwidth, 80 pulses of 0.1 ms in each sub-CPI. In one sub-CPI the target moves 0.4 m,
+/// 2.7 range cells of 0.15 m.
 #[test]
-fn a_fast_target_needs_keystone() {
+fn fast_target_needs_keystone() {
     let velocity = DVec3::new(0.0, 50.0, 0.0);
     let pulses = (0..800)
         .map(|n| {
@@ -229,25 +229,26 @@ fn a_fast_target_needs_keystone() {
         (without.0 + 7.9).abs() < 1.0 && without.1 > -6.0,
         "{without:?}"
     );
-    // Keystone resamples at 0.33 of 0.5 cycles a pulse and loses the sub-CPI's edges: -20 dB or so.
+    // The keystone resamples at 0.33 of 0.5 cycles per pulse and loses the edges of the sub-CPI: about -20 dB.
     assert!(with.0.abs() < 0.5 && with.1 < -15.0, "{with:?}");
     assert!(precise.0.abs() < 0.1 && precise.1 <= -60.0, "{precise:?}");
 }
 
 #[test]
-fn the_command_line_moves_too() {
+fn command_focuses_on_given_velocity() {
     let folder = tempfile::tempdir().unwrap();
     let run = |line: &str| run(folder.path(), line);
     run("simulate --preset table-4-1 -o s.cphd").succeeded();
     let grid = "--grid x=-4:4:0.5,y=-4:4:0.5";
     run(&format!("focus s.cphd -o still -q {grid}")).succeeded();
     run(&format!("focus s.cphd -o zero -q --velocity 0,0 {grid}")).succeeded();
-    // 0.01 m/s away from the radar shift a scatterer by 0.5 m: those of the scene stay in the grid.
+    // 0.01 m/s away from the radar shifts a scatterer by 0.5 m: the scatterers of the scene stay in the grid.
     run(&format!(
         "focus s.cphd -o fast -q --velocity 0.5,-0.01,0 {grid}"
     ))
     .succeeded();
-    // A metre a second takes them all out of it. All pixels of so small an image are compared with the sum: it keeps the bound, dark as it is.
+    // 1 m/s shifts all of them out of the grid. All pixels of so small an image are compared with the sum, so it keeps the bound although
+    // it is dark.
     run(&format!(
         "focus s.cphd -a rdbp -o dark --velocity 5,-1.5,0 --check 256 {grid}"
     ))
@@ -265,7 +266,7 @@ fn the_command_line_moves_too() {
     let velocity = &json("fast")["settings"]["given"]["velocity_m_s"];
     assert_eq!(*velocity, serde_json::json!([0.5, -0.01, 0.0]));
 
-    // The scatterer at the scene's centre stands still.
+    // The scatterer at the scene's centre is stationary.
     let line = "velocity s.cphd --at 0,0 --vx -2:2.1:0.25 --vy -0.08:0.081:0.005 -o plane";
     let said = run(line).succeeded().to_owned();
     assert!(

@@ -1,4 +1,4 @@
-//! What formers can be told by the names of their options.
+//! Options of formers by name, as `--option` and plans set them.
 
 use serde_json::{Value, json};
 use subaperture::focus::formers::{FORMERS, FormerOption, OptionType, OptionValues, former};
@@ -20,12 +20,12 @@ fn values(option: &FormerOption) -> Vec<Value> {
 }
 
 #[test]
-fn every_option_says_something_to_its_former() {
+fn every_option_changes_settings_of_its_former() {
     for entry in &FORMERS {
         let plain = entry.settings(&OptionValues::new()).unwrap();
         let plain = former(entry.name, &plain).unwrap().settings();
         for option in entry.options {
-            let mut told = false;
+            let mut changed = false;
             for value in values(option) {
                 let mut given = OptionValues::new();
                 given.insert(option.name.to_owned(), value);
@@ -33,17 +33,17 @@ fn every_option_says_something_to_its_former() {
                     given.insert(other.to_owned(), word.into());
                 }
                 let settings = entry.settings(&given).unwrap();
-                // Settings that it does not know a former refuses.
+                // A former refuses unknown settings.
                 let settings = former(entry.name, &settings).unwrap().settings();
-                told |= settings != plain;
+                changed |= settings != plain;
             }
-            assert!(told, "{}: {}", entry.name, option.name);
+            assert!(changed, "{}: {}", entry.name, option.name);
         }
     }
 }
 
 #[test]
-fn one_name_is_one_option() {
+fn options_of_one_name_agree_between_formers() {
     for entry in &FORMERS {
         for option in entry.options {
             let others = FORMERS.iter().filter_map(|other| other.option(option.name));
@@ -56,7 +56,7 @@ fn one_name_is_one_option() {
 }
 
 #[test]
-fn settings_are_those_given() {
+fn settings_are_those_of_the_given_options() {
     let rdbp = FORMERS.iter().find(|entry| entry.name == "rdbp").unwrap();
     let settings = |given: Value| rdbp.settings(&object(given));
     assert_eq!(settings(json!({})), Ok(json!({})));

@@ -1,5 +1,5 @@
-//! Polar format and fast factorised backprojection against the exact sum, phase included. Polar format:
-//! near the middle to the bound asked, far from it to the error that theory gives.
+//! Polar format and fast factorised backprojection against the exact sum, phase included. Polar format keeps the bound near the centre; far
+//! from it the error is that of theory.
 
 use std::f64::consts::TAU;
 
@@ -37,7 +37,7 @@ fn try_form(
     })
 }
 
-/// An image whatever its error.
+/// An image formed with `BoundPolicy::Allowed`.
 fn form_best(former: &dyn ImageFormer, history: &PointTargetHistory, grid: &str) -> Formed {
     let weights = Weights::new(history.collection(), Window::None, Window::default());
     let grid: ImageGrid = grid.parse().unwrap();
@@ -68,7 +68,7 @@ fn ffbp(error_db: f64) -> FastFactorised {
     FastFactorised { error_db }
 }
 
-/// Point scatterers at these places, on the collection of Table 4.1.
+/// Unit scatterers at `places` on the collection of Table 4.1.
 fn table_4_1(places: &[DVec3]) -> PointTargetHistory {
     let simulated = Preset::Table41.simulate(&Variation::default());
     let scatterers = places
@@ -90,7 +90,7 @@ fn circle(radius_m: f64, height_m: f64, step_rad: f64) -> impl Fn(f64) -> (DVec3
 }
 
 #[test]
-fn polar_format_keeps_its_prediction() {
+fn polar_format_error_is_predicted() {
     let bistatic = |n: f64| {
         (
             DVec3::new(2.0 * n, -30_000.0, 9000.0),
@@ -98,7 +98,7 @@ fn polar_format_keeps_its_prediction() {
         )
     };
     let band = (9.8e9, 1e6, 200);
-    for (what, history, grid, asked_db, met) in [
+    for (case, history, grid, asked_db, met) in [
         (
             "Table 4.1, its middle",
             Preset::Table41.simulate(&Variation::default()),
@@ -161,17 +161,17 @@ fn polar_format_keeps_its_prediction() {
         let predicted = formed.predicted_error_db;
         let taps = &formed.settings["kernel_taps"];
         println!(
-            "{what}: {got:.1} dB, predicted {predicted:.1} dB, asked {asked_db} dB, {taps} taps"
+            "{case}: {got:.1} dB, predicted {predicted:.1} dB, asked {asked_db} dB, {taps} taps"
         );
-        // The prediction is for the worst pixel of all.
-        assert!(got <= predicted + 3.0, "{what}: {got} {predicted}");
+        // The prediction holds for the worst pixel.
+        assert!(got <= predicted + 3.0, "{case}: {got} {predicted}");
         if met {
             assert!(
                 got <= asked_db && predicted <= asked_db,
-                "{what}: {got} {predicted}"
+                "{case}: {got} {predicted}"
             );
         }
-        // What is predicted to miss the bound is refused with both figures.
+        // Where the plan predicts an error above the bound, it is refused with both numbers.
         assert_eq!(formed.bound_missed, predicted > asked_db);
         let strict = try_form(&pfa(asked_db), &history, grid, 1 << 30, &Silent);
         match strict {
@@ -182,17 +182,17 @@ fn polar_format_keeps_its_prediction() {
                 ..
             }) => assert!(
                 formed.bound_missed && predicted_db <= predicted && bound_db == asked_db,
-                "{what}: {predicted_db} {predicted}"
+                "{case}: {predicted_db} {predicted}"
             ),
-            Err(error) => panic!("{what}: {error}"),
+            Err(error) => panic!("{case}: {error}"),
         }
     }
 }
 
-/// The residual's formula, straight track at right angles: `(2 pi / lambda) |y^2 - x^2| theta^2 / R`
-/// at the aperture's ends, times `2 / (3 sqrt 5)` for the RMS of a square less its mean.
+/// Residual phase for a straight track at right angles: `(2 pi / lambda) |y^2 - x^2| theta^2 / R` at the aperture's ends, times `2 / (3
+/// sqrt 5)` for the RMS of a square less its mean.
 #[test]
-fn polar_format_fails_far_from_its_centre_as_predicted() {
+fn polar_format_error_far_from_centre_agrees_with_theory() {
     let (range_m, wavelength_m, half_angle) = (5000.0f64, 0.03f64, 65.0f64 / 5000.0);
     let former = PolarFormat {
         error_db: -60.0,
@@ -206,7 +206,7 @@ fn polar_format_fails_far_from_its_centre_as_predicted() {
         (160.0, 20.0),
     ] {
         let history = table_4_1(&[DVec3::new(x, y, 0.0)]);
-        // No slow window, as in the formula; the grid holds the response's main part.
+        // No slow-time window, as in the formula; the grid contains the main part of the response.
         let weights = Weights::new(history.collection(), Window::None, Window::None);
         let text = format!(
             "x={}:{}:0.21,y={}:{}:0.29",
@@ -231,13 +231,12 @@ fn polar_format_fails_far_from_its_centre_as_predicted() {
         let expected = 20.0 * (phase * 2.0 / (3.0 * 5f64.sqrt())).log10();
         let limit_m = 2.0 * (wavelength_m / (4.0 * half_angle)) * (range_m / wavelength_m).sqrt();
         println!("({x}, {y}) m of {limit_m:.0} m: {got:.1} dB, formula {expected:.1} dB");
-        // Higher orders of the path: x / R and y / R, a few percent, and what lies outside the grid.
+        // Neglected: higher orders of the path, x / R and y / R, a few percent, and the response outside the grid.
         assert!((got - expected).abs() < 1.5, "({x}, {y}): {got} {expected}");
     }
 }
 
-/// A cut through a point's response: place of the peak, width at -3 dB, peak and integrated side-lobe
-/// ratio, from samples `step` apart.
+/// A cut through a point's response with samples `step` apart: position of the peak, -3 dB width, peak and integrated side-lobe ratio.
 #[derive(Debug)]
 struct Cut {
     place: f64,
@@ -283,22 +282,25 @@ fn magnitudes(image: &Image) -> Vec<f64> {
 }
 
 #[test]
-fn point_responses_are_the_exact_ones() {
-    // Off all grids' lattices; resolutions c / 2B = 0.75 m and lambda / (4 * 65 / 5000) = 0.577 m.
+fn point_responses_agree_with_exact_sum() {
+    // Between pixels of all grids; resolutions c / 2B = 0.75 m and lambda / (4 * 65 / 5000) = 0.577 m.
     let at = DVec3::new(13.37, -7.77, 0.0);
     let history = table_4_1(&[at]);
     let polar = PolarFormat {
         error_db: -60.0,
         centre_m: Some(DVec3::ZERO),
     };
-    for (what, resolution, step, grid) in [
+    for (direction, resolution, step, grid) in [
         ("x", 0.577, 0.009, "x=10.37:16.37:0.009,y=-7.77:-7.7:1"),
         ("y", 0.75, 0.0117, "x=13.37:13.4:1,y=-11.77:-3.77:0.0117"),
     ] {
         let exact = Cut::of(&magnitudes(&form(&Exact, &history, grid).image), step);
         for former in [&polar as &dyn ImageFormer, &ffbp(-60.0)] {
             let got = Cut::of(&magnitudes(&form(former, &history, grid).image), step);
-            println!("{}, along {what}: {got:?}, exact {exact:?}", former.name());
+            println!(
+                "{}, along {direction}: {got:?}, exact {exact:?}",
+                former.name()
+            );
             assert!((got.place - exact.place).abs() <= resolution / 128.0);
             assert!((got.width / exact.width - 1.0).abs() <= 0.01);
             assert!((got.pslr_db - exact.pslr_db).abs() <= 0.2);
@@ -308,7 +310,7 @@ fn point_responses_are_the_exact_ones() {
 }
 
 #[test]
-fn factorised_backprojection_keeps_its_bound() {
+fn ffbp_keeps_bound() {
     let band = (9.8e9, 1e6, 200);
     let bistatic = |n: f64| {
         (
@@ -332,7 +334,7 @@ fn factorised_backprojection_keeps_its_bound() {
         (at, at)
     };
     let table_4_1 = || Preset::Table41.simulate(&Variation::default());
-    for (what, history, grid, bound_db) in [
+    for (case, history, grid, bound_db) in [
         (
             "Table 4.1",
             table_4_1(),
@@ -403,25 +405,25 @@ fn factorised_backprojection_keeps_its_bound() {
         let formed = form(&ffbp(bound_db), &history, grid);
         let got = error_db(&formed.image, &form(&Exact, &history, grid).image);
         println!(
-            "{what}: {got:.1} dB, bound {bound_db} dB, {:?}",
+            "{case}: {got:.1} dB, bound {bound_db} dB, {:?}",
             formed.settings
         );
-        assert!(got <= bound_db, "{what}: {got}");
+        assert!(got <= bound_db, "{case}: {got}");
     }
 }
 
-/// Tracks and planes on which decimated antennas once went astray, without a word: corners, antennas in turn, jitter in
-/// short stretches, planes that stand up and that lie around the antennas.
+/// Tracks and planes on which the interpolation of decimated antennas once failed without a warning: corners, alternating antennas, jitter
+/// in short segments, vertical planes and planes around the antennas.
 #[test]
-fn factorised_backprojection_keeps_its_bound_where_tracks_turn() {
+fn ffbp_keeps_bound_on_bent_track() {
     let band = (9.8e9, 1e6, 200);
-    // A bend of 60 degrees in the middle.
+    // A corner of 60 degrees in the middle.
     let bent = |n: f64| {
         let past = n.max(0.0) * 0.4;
         let at = DVec3::new(0.4 * n - past / 2.0, -2000.0 + past * 0.75f64.sqrt(), 900.0);
         (at, at)
     };
-    // A rail of 5 mm steps, two receivers in turn, half a metre apart.
+    // A rail of 5 mm steps with two alternating receivers, half a metre apart.
     let in_turn = |n: f64| {
         let at = DVec3::new(5e-3 * n, -5.0, 0.3);
         let side = if n.rem_euclid(2.0) < 1.0 { 0.25 } else { -0.25 };
@@ -440,7 +442,7 @@ fn factorised_backprojection_keeps_its_bound_where_tracks_turn() {
     let rail_scene = scene(300, (4e9, 10e6, 100), rail, 2.0);
     let jitter_scene = scene(400, band, jitter, 20.0);
     let ground = "x=-25:25:0.61,y=-25:25:0.53";
-    for (what, history, grid) in [
+    for (case, history, grid) in [
         ("bent track", &bent_scene, ground),
         (
             "bent track, a wall",
@@ -464,14 +466,14 @@ fn factorised_backprojection_keeps_its_bound_where_tracks_turn() {
             let formed = form(&ffbp(bound_db), history, grid);
             let got = error_db(&formed.image, &exact);
             let predicted = formed.predicted_error_db;
-            println!("{what}: {got:.1} dB, predicted {predicted:.1} dB, bound {bound_db} dB");
-            assert!(got <= bound_db && got <= predicted + 3.0, "{what}: {got}");
+            println!("{case}: {got:.1} dB, predicted {predicted:.1} dB, bound {bound_db} dB");
+            assert!(got <= bound_db && got <= predicted + 3.0, "{case}: {got}");
         }
     }
 }
 
 #[test]
-fn threads_memory_and_stopping() {
+fn image_is_bit_identical_for_any_thread_count_and_budget_and_cancelled_work_stops() {
     struct Stop;
     impl Monitor for Stop {
         fn progress(&self, _fraction: f64) {}

@@ -1,10 +1,9 @@
-//! Every former's point response against theory: that of the windowed band, computed apart from all formers.
+//! Point responses of every former against the theory of the windowed band, computed without any former.
 //!
-//! Table 4.1 of Schone 2020 is within the domain of all of them: 1.5 degrees of aperture seen broadside, 2 %
-//! of bandwidth, a straight track. Theory there is a separable response ([`subaperture::resolution::theory`]),
-//! neglecting
-//! - that the aperture's ends see the band turned by 0.75 degrees, which blurs the end of the band along x by
-//!   `0.5 B / f_0` = 1 % of the band of 1.7 cycles a metre at the frequencies' ends, second order in the width;
+//! Table 4.1 of Schone 2020 is within the domain of all formers: 1.5 degrees of aperture seen broadside, 2 % of bandwidth, a straight
+//! track. There theory is a separable response ([`subaperture::resolution::theory`]). It neglects
+//! - the rotation of the band by 0.75 degrees at the ends of the aperture, which blurs the end of the band along x by `0.5 B / f_0` = 1 %
+//! of its 1.7 cycles/m, of second order in the width;
 //! - 30 m off the centre, another 0.35 degrees.
 
 use std::fmt::Write;
@@ -47,8 +46,8 @@ fn one_point(position_m: DVec3) -> InMemory {
     InMemory::new(collection, samples).unwrap()
 }
 
-/// Cells of theory at a place, metres along x and y: one over the spectrum's extent. The aperture's 1040
-/// pulses of 0.125 m stand for cells; so do the 256 samples of 200 MHz.
+/// Resolution cells by theory at a position, metres along x and y: the inverse of the spectrum's extent. The 1040 pulses of 0.125 m each
+/// count as a cell of the aperture, as do the 256 samples of 200 MHz.
 fn cells_m(position_m: DVec3) -> [f64; 2] {
     let half_m = 1040.0 * 0.125 / 2.0;
     let angle = |x_m: f64| ((position_m.x - x_m) / (position_m.y + 5000.0)).atan();
@@ -60,7 +59,7 @@ fn cells_m(position_m: DVec3) -> [f64; 2] {
     ]
 }
 
-/// A grid around a point, its pixels off it, of 0.4 cells.
+/// A grid around a point, with pixels 0.4 cells apart and none on the point.
 fn grid_around(position_m: DVec3) -> ImageGrid {
     let [x_m, y_m] = cells_m(position_m);
     let axis = |at: f64, step: f64| Axis {
@@ -75,11 +74,11 @@ fn grid_around(position_m: DVec3) -> ImageGrid {
     )
 }
 
-/// The worst of both directions.
+/// The larger error of both directions.
 struct Errors {
-    /// Position, of a resolution cell.
+    /// Position error, in resolution cells.
     cells: f64,
-    /// Width, relative.
+    /// Relative error of the width.
     width: f64,
     pslr_db: f64,
     islr_db: f64,
@@ -123,8 +122,7 @@ impl Errors {
     }
 
     fn are_small(&self) -> bool {
-        // At -60 dB of error a level is off by 0.01 dB; the measurement adds as much
-        // (`tests/images/quality.rs`).
+        // An error of -60 dB changes a level by 0.01 dB; the measurement adds as much (`tests/images/quality.rs`).
         self.cells < 1.0 / 128.0
             && self.width < 0.01
             && self.pslr_db < 0.2
@@ -133,7 +131,7 @@ impl Errors {
     }
 }
 
-/// Forms the image of one point by every former; one line of the table each.
+/// Form the image of one point by every former and print one line of the table for each.
 fn check(position_m: DVec3, formers: &[&dyn ImageFormer]) {
     let history = one_point(position_m);
     let grid = grid_around(position_m);
@@ -195,17 +193,16 @@ const RDA: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
 const OMEGA_K: OmegaK = OmegaK { error_db: ERROR_DB };
 
 #[test]
-fn a_point_near_the_centre() {
+fn point_response_near_centre_agrees_with_theory() {
     check(
         DVec3::new(0.113, -0.207, 0.0),
         &[&Exact, &BP, &RDBP, &FFBP, &PFA, &RDA, &OMEGA_K],
     );
 }
 
-/// The middle of the grid, where the polar format is exact, lies at the point; so it is
-/// within its domain here too, and so are all others.
+/// The grid's middle, where polar format is exact, is at the point, so the point is within the domain of all formers.
 #[test]
-fn a_point_off_the_centre() {
+fn point_response_off_centre_agrees_with_theory() {
     check(
         DVec3::new(30.071, -24.913, 0.0),
         &[&BP, &RDBP, &FFBP, &PFA, &RDA, &OMEGA_K],

@@ -1,7 +1,7 @@
-//! Images of the same bits on every machine: by portable transforms, which are the sum that defines them.
+//! Images with the same bits on every machine by portable transforms, and these transforms against their defining sums.
 //!
-//! Nothing here is taken from the platform: geometry is of sums and products, and samples are of whole numbers. So the digests below are
-//! those of any machine, and a machine that has others is one on which something else decides bits.
+//! The input does not depend on the platform: geometry consists of sums and products, and samples are whole numbers. The digests below hold
+//! on every machine; another digest means that the platform affects the bits.
 
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::formers::former;
@@ -16,7 +16,7 @@ use subaperture::phase_history::{self, Collection, PhaseHistory, Pulse, Sweep, W
 use subaperture::signal::window::Window;
 use subaperture_tests::digest;
 
-/// What is formed, and the digest of its pixels.
+/// Former, settings, and digest of the pixels.
 const IMAGES: [(&str, &str, u64); 8] = [
     ("exact", "{}", 0x6a3d_7ee8_4020_87ef),
     ("bp", "{}", 0x5063_4ac9_eb33_5755),
@@ -32,7 +32,7 @@ const IMAGES: [(&str, &str, u64); 8] = [
     ("rda", "{}", 0xb35e_1eeb_f90c_1c1c),
 ];
 
-/// Numbers from -1 to 1, of which float32 holds every digit.
+/// Pseudo-random numbers from -1 to 1 that float32 represents exactly.
 struct Numbers(u64);
 
 impl Numbers {
@@ -43,7 +43,7 @@ impl Numbers {
     }
 }
 
-/// Of a straight, even track, 1 km off, and a scene like noise.
+/// A straight, even track at 1 km, and noise-like samples.
 fn history() -> phase_history::InMemory {
     let (num_pulses, num_samples) = (300, 120);
     let pulse = |n: usize| {
@@ -99,9 +99,9 @@ fn digest_of(pixels: &[Complex32]) -> u64 {
     digest(numbers.flat_map(|x| x.to_bits().to_le_bytes()))
 }
 
-/// A digest that changes on purpose is written anew from what this prints.
+/// After an intended change of bits, copy the new digests from this test's output.
 #[test]
-fn images_have_the_bits_that_are_stated() {
+fn portable_images_have_recorded_digests() {
     let mut wrong = Vec::new();
     for (name, settings, stated) in IMAGES {
         let image = formed(name, settings, Numerics::default().portable());
@@ -115,9 +115,10 @@ fn images_have_the_bits_that_are_stated() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// The fastest and the portable transforms err by float32 each: images are as far apart as two that keep what is planned.
+/// The fastest and the portable transforms each have float32 errors, so their images differ by no more than two images that keep the
+/// planned error.
 #[test]
-fn portable_images_are_the_fastest_ones_to_the_planned_error() {
+fn portable_and_fastest_images_agree_within_planned_error() {
     for (name, settings, _) in IMAGES {
         let portable = formed(name, settings, Numerics::default().portable());
         let fastest = formed(name, settings, Numerics::default());
@@ -132,19 +133,19 @@ fn portable_images_are_the_fastest_ones_to_the_planned_error() {
             "{name} {settings}: {apart_db:.1} dB apart, {:.1} dB predicted",
             fastest.predicted_error_db
         );
-        // Two errors of the same size, that have nothing to do with each other, are 3 dB more than one.
+        // Two independent errors of the same size add up to 3 dB more than one.
         assert!(
             power > 0.0 && apart_db < fastest.predicted_error_db.max(-140.0) + 3.1,
             "{name}"
         );
-        // In fact they share all but the rounding of transforms, and what is planned is -60 dB.
+        // Their images share everything except the rounding of transforms; the planned error is -60 dB.
         assert!(apart_db < -100.0, "{name}: {apart_db}");
     }
 }
 
-/// Whoever carries a plan out has the transforms that it was made with.
+/// Transforms belong to the plan: every execution uses those it was made with.
 #[test]
-fn a_plan_carries_its_transforms() {
+fn plan_determines_transforms() {
     let history = history();
     let grid = grid();
     let former = former("omega-k", &serde_json::json!({})).unwrap();
@@ -176,15 +177,15 @@ fn a_plan_carries_its_transforms() {
     assert!(Plan::from_text(&text.replace("\"portable\"", "\"quick\"")).is_err());
 }
 
-/// `exp(-j 2 pi i k / n)`, of a number that is reduced exactly.
+/// `exp(-j 2 pi i k / n)` with an exactly reduced argument.
 fn root(i: usize, k: usize, n: usize) -> Complex64 {
     Complex64::cis(-std::f64::consts::TAU * (i * k % n) as f64 / n as f64)
 }
 
-/// Lengths of every radix, of products of them, and of other primes. A transform's error is `1e-7 sqrt(log2 n)` of the values'
-/// RMS or so in float32, and 1e-16 of it in float64; those by way of a chirp make three.
+/// Lengths of every radix, products of them, and other primes. The error of a transform is about `1e-7 sqrt(log2 n)` of the RMS of the
+/// values in float32, and 1e-16 of it in float64; the chirp method needs three transforms.
 #[test]
-fn portable_transforms_are_their_sum() {
+fn portable_transforms_match_defining_sum() {
     let lengths = (1..=80).chain([97, 121, 169, 210, 360, 512, 1001, 1024, 1031, 2048]);
     for n in lengths {
         let mut numbers = Numbers(n as u64);

@@ -1,9 +1,8 @@
-//! Every image former on random cases: it refuses and says why, or the measured error is within the bound
-//! and within 3 dB of the prediction.
+//! Every image former on random cases: it refuses with a reason, or the measured error is within the bound and within 3 dB of the
+//! prediction.
 //!
-//! Cases are those of seeds 0, 1, ..: `SUBAPERTURE_CASES=100000` takes more of them, `SUBAPERTURE_SEED=n`
-//! starts at another, `SUBAPERTURE_FORMERS=bp,pfa` takes other formers than [`CHECKED`]. A failing case is shrunk and printed with its
-//! seed.
+//! Cases are drawn from seeds 0, 1, ... `SUBAPERTURE_CASES=100000` sets their number, `SUBAPERTURE_SEED=n` the first seed, and
+//! `SUBAPERTURE_FORMERS=bp,pfa` the formers instead of [`CHECKED`]. A failing case is shrunk and printed with its seed.
 
 use std::collections::BTreeMap;
 use std::env::var;
@@ -26,35 +25,34 @@ use subaperture::image::Image;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
-/// The formers that are held to the contract here.
+/// Formers checked by default.
 const CHECKED: &[&str] = &[
     "exact", "bp", "rdbp", "thesis", "ffbp", "omega-k", "rda", "pfa",
 ];
 
-/// Formers that must take every case of a smooth track with the scene in view.
+/// Formers that must form every case with a smooth track and the scene in view.
 const NEVER_REFUSE: &[&str] = &["exact", "bp", "rdbp", "ffbp"];
 
-/// Cases where nothing else is asked for.
+/// Default number of cases.
 const CASES: u64 = 600;
 
-/// The same of dark, tiny and off-centre grids: where tests are quick, and where they may be long.
+/// Default numbers of cases with dark, tiny and off-centre grids, in the quick and in the long test.
 const DARK_CASES: u64 = 500;
 const LONG_CASES: u64 = 100_000;
 
-/// Formers whose plans take long on some cases: in the long test they take one case in this many, and none whose strip has more wavenumbers
-/// along the track than that.
+/// Formers that plan slowly in some cases. In the long test they form one of this many cases, and no case whose spectrum has more
+/// wavenumbers along the track than that.
 const LONG_TO_PLAN: &[&str] = &["omega-k", "rda"];
 const ONE_IN: u64 = 16;
 const MAX_WAVENUMBERS: f64 = 4e3;
 
-/// How far above its prediction a measured error may lie, dB: both are root means over pixels and terms, of
-/// samples that are few in small cases.
+/// Allowed excess of a measured error over its prediction, dB. Both are RMS values over pixels and terms, of few samples in small cases.
 const OPTIMISM_DB: f64 = 3.0;
 
-/// A prediction that says that an image is worth nothing says no more.
+/// A prediction above this states only that the image is useless, dB.
 const WORTHLESS_DB: f64 = -3.0;
 
-/// Failing cases that are shrunk and printed.
+/// Number of failing cases that are shrunk and printed.
 const SHOWN: usize = 3;
 
 fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
@@ -83,17 +81,17 @@ fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
     }
 }
 
-/// What became of a case.
+/// Result of a case.
 enum Outcome {
-    /// Refused, with a reason, and whether the image is within the bound if it is formed all the same.
+    /// Refused: kind, message, and whether an image formed with `BoundPolicy::Allowed` keeps the bound.
     Refused(&'static str, String, bool),
     /// Formed: measured and predicted error, dB.
     Formed(f64, f64),
-    /// Nothing to measure against: the exact image is zero.
+    /// The exact image is zero, so that no relative error exists.
     Zero,
 }
 
-/// A case's recording, ready to be formed.
+/// A case with its recording.
 struct Bench {
     case: Case,
     history: InMemory,
@@ -153,7 +151,7 @@ impl Bench {
         }
     }
 
-    /// Error against the sum, dB; no error at all is -300 dB. `None` if the exact image is zero.
+    /// Error against the sum, dB, at least -300 dB. `None` if the exact image is zero.
     fn measured_db(&self, image: &Image) -> Option<f64> {
         let (mut error, mut power) = (0.0, 0.0);
         for (got, expected) in image.pixels.iter().zip(&self.exact) {
@@ -164,7 +162,7 @@ impl Bench {
         (power > 0.0).then(|| 10.0 * (error / power).max(1e-30).log10())
     }
 
-    /// Why `name` breaks the contract here, if it does.
+    /// Description of the violation of the contract by `name`, if any.
     fn broken(&self, name: &str) -> Option<String> {
         self.judge(name, &self.form(name))
     }
@@ -189,21 +187,21 @@ impl Bench {
     }
 }
 
-/// What a former did over all cases.
+/// Statistics of a former over all cases.
 #[derive(Default)]
 struct Tally {
     cases: u64,
     sane: u64,
     refused: BTreeMap<&'static str, u64>,
     sane_refused: u64,
-    /// Refused as dark, and within the bound if formed all the same.
+    /// Cases refused as dark although the image keeps the bound.
     needless: u64,
-    /// Worst measured error above the bound, and above the prediction, dB, with their seeds.
+    /// Largest excess of a measured error over the bound and over the prediction, dB, with its seed.
     excess_db: Option<(f64, u64)>,
     optimism_db: Option<(f64, u64)>,
-    /// Predictions less measured errors, dB, of all images.
+    /// Predictions minus measured errors of all images, dB.
     pessimism_db: Vec<f64>,
-    /// Time taken in all, and most that a case took, with its seed.
+    /// Total time, and longest time of a case with its seed.
     spent: Duration,
     slowest: (Duration, u64),
     failures: Vec<(u64, String)>,
@@ -241,7 +239,7 @@ impl Tally {
         }
     }
 
-    /// Least, tenths, and most of predictions less measured errors.
+    /// Minimum, deciles and maximum of predictions minus measured errors.
     fn quantiles(&self) -> String {
         let mut all = self.pessimism_db.clone();
         all.sort_by(f64::total_cmp);
@@ -305,10 +303,10 @@ fn formers_keep_their_bound_on_1e5_dark_tiny_and_off_centre_grids() {
     });
 }
 
-/// Cases whose bound was exceeded, or whose error was more than predicted by 3 dB and more, when 64 pixels spread evenly alone were
-/// compared: a scatterer outside the grid leaves an echo on a few dark pixels, or errors sit where side lobes come in.
+/// Cases that exceeded their bound, or their prediction by 3 dB and more, when only 64 evenly spread pixels were compared: a scatterer
+/// outside the grid affects few dark pixels, or the error is concentrated where side lobes enter.
 #[test]
-fn formers_keep_their_bound_where_few_pixels_have_the_error() {
+fn formers_keep_bound_where_error_is_concentrated_on_few_pixels() {
     let seeds: [(&str, &[u64]); 3] = [
         ("bp", &[798, 4090, 9275]),
         (
@@ -318,7 +316,7 @@ fn formers_keep_their_bound_where_few_pixels_have_the_error() {
                 8884, 9085, 10_692,
             ],
         ),
-        // From 34,817 on: the grids show the flank of a main lobe at their edge, where the error of wavefront curvature is concentrated.
+        // From seed 34,817 on: the flank of a main lobe lies at the grid's edge, where the error of wavefront curvature is concentrated.
         (
             "pfa",
             &[
@@ -334,8 +332,8 @@ fn formers_keep_their_bound_where_few_pixels_have_the_error() {
     }
 }
 
-/// Wavenumbers along the track of a case's strip, about: twice the distance along the track from pulses to pixels, by twice the
-/// Doppler extent over it.
+/// Approximate number of wavenumbers along the track: twice the distance along the track from pulses to pixels, times twice the Doppler
+/// extent over that distance.
 fn wavenumbers(case: &Case) -> f64 {
     let (track, plane) = (&case.track, &case.plane);
     let [rows, columns] = plane.counts;
@@ -363,7 +361,7 @@ fn wavenumbers(case: &Case) -> f64 {
     2.0 * reach_m * 2.0 * highest_hz / LIGHT_M_S * sines
 }
 
-/// Every former chosen on the cases that `draw` makes of seeds and it `takes`.
+/// Check every selected former on the cases that `draw` makes from seeds and that `takes` accepts.
 fn check(draw: fn(u64) -> Case, cases: u64, takes: fn(&str, &Case) -> bool) {
     let number = |key: &str| var(key).ok().map(|text| text.parse::<u64>().expect(key));
     let first = number("SUBAPERTURE_SEED").unwrap_or(0);

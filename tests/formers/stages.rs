@@ -1,4 +1,4 @@
-//! What stages are foretold to take, and that formers tell of just these; plans by other times than those that are built in.
+//! Forecast stages of formers against the stages that they report, and plans by other timing models.
 
 use std::time::Instant;
 
@@ -45,7 +45,7 @@ fn plan_by(
     Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }
 
-/// The image of a plan's text, and what its stages took.
+/// The image of a plan read from its text, and the times of its stages.
 fn formed(plan: &Plan, history: &PointTargetHistory) -> (Vec<Complex32>, Vec<StageTime>) {
     let plan = Plan::from_text(&plan.to_text()).unwrap();
     let weights = plan.weights(history.collection()).unwrap();
@@ -75,13 +75,13 @@ fn formed(plan: &Plan, history: &PointTargetHistory) -> (Vec<Complex32>, Vec<Sta
 }
 
 #[test]
-fn formers_tell_of_the_stages_that_they_foretell() {
+fn formers_report_the_stages_of_their_forecast() {
     let history = Preset::Table41.simulate(&Variation::default());
     let thesis = serde_json::json!({ "mode": { "thesis": {} } });
     let plain = FORMERS.map(|entry| (entry.name, serde_json::json!({})));
     for (name, settings) in plain.into_iter().chain([("rdbp", thesis)]) {
         if name == "exact" {
-            // Its one stage takes half a minute here; its loop is that of the check, too.
+            // The single stage of `exact` takes half a minute here, and the comparison has the same loop.
             continue;
         }
         let plan = plan(name, &settings, &history, &TimeModel::DEFAULT);
@@ -96,10 +96,10 @@ fn formers_tell_of_the_stages_that_they_foretell() {
         let own = taken
             .iter()
             .filter(|taken| ![READING, SAMPLES].contains(&taken.stage));
-        let told: Vec<&str> = own.map(|taken| taken.stage).collect();
-        let foretold: Vec<&str> = stages.clone().map(|stage| &*stage.name).collect();
-        assert_eq!(told, foretold, "{name}");
-        assert_eq!(taken.len(), told.len() + 2, "{name}: {taken:?}");
+        let reported: Vec<&str> = own.map(|taken| taken.stage).collect();
+        let forecast: Vec<&str> = stages.clone().map(|stage| &*stage.name).collect();
+        assert_eq!(reported, forecast, "{name}");
+        assert_eq!(taken.len(), reported.len() + 2, "{name}: {taken:?}");
         for stage in stages {
             let took = taken
                 .iter()
@@ -107,10 +107,10 @@ fn formers_tell_of_the_stages_that_they_foretell() {
                 .unwrap();
             let took_s = took.threads.as_secs_f64();
             println!(
-                "{name} {}: {:.2e} operations, {:.3} s foretold, {took_s:.3} s taken",
+                "{name} {}: {:.2e} operations, {:.3} s forecast, {took_s:.3} s taken",
                 stage.name, stage.operations, stage.core_s
             );
-            // Of a machine that may be at other work, and slower than the model's: no more than that they are times of the same.
+            // The machine may be busy, and slower than the model: only the sign of times is checked.
             assert!(stage.core_s > 0.0 && took_s > 0.0);
             assert!(
                 took_s < 1000.0 * stage.core_s && stage.core_s < 100.0 * took_s,
@@ -120,7 +120,7 @@ fn formers_tell_of_the_stages_that_they_foretell() {
     }
 }
 
-/// Default timing model with other times, ns.
+/// Default timing model with some constants replaced, ns.
 pub(crate) fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
     let mut json: serde_json::Value = serde_json::from_str(&TimeModel::DEFAULT.to_text()).unwrap();
     json["name"] = name.into();
@@ -131,16 +131,16 @@ pub(crate) fn model(name: &str, times_ns: &[(&str, f64)]) -> TimeModel {
     TimeModel::from_value(json).unwrap()
 }
 
-/// Every other number that there is makes another choice, and the image is as good: what a model says bears on time alone.
+/// Any timing constants change the choices only: the image keeps its bound.
 #[test]
-fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
+fn plan_by_absurd_timing_model_keeps_bound() {
     let history = Preset::Table41.simulate(&Variation::default());
-    let nothing = serde_json::json!({});
-    let exact = plan("exact", &nothing, &history, &TimeModel::DEFAULT);
+    let defaults = serde_json::json!({});
+    let exact = plan("exact", &defaults, &history, &TimeModel::DEFAULT);
     let (exact, _) = formed(&exact, &history);
     let models = [
         model(
-            "leaves for nothing",
+            "free leaves",
             &[
                 ("leaf_group_ns", 1e-6),
                 ("leaf_pulse_ns", 1e-6),
@@ -152,7 +152,7 @@ fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
             ],
         ),
         model(
-            "histories for nothing",
+            "free histories",
             &[
                 ("turn_ns", 1e-6),
                 ("pulse_tap_ns", 1e-6),
@@ -166,10 +166,10 @@ fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
         ),
     ];
     for name in ["bp", "ffbp", "rdbp"] {
-        let default = plan(name, &nothing, &history, &TimeModel::DEFAULT);
+        let default = plan(name, &defaults, &history, &TimeModel::DEFAULT);
         let others = models
             .each_ref()
-            .map(|model| plan(name, &nothing, &history, model));
+            .map(|model| plan(name, &defaults, &history, model));
         let choice = |plan: &Plan| {
             let mut choice = plan.summary.clone();
             choice.as_object_mut().unwrap().remove("time_model");
@@ -199,30 +199,30 @@ fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
     }
 }
 
-/// Choices of the default model, of which no machine has a say.
+/// Choices by the default timing model do not depend on the machine.
 #[test]
-fn the_default_plan_is_of_no_machine() {
+fn default_plan_is_independent_of_machine() {
     let history = Preset::Table41.simulate(&Variation::default());
     let model = TimeModel::measured("here".to_owned());
     assert_ne!(model, TimeModel::DEFAULT);
     for entry in &FORMERS {
-        let nothing = serde_json::json!({});
-        let default = plan_by(entry.name, &nothing, &history, Numerics::default());
+        let defaults = serde_json::json!({});
+        let default = plan_by(entry.name, &defaults, &history, Numerics::default());
         assert_eq!(default.time_model, TimeModel::DEFAULT);
         assert_eq!(default.summary["time_model"], "default");
-        // That this machine was measured changes nothing of it.
+        // A measured timing model of this machine changes no default plan.
         assert_eq!(
             default,
-            plan(entry.name, &nothing, &history, &TimeModel::DEFAULT)
+            plan(entry.name, &defaults, &history, &TimeModel::DEFAULT)
         );
-        let own = plan(entry.name, &nothing, &history, &model);
+        let own = plan(entry.name, &defaults, &history, &model);
         assert_eq!(own.summary["time_model"]["name"], "here");
         assert_eq!(own.cost.operations > 0.0, default.cost.operations > 0.0);
     }
 }
 
 #[test]
-fn plans_with_times_that_are_none_are_refused() {
+fn plans_with_invalid_timing_models_are_refused() {
     let history = Preset::Table41.simulate(&Variation::default());
     let plan = plan("bp", &serde_json::json!({}), &history, &TimeModel::DEFAULT);
     let text = plan.to_text();

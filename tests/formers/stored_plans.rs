@@ -1,7 +1,7 @@
-//! Stored plans on random dark, tiny and off-centre grids: a plan made for a recording is carried out once, without another plan. The
-//! image keeps the bound, by a float64 sum written out in the tests, or it is refused with a reason.
+//! Stored plans on random dark, tiny and off-centre grids. A plan made for a recording is executed once and never replaced: the image keeps
+//! the bound by a float64 sum written out in the tests, or it is refused with a reason.
 //!
-//! `SUBAPERTURE_CASES=10000` takes more seeds, `SUBAPERTURE_SEED=n` starts at another one.
+//! `SUBAPERTURE_CASES=10000` sets the number of seeds, `SUBAPERTURE_SEED=n` the first one.
 
 use std::env::var;
 
@@ -19,11 +19,11 @@ use subaperture::focus::{
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
-/// Seeds of the quick test and of the long one.
+/// Number of seeds of the quick test and of the long one.
 const CASES: u64 = 400;
 const LONG_CASES: u64 = 10_000;
 
-/// Formers that can plan for less than the bound.
+/// Formers that can plan an error below the bound.
 const FORMERS: [&str; 4] = ["bp", "rdbp", "ffbp", "pfa"];
 
 fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
@@ -48,13 +48,13 @@ fn former(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
 enum Outcome {
     /// No plan keeps the bound.
     NotPlanned,
-    /// The image exceeds the bound by its own record; whether it keeps the bound by the sum.
+    /// The image exceeds the bound by its own record. `needless`: it keeps the bound by the sum.
     Refused { needless: bool },
-    /// Measured error less the bound, dB; whether the plan leaves room for scatterers outside the grid.
+    /// `excess_db`: measured error minus the bound. `has_room`: the plan includes scatterers outside the grid.
     Formed { excess_db: f64, has_room: bool },
 }
 
-/// Carry out the plan that `make` makes, from its text.
+/// Execute the plan of `make` from its text.
 fn carry_out(
     case: &Case,
     history: &InMemory,
@@ -121,7 +121,7 @@ fn carry_out(
     }
 }
 
-/// Plans made for the recordings of seeds, and plans made from the geometry alone.
+/// Check plans made for the recordings of seeds, and plans made from the geometry alone.
 fn check(cases: u64) {
     let number = |key: &str| var(key).ok().map(|text| text.parse::<u64>().expect(key));
     let first = number("SUBAPERTURE_SEED").unwrap_or(0);
@@ -163,8 +163,8 @@ fn check(cases: u64) {
             )),
             share(0, &|outcome| outcome == Outcome::Refused { needless: true }),
         );
-        // Every pixel of these small images is compared where the estimate alone would refuse them. Left are images within the rounding of the
-        // comparison's own sum of their bound.
+        // Where the estimate alone would refuse an image, every pixel of these small images is compared. The remaining refusals are within
+        // the rounding of the comparison's own sum.
         let needless = |made: usize| {
             let is_needless = |all: &&[[Outcome; 2]; FORMERS.len()]| {
                 all[of][made] == Outcome::Refused { needless: true }
@@ -181,7 +181,7 @@ fn check(cases: u64) {
                 "{name}: {needless} images within the bound are refused"
             ));
         }
-        // Room for scatterers outside the grid does not refuse more than it saves.
+        // Including scatterers outside the grid refuses no more images than it saves.
         if with_room > without {
             faults.push(format!(
                 "{name}: refused {with_room} % instead of {without} %"
@@ -198,7 +198,7 @@ fn check(cases: u64) {
                     _ => {}
                 }
             }
-            // A recording whose plan of the geometry alone keeps the bound keeps it with room, too.
+            // Where a plan from the geometry alone keeps the bound, so does the plan for the recording.
             if matches!(all[of], [Outcome::NotPlanned, Outcome::Formed { .. }]) {
                 faults.push(format!("{name}, seed {seed}: no plan for the recording"));
             }

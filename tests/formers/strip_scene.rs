@@ -1,4 +1,4 @@
-//! Radars on tracks and scenes for the formers that work along a line, and their errors.
+//! Radars and scenes for the formers that need a straight track, and errors of these formers.
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -25,12 +25,12 @@ pub(crate) const RDA_WITHOUT_SRC: RangeDopplerAlgorithm = RangeDopplerAlgorithm 
 
 /// A radar on a track.
 pub(crate) struct Radar {
-    /// Frequency of sample 0, step, number.
+    /// Frequency of sample 0, step (both Hz), number of samples.
     pub(crate) band: (f64, f64, usize),
     pub(crate) num_pulses: usize,
-    /// Transmitter and receiver of pulse `n`, from the aperture's middle.
+    /// Transmitter and receiver of pulse `n`, 0 in the middle of the aperture.
     pub(crate) antennas: fn(f64) -> (DVec3, DVec3),
-    /// Path that all samples are referred to, or to the scene's origin if `None`.
+    /// Reference path of all samples; that of the scene's origin if `None`.
     pub(crate) reference_path_m: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ impl Radar {
         self.collection_on(self.antennas)
     }
 
-    /// The same band on another track: transmitter and receiver of pulse `n`, from the aperture's middle.
+    /// The same band on another track: transmitter and receiver of pulse `n`, 0 in the middle of the aperture.
     pub(crate) fn collection_on(&self, antennas: impl Fn(f64) -> (DVec3, DVec3)) -> Collection {
         let (start_hz, step_hz, num_samples) = self.band;
         let pulses = (0..self.num_pulses)
@@ -79,7 +79,7 @@ impl Radar {
 pub(crate) fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
     (0..12)
         .map(|i| {
-            // The plastic number's powers: spread evenly without a lattice.
+            // Powers of the plastic number: evenly spread without a lattice.
             let place = |a: f64| 2.0 * (a * f64::from(i) + 0.5).fract() - 1.0;
             let (x, y) = (place(0.754_877_666), place(0.569_840_291));
             Scatterer {
@@ -90,7 +90,7 @@ pub(crate) fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
         .collect()
 }
 
-/// A stripmap of 5 GHz and 100 MHz at 3 km, from 1 km above the ground, broadside.
+/// A stripmap radar at 5 GHz with 100 MHz, 3 km away and 1 km above the ground, broadside.
 pub(crate) const STRIPMAP: Radar = Radar {
     band: (4.95e9, 0.8e6, 125),
     num_pulses: 600,
@@ -101,7 +101,7 @@ pub(crate) const STRIPMAP: Radar = Radar {
     reference_path_m: Some(6000.0),
 };
 
-/// A rail of 1.6 m at 1.1 to 1.3 GHz, its scene from 6 m on.
+/// A rail of 1.6 m, 1.1 to 1.3 GHz, with scatterers from 6 m on.
 pub(crate) const RAIL: Radar = Radar {
     band: (1.1e9, 4e6, 51),
     num_pulses: 81,
@@ -112,7 +112,7 @@ pub(crate) const RAIL: Radar = Radar {
     reference_path_m: Some(0.0),
 };
 
-/// X band, 200 MHz, looking 40 degrees ahead.
+/// X band, 200 MHz, squinted 40 degrees forward.
 pub(crate) const SQUINT: Radar = Radar {
     band: (9.4e9, 1e6, 200),
     num_pulses: 300,
@@ -145,7 +145,7 @@ pub(crate) fn try_form(
 
 /// Errors of the formers on a grid, dB against the exact sum.
 pub(crate) fn errors_db<const N: usize>(
-    what: &str,
+    case: &str,
     history: &PointTargetHistory,
     grid: &str,
     window: Window,
@@ -161,7 +161,7 @@ pub(crate) fn errors_db<const N: usize>(
         let db = error_db(&formed.image, &exact);
         let predicted_db = formed.predicted_error_db;
         println!(
-            "{what}: {} {db:.1} dB in {taken:.2?}, predicted {predicted_db:.1}, track {}, line {}",
+            "{case}: {} {db:.1} dB in {taken:.2?}, predicted {predicted_db:.1}, track {}, line {}",
             former.name(),
             formed.settings["track_error_db"],
             formed.settings["line_error_db"],
@@ -172,7 +172,7 @@ pub(crate) fn errors_db<const N: usize>(
     })
 }
 
-/// The formers that would do instead.
+/// Names of the formers that the error recommends.
 pub(crate) fn others(error: &FormError) -> Vec<&'static str> {
     let remedies = error.remedies().iter();
     let named = remedies.filter_map(|remedy| match remedy {

@@ -1,4 +1,4 @@
-//! Pixels on a surface: the formers that follow reliefs against the exact sum, phase included; the others refuse.
+//! Pixels on a surface: formers that support relief against the exact sum, phase included; the others refuse.
 
 use std::f64::consts::TAU;
 
@@ -18,7 +18,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, PointTargetHistory, Scatterer};
 use subaperture_tests::error_db;
 
-/// A bent track 1.2 km up and 1.5 km aside, from which heights are seen as well as ranges; scatterers up to 20 m above and below the plane.
+/// A bent track 1.2 km up and 1.5 km aside, so that heights affect ranges. Scatterers lie up to 20 m above and below the plane.
 fn history(num_pulses: usize) -> PointTargetHistory {
     let antennas = |n: f64| {
         let part = n * 500.0 / num_pulses as f64;
@@ -39,7 +39,7 @@ fn history(num_pulses: usize) -> PointTargetHistory {
             ..*own
         });
     let noise = Noise {
-        // So strong that no pixel is dark, and formers err as they plan.
+        // High enough that no pixel is dark and errors are as planned.
         power_db: 20.0,
         seed: 11,
     };
@@ -47,7 +47,7 @@ fn history(num_pulses: usize) -> PointTargetHistory {
     PointTargetHistory::new(plain.collection().clone(), raised, Some(noise))
 }
 
-/// A rough surface over the plane: hills of so many metres and steps of a quarter of that, at nodes 3.7 m apart that no pixel knows of.
+/// A rough surface over the plane: hills of `height_m` and steps of a quarter of that, at nodes 3.7 m apart that coincide with no pixel.
 fn relief(height_m: f64) -> Relief {
     let axis = |start: f64| Axis {
         start,
@@ -110,7 +110,7 @@ fn formers_keep_their_bounds_on_surfaces() {
             })
             .unwrap()
             .image;
-        // The surface is another place than the plane: as unlike as two images of noise.
+        // The image on the surface differs from that on the plane as much as two images of noise.
         assert!(error_db(&plane, &exact) > -3.0);
         for (name, bound_db) in [
             ("bp", -50.0),
@@ -138,9 +138,9 @@ fn formers_keep_their_bounds_on_surfaces() {
     }
 }
 
-/// Patches within patches, whose histories are halved: a fine image, of which every 13th pixel is compared with the exact sum's there.
+/// Factorised backprojection with decimated histories on a fine grid, compared with the exact sum at every 13th pixel.
 #[test]
-fn patches_within_patches_hold_the_surface() {
+fn ffbp_keeps_bound_on_surface_over_several_decimations() {
     const EVERY: usize = 13;
     let history = history(3000);
     let weights = Weights::new(history.collection(), Window::None, Window::None);
@@ -193,9 +193,9 @@ fn patches_within_patches_hold_the_surface() {
     }
 }
 
-/// A point on a slope of hills, of which the phase turns unevenly: measured where it stands, as strong as it is, with its phase there.
+/// A point on the slope of a hill, where the phase varies non-linearly: position, amplitude and phase are exact.
 #[test]
-fn a_point_on_a_slope_is_measured_where_it_stands() {
+fn point_on_slope_has_exact_position_amplitude_and_phase() {
     let axis = Axis {
         start: -30.0,
         step: 0.25,
@@ -229,7 +229,7 @@ fn a_point_on_a_slope_is_measured_where_it_stands() {
         numerics: Default::default(),
     };
     let image = Exact.form(&task).unwrap().image;
-    // The band's middle, and the antenna in the middle of the pulses.
+    // The middle of the band, and the antenna position at the middle pulse.
     let wavelength_m = 299_792_458.0 / (9.5e9 + 127.5 * 1.1e6);
     let antenna = DVec3::new(0.0, -1500.0, 1200.0);
     let settings = Settings {
@@ -243,7 +243,7 @@ fn a_point_on_a_slope_is_measured_where_it_stands() {
         "{off:.4} m off, {:.4} dB, {:.4} rad",
         response.level_db, response.phase_rad
     );
-    // Cells are 0.2 m by 0.6 m and more; where the slope changes over one, a hundredth of it.
+    // Cells are 0.2 m by 0.6 m and larger; where the slope changes over a cell, a hundredth of it.
     assert!(off.x.abs() < 0.004 && off.y.abs() < 0.01, "{off}");
     assert!(response.level_db.abs() < 0.03, "{}", response.level_db);
     let wanted =
@@ -252,9 +252,9 @@ fn a_point_on_a_slope_is_measured_where_it_stands() {
     assert!(apart.abs() < 0.05, "{} {wanted}", response.phase_rad);
 }
 
-/// Tiles of a plan that went through text, with other threads and sizes, have the bits of the whole.
+/// Tiles of a plan read from text, with other threads and sizes, are bit-identical to the whole image.
 #[test]
-fn tiles_on_surfaces_are_parts_of_the_whole() {
+fn tiles_on_surfaces_are_bit_identical_to_whole_image() {
     let history = history(500);
     let grid = on_hills("x=-40:37.4:1.09,y=-38:39.9:1.47", 12.0);
     for name in ["exact", "bp", "ffbp", "auto"] {

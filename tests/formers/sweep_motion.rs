@@ -1,5 +1,5 @@
-//! Motion while a sweep lasts, compensated where the track is known: echoes, images by every former and files, against
-//! the plain sum over all samples at the moments they were taken at.
+//! Intra-pulse motion, compensated where the track is given: echoes, images by every former, and files, against the plain sum over all
+//! samples at their own times.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ use subaperture_tests::experiment::{
 use subaperture_tests::plain_history::{complex, pixels_m, plain_pulse, plain_sum};
 use subaperture_tests::plain_sum::{LIGHT_M_S, unit_echo};
 
-/// Fifty carriers from 1.1 GHz on, 4 MHz apart, `step_s` each.
+/// Fifty carriers from 1.1 GHz, 4 MHz apart, `step_s` each.
 fn stepped(step_s: f64) -> Waveform {
     Waveform::Stepped {
         band: Band {
@@ -41,7 +41,7 @@ fn stepped(step_s: f64) -> Waveform {
     }
 }
 
-/// A radar carried at walking pace along x, 60 cycles of the carriers.
+/// A radar carried at walking pace along x, for 60 cycles of the carriers.
 fn rail(step_s: f64, points: Vec<Scatterer>) -> Experiment {
     let mut rail = experiment(stepped(step_s), points);
     rail.radar.motion = Motion::True;
@@ -89,7 +89,7 @@ fn vehicle(falling: bool, num_samples: usize, points: Vec<Scatterer>) -> Experim
     vehicle
 }
 
-/// Two-way path of a wave that is received at `time_s`, metres: the transmitter is where it was when the wave left.
+/// Two-way path, metres, of a wave received at `time_s`; the transmitter is at its position at transmission.
 fn path_m(track: &dyn Trajectory, point: DVec3, time_s: f64) -> f64 {
     let back_m = track.pose(time_s).position_m.distance(point);
     let mut path_m = 2.0 * back_m;
@@ -100,7 +100,7 @@ fn path_m(track: &dyn Trajectory, point: DVec3, time_s: f64) -> f64 {
     path_m
 }
 
-/// When sample `k` of pulse `n` of phase history with `count` samples was taken, seconds.
+/// Time of sample `k` of pulse `n` in a phase history with `count` samples, seconds.
 fn moment_s(experiment: &Experiment, n: usize, k: usize, count: usize) -> f64 {
     let start_s = n as f64 * experiment.radar.pri_s;
     let after = k as f64 - (count / 2) as f64;
@@ -117,7 +117,7 @@ fn moment_s(experiment: &Experiment, n: usize, k: usize, count: usize) -> f64 {
         }
 }
 
-/// Two-way path of a point less that of the reference point in sample `k` of pulse `n`, at its own moment, from the waveform alone.
+/// Two-way path of a point less that of the reference point in sample `k` of pulse `n` at its own time, from the waveform alone.
 fn relative_path_m(experiment: &Experiment, n: usize, k: usize, count: usize, at: DVec3) -> f64 {
     let Reference::Point(reference_m) = experiment.reference else {
         unreachable!("a point")
@@ -125,13 +125,13 @@ fn relative_path_m(experiment: &Experiment, n: usize, k: usize, count: usize, at
     let track = experiment.track.as_ref();
     let mut time_s = moment_s(experiment, n, k, count);
     if matches!(experiment.radar.waveform, Waveform::Fmcw { .. }) {
-        // A sweep sends each frequency at a moment of its own: echoes from further away have it as much later.
+        // A sweep transmits each frequency at its own time; echoes from further away have it later by their delay.
         time_s += (path_m(track, at, time_s) - path_m(track, reference_m, time_s)) / LIGHT_M_S;
     }
     path_m(track, at, time_s) - path_m(track, reference_m, time_s)
 }
 
-/// What every sample ought to be.
+/// Expected value of every sample.
 fn truth(experiment: &Experiment, history: &dyn PhaseHistory) -> Vec<Complex64> {
     let collection = history.collection();
     let count = collection.num_samples;
@@ -150,7 +150,7 @@ fn truth(experiment: &Experiment, history: &dyn PhaseHistory) -> Vec<Complex64> 
     all
 }
 
-/// The image of samples by the plain sum, each sample at its own moment.
+/// Image by the plain sum, with each sample at its own time.
 fn plain_image(
     experiment: &Experiment,
     history: &dyn PhaseHistory,
@@ -200,9 +200,9 @@ fn random_points(seed: u64, count: usize, extent: Extent) -> Vec<Scatterer> {
         .collect()
 }
 
-/// Stepped: float32's rounding, -140 dB, and 1e-9 turns of float64 in the delays. Swept: the filter of the residual
-/// video phase takes an echo's Doppler shift, up to 24 GHz x 2 x 5 m/s / c = 0.8 kHz, for a part of its beat: a phase of
-/// `pi (0.8 kHz)^2 / rate`, 3e-5 rad; fading leaves -90 dB. Before sweeps were faded it was -47 dB and worse.
+/// Stepped: float32 rounding, -140 dB, and 1e-9 cycles of float64 in the delays. Swept: the filter of the residual video phase treats an
+/// echo's Doppler shift, up to 24 GHz x 2 x 5 m/s / c = 0.8 kHz, as part of its beat frequency: a phase of `pi (0.8 kHz)^2 / rate`, 3e-5
+/// rad; the taper leaves -90 dB. Before sweeps were tapered the error was -47 dB and worse.
 #[test]
 fn samples_have_the_path_at_their_own_time() {
     let near = vec![
@@ -240,10 +240,10 @@ fn samples_have_the_path_at_their_own_time() {
     }
 }
 
-/// Sweeps of a radar at rest, against the definition: the ripple of the sweep's edges is gone, at the band's edges too.
-/// (Before: -47 dB over all, -31 dB beside the edges.) Float32's rounding is at -140 dB, the fading's remainder at -100.
+/// Sweeps of a stationary radar against the definition: the taper removes the ripple of the sweep's edges, also at the band's edges
+/// (without it -47 dB over all samples, -31 dB near the edges). Float32 rounding is at -140 dB, the remainder of the taper at -100 dB.
 #[test]
-fn swept_echoes_are_the_plain_sum_to_the_edges_of_the_band() {
+fn swept_echoes_match_plain_sum_up_to_band_edges() {
     for falling in [false, true] {
         let still = experiment(fmcw(falling), five_points());
         let recording = still.record(PAIR).unwrap();
@@ -266,11 +266,11 @@ fn swept_echoes_are_the_plain_sum_to_the_edges_of_the_band() {
     }
 }
 
-/// The image by the library's exact sum, and by the fast formers, against the plain sum over the scene. What the
-/// plain sum knows and the formers do not is that further echoes are later: 8 m/s x 2 x 0.6 x 0.1 us are 1e-6 m, 5e-4 rad
-/// at 24 GHz and -66 dB for the worst scatterer; -115 dB at walking pace and 1.2 GHz.
+/// Images by the library's exact sum and by the fast formers, against the plain sum over the scene. The formers neglect that more distant
+/// echoes are later: 8 m/s x 2 x 0.6 x 0.1 us are 1e-6 m, 5e-4 rad at 24 GHz and -66 dB for the worst scatterer; -115 dB at walking pace
+/// and 1.2 GHz.
 #[test]
-fn images_of_moving_sweeps_are_the_plain_sum() {
+fn images_with_intra_pulse_motion_match_plain_sum() {
     let extent = rail(1e-3, vec![]).extent.unwrap();
     let mut scene = random_points(2, 7, extent);
     scene.push(point(-2.0, 2.2, 1.0));
@@ -307,7 +307,7 @@ fn images_of_moving_sweeps_are_the_plain_sum() {
     }
 }
 
-/// Where the image of `point` is: the greatest magnitude of a fine grid about it, by a parabola through its neighbours.
+/// Position of the peak near `at` on a fine grid, refined by a parabola through its neighbours.
 fn peak_m(former: &dyn ImageFormer, history: &dyn PhaseHistory, at: DVec3, step_m: f64) -> DVec3 {
     let axis = |middle: f64| Axis {
         start: middle - 12.0 * step_m,
@@ -335,10 +335,10 @@ fn peak_m(former: &dyn ImageFormer, history: &dyn PhaseHistory, at: DVec3, step_
     grid.position_m(row, column) + DVec3::new(across, along, 0.0) * step_m
 }
 
-/// The rail on which (-3, 5) was seen at (-3.023, 5.046): a third of a millisecond a carrier. Its range
-/// resolution is 0.75 m; across, it is 0.2 m at the nearest of these points.
+/// The rail on which stop-and-go processing put the point (-3, 5) at (-3.023, 5.046): a third of a millisecond per carrier. The resolution
+/// is 0.75 m in range and 0.2 m across at the nearest point.
 #[test]
-fn points_are_where_they_are() {
+fn points_have_exact_positions() {
     let places = [
         (-3.0, 5.0),
         (3.0, 5.0),
@@ -364,15 +364,15 @@ fn points_are_where_they_are() {
     let car = vehicle(false, 400, vec![point(-9.0, 17.0, 1.0)]);
     let recording = car.record(PAIR).unwrap();
     let at = DVec3::new(-9.0, 17.0, 0.0);
-    // Cells of 1 m in range and 0.15 m across.
+    // Resolution cells of 1 m in range and 0.15 m across.
     let off_m = peak_m(&rdbp(-60.0), &recording, at, 0.01) - at;
     println!("vehicle: off by {off_m}");
     assert!(off_m.length() < 0.015, "{off_m}");
 }
 
-/// A vibration is not even over a cycle: its acceleration counts, and survives a file as differences of velocities.
+/// A vibration is not linear over a cycle: its acceleration matters, and is stored in a file as differences of velocities.
 #[test]
-fn vibrations_and_offsets_survive_a_file() {
+fn vibrations_and_offsets_survive_cphd_file() {
     #[derive(Clone, Copy, Debug)]
     struct Shaking;
     impl Trajectory for Shaking {
@@ -404,8 +404,8 @@ fn vibrations_and_offsets_survive_a_file() {
     let file = Cphd::open(&path, None, 1 << 20).unwrap();
     let read_db = difference_db(&form(&Exact, &file, &grid).pixels, &expected);
     println!("direct {direct_db:.1} dB, by a file {read_db:.1} dB");
-    // A parabola leaves a cubic of 1e-2 (2 pi 1.8)^3 (0.025)^3 / 24 of path at most, 1e-5 m, 2.5e-4 rad: -72 dB. The file's
-    // accelerations are means over two cycles, 8 % less of 0.4 mm of path at a cycle's ends: 8e-4 rad, -60 dB.
+    // A parabola neglects a cubic of at most 1e-2 (2 pi 1.8)^3 (0.025)^3 / 24 of path, 1e-5 m, 2.5e-4 rad: -72 dB. Accelerations in the
+    // file are means over two cycles, 8 % less of 0.4 mm of path at a cycle's ends: 8e-4 rad, -60 dB.
     assert!(
         direct_db < -70.0 && read_db < -55.0,
         "{direct_db} {read_db}"
@@ -418,7 +418,7 @@ fn vibrations_and_offsets_survive_a_file() {
     assert!(kept.transmitter_m_s.distance(made.transmitter_m_s) < 1e-9);
 }
 
-/// A track of parabolas: the radar is accelerated by 8 m/s^2 towards the scene during one cycle and away from it during the next.
+/// A track of parabolas: the radar accelerates by 8 m/s^2 towards the scene in one cycle and away from it in the next.
 #[derive(Clone, Copy, Debug)]
 struct Jolted;
 
@@ -440,7 +440,7 @@ impl Trajectory for Jolted {
 /// Acceleration within a pulse makes a cubic phase over its samples, here of 2e-3 rad RMS: -54 dB, which the former itself had predicted and refused.
 /// The oracle is the plain sum along the track. The oracle includes effects of -115 dB that the former neglects (above).
 #[test]
-fn backprojection_keeps_its_bound_where_the_radar_accelerates_within_a_pulse() {
+fn bp_keeps_bound_with_acceleration_within_pulse() {
     let mut cart = rail(
         1e-3,
         random_points(5, 7, rail(1e-3, vec![]).extent.unwrap()),
@@ -473,9 +473,9 @@ fn backprojection_keeps_its_bound_where_the_radar_accelerates_within_a_pulse() {
     }
 }
 
-/// Two antennas of a platform: their sweeps are their own; bistatic paths.
+/// Two antennas of a platform: each has its own intra-pulse motion; bistatic paths.
 #[test]
-fn apart_antennas_have_sweeps_of_their_own() {
+fn separate_antennas_have_separate_intra_pulse_motion() {
     let mut cart = rail(1e-3, vec![point(-3.0, 5.0, 1.0), point(5.0, 4.0, 1.0)]);
     cart.radar.transmitters = vec![antenna("T", DVec3::new(0.4, 0.0, 0.0))];
     cart.radar.receivers = vec![antenna("R", DVec3::new(-0.4, 0.0, 0.3))];
@@ -487,7 +487,7 @@ fn apart_antennas_have_sweeps_of_their_own() {
         .collect();
     let at = grid.position_m(6, 6);
     assert_eq!(at, DVec3::new(-3.0, 5.0, 0.0));
-    // The other scatterer's side lobes are below -30 dB here.
+    // Side lobes of the other scatterer are below -30 dB here.
     assert!((exact[6 * grid.columns.count + 6].norm() - 1.0).abs() < 0.03);
     for former in [
         &rdbp(-60.0) as &dyn ImageFormer,

@@ -1,5 +1,4 @@
-//! A pixel's bits follow from the plan and the samples alone: not from threads, memory, tiles or their order, for every
-//! former.
+//! For every former, the bits of a pixel follow from plan and samples alone. Threads, memory, tiles and their order change no bit.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -15,7 +14,7 @@ use subaperture::phase_history::{self, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, PointTargetHistory, Preset, Variation};
 
-/// Sizes of no symmetry: 71 columns, 53 rows.
+/// A grid without symmetry: 71 columns, 53 rows.
 const GRID: &str = "x=-40:37.4:1.09,y=-38:39.9:1.47";
 
 fn history() -> PointTargetHistory {
@@ -57,8 +56,8 @@ fn plan_on(
     Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).unwrap()
 }
 
-/// How a plan is carried out: nothing of it may matter.
-struct Way {
+/// Parameters of an execution that must not affect the image.
+struct Run {
     threads: usize,
     memory_bytes: u64,
     tile: Option<[usize; 2]>,
@@ -66,7 +65,7 @@ struct Way {
     backwards: bool,
 }
 
-const WHOLE: Way = Way {
+const WHOLE: Run = Run {
     threads: 2,
     memory_bytes: 2 << 30,
     tile: None,
@@ -74,62 +73,62 @@ const WHOLE: Way = Way {
     backwards: false,
 };
 
-fn carried_out(plan: &Plan, history: &dyn PhaseHistory, way: &Way) -> Vec<Complex32> {
+fn execute(plan: &Plan, history: &dyn PhaseHistory, run: &Run) -> Vec<Complex32> {
     let mut plan = Plan::from_text(&plan.to_text()).unwrap();
-    if let Some([rows, columns]) = way.tile {
+    if let Some([rows, columns]) = run.tile {
         plan.tile = PatchSize { rows, columns };
     }
     let weights = plan.weights(history.collection()).unwrap();
     let opened = plan.open(history.collection(), &weights).unwrap();
     let work = Work {
         history,
-        memory_bytes: way.memory_bytes,
+        memory_bytes: run.memory_bytes,
         monitor: &Silent,
     };
     let mut indices: Vec<usize> = (0..plan.num_tiles()).collect();
-    if way.backwards {
+    if run.backwards {
         indices.reverse();
     }
     let mut image = InMemory::of(&plan);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(way.threads);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(run.threads);
     pool.build()
         .unwrap()
-        .install(|| opened.form(&work, &indices, way.most_a_pass, &mut image))
+        .install(|| opened.form(&work, &indices, run.most_a_pass, &mut image))
         .unwrap();
     assert_eq!(image.records.len(), plan.num_tiles());
     image.image.pixels
 }
 
 #[test]
-fn bits_are_those_of_the_plan_alone() {
+fn bits_follow_from_plan_and_samples_alone() {
     let history = history();
-    // What the largest array of a former needs here: the strips' spectrum, 10 MB.
+    // Memory for the largest array of a former here, the spectrum of omega-k and rda, 10 MB.
     let little = history.held_bytes() + (16 << 20);
-    let ways = [
-        Way {
+    let runs = [
+        Run {
             threads: 1,
             memory_bytes: 64 << 20,
             ..WHOLE
         },
-        Way {
+        Run {
             threads: 7,
             tile: Some([53, 19]),
             most_a_pass: 2,
             ..WHOLE
         },
-        Way {
+        Run {
             memory_bytes: little,
             tile: Some([17, 23]),
             most_a_pass: 1,
             backwards: true,
             ..WHOLE
         },
-        Way {
+        Run {
             tile: Some([1, 71]),
             most_a_pass: 5,
             ..WHOLE
         },
-        Way {
+        Run {
             tile: Some([11, 3]),
             most_a_pass: 1000,
             backwards: true,
@@ -145,30 +144,30 @@ fn bits_are_those_of_the_plan_alone() {
             _ => vec![serde_json::json!({})],
         };
         for settings in both {
-            // The thesis's mode, whose maps are of the whole scene, takes 0.3 s a pass.
-            let ways = match settings["mode"].is_null() {
-                true => &ways[..],
-                false => &ways[..2],
+            // The thesis's mode has maps of the whole scene and takes 0.3 s in each pass.
+            let runs = match settings["mode"].is_null() {
+                true => &runs[..],
+                false => &runs[..2],
             };
             let plan = plan(entry.name, &settings, &history, SCRATCH_BYTES);
-            let whole = carried_out(&plan, &history, &WHOLE);
+            let whole = execute(&plan, &history, &WHOLE);
             assert!(whole.iter().any(|z| z.norm_sqr() > 0.5), "{}", entry.name);
-            for (index, way) in ways.iter().enumerate() {
-                // Passes cost as much as the image.
+            for (index, run) in runs.iter().enumerate() {
+                // Each pass of `exact` takes as long as a whole image.
                 if entry.name == "exact" && index > 1 {
                     continue;
                 }
-                let image = carried_out(&plan, &history, way);
-                assert!(image == whole, "{} {settings}, way {index}", entry.name);
+                let image = execute(&plan, &history, run);
+                assert!(image == whole, "{} {settings}, run {index}", entry.name);
             }
         }
     }
 }
 
-/// The same scene in coordinates fixed to the Earth, where float64 holds a nanometre: an image in two parts has the bits of the
-/// whole, so a pixel's place may not depend on where its tile begins.
+/// The same scene in Earth-fixed coordinates, where float64 resolves a nanometre. An image in two parts is bit-identical to the whole, so
+/// the position of a pixel must not depend on its tile's origin.
 #[test]
-fn bits_far_from_the_origin_are_those_of_the_plan_alone() {
+fn bits_far_from_origin_follow_from_plan_and_samples_alone() {
     let near = history();
     let away = DVec3::new(4.1e6, -1.3e6, 4.7e6);
     let mut collection = near.collection().clone();
@@ -182,22 +181,22 @@ fn bits_far_from_the_origin_are_those_of_the_plan_alone() {
     let history = phase_history::InMemory::new(collection, samples).unwrap();
     let mut grid: ImageGrid = GRID.parse().unwrap();
     grid.origin_m += away;
-    let halves = Way {
+    let halves = Run {
         tile: Some([53, 29]),
         ..WHOLE
     };
     for name in ["bp", "rdbp", "ffbp", "pfa"] {
         let plan = plan_on(&grid, name, &serde_json::json!({}), &history, SCRATCH_BYTES);
-        let whole = carried_out(&plan, &history, &WHOLE);
+        let whole = execute(&plan, &history, &WHOLE);
         assert!(whole.iter().any(|z| z.norm_sqr() > 0.5), "{name}");
-        let image = carried_out(&plan, &history, &halves);
+        let image = execute(&plan, &history, &halves);
         assert!(image == whole, "{name}");
     }
 }
 
-/// The image of a task is that of a plan with its windows and the scratch that tasks have.
+/// The image of a task equals that of a plan with the task's windows and scratch memory.
 #[test]
-fn a_task_is_a_plan_carried_out_at_once() {
+fn task_and_plan_give_same_image() {
     let history = history();
     let grid: ImageGrid = GRID.parse().unwrap();
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
@@ -221,18 +220,18 @@ fn a_task_is_a_plan_carried_out_at_once() {
         if !formed.settings["planned_error_db"].is_null()
             && formed.settings.contains_key("planned_for_db")
         {
-            // Planned for once more.
+            // These formers plan a second time.
             continue;
         }
         let plan = plan(entry.name, &settings, &history, SCRATCH_BYTES);
-        let image = carried_out(&plan, &history, &WHOLE);
+        let image = execute(&plan, &history, &WHOLE);
         assert!(image == formed.image.pixels, "{}", entry.name);
     }
 }
 
-/// A plan for little scratch takes other ways, and keeps its bound: stretches of pulses, smaller maps.
+/// A plan for little scratch memory makes other choices (blocks of pulses, smaller maps) and keeps its bound.
 #[test]
-fn little_scratch_is_part_of_the_plan() {
+fn plan_with_little_scratch_memory_keeps_bound() {
     let history = history();
     let settings = serde_json::json!({});
     for (name, scratch_bytes) in [("bp", 200_000), ("ffbp", 600_000), ("rdbp", 150_000)] {
@@ -240,12 +239,12 @@ fn little_scratch_is_part_of_the_plan() {
         let little = plan(name, &settings, &history, scratch_bytes);
         assert_ne!(ample.summary, little.summary, "{name}");
         assert!(little.planned_db <= -60.0, "{name}");
-        let exact = carried_out(
+        let exact = execute(
             &plan("exact", &settings, &history, SCRATCH_BYTES),
             &history,
             &WHOLE,
         );
-        let image = carried_out(&little, &history, &WHOLE);
+        let image = execute(&little, &history, &WHOLE);
         let (mut error, mut power) = (0.0, 0.0);
         for (a, b) in image.iter().zip(&exact) {
             error += f64::from((a - b).norm_sqr());
@@ -258,7 +257,7 @@ fn little_scratch_is_part_of_the_plan() {
 }
 
 #[test]
-fn plans_of_other_recordings_and_other_texts_are_refused() {
+fn plans_of_other_recordings_and_edited_plans_are_refused() {
     let history = history();
     let plan = plan("bp", &serde_json::json!({}), &history, SCRATCH_BYTES);
     let mut other = history.collection().clone();

@@ -1,4 +1,4 @@
-//! Ten scatterers seen from any track: what image formers are compared on.
+//! Ten scatterers seen from a given track, for comparisons of image formers.
 
 use std::f64::consts::TAU;
 
@@ -8,8 +8,8 @@ use subaperture::geometry::SceneFrame;
 use subaperture::phase_history::{Collection, Pulse, Sweep};
 use subaperture::simulate::{PointTargetHistory, Scatterer};
 
-/// Straight or bent tracks, one or two antennas (by the pulse's number, 0 in the middle): ten scatterers
-/// within `extent_m` of the origin, over a band of start, step and number of samples.
+/// A recording of ten scatterers within `extent_m` of the origin. The track gives transmitter and receiver by pulse number, 0 in the
+/// middle; the band is start, step (Hz) and number of samples.
 pub(crate) fn scene(
     num_pulses: usize,
     (start_hz, step_hz, num_samples): (f64, f64, usize),
@@ -41,7 +41,7 @@ pub(crate) fn scene(
     };
     let scatterers = (0..10)
         .map(|i| {
-            // Golden-ratio placement: spread evenly without a lattice.
+            // Golden-ratio positions: evenly spread without a lattice.
             let turn = f64::from(i) * 0.618_034;
             let radius = extent_m * (f64::from(i) / 10.0).sqrt();
             Scatterer {
@@ -57,7 +57,7 @@ pub(crate) fn scene(
     PointTargetHistory::new(collection, scatterers, None)
 }
 
-/// A deterministic number in [-1, 1) for pulse `n`.
+/// A reproducible number in [-1, 1) for pulse `n`.
 pub(crate) fn noise(n: f64) -> f64 {
     ((n * 12.9898).sin() * 43_758.547).fract()
 }

@@ -11,10 +11,10 @@ use crate::sub_cpis::{LIGHT_M_S, decibels, sinc};
 const BANDWIDTH_HZ: f64 = 300e6;
 const CELL_M: f64 = LIGHT_M_S / (2.0 * BANDWIDTH_HZ);
 const WAVELENGTH_M: f64 = LIGHT_M_S / 1.85e9;
-/// Of an unweighted aperture's response, the part of the resolution at half its power.
+/// Half-power width of an unweighted aperture's response, in resolution cells.
 const HALF_POWER: f64 = 0.886;
 
-/// The table of an item.
+/// Expected checks of an item.
 pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "c-2-10" => ambiguity(),
@@ -29,13 +29,13 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     })
 }
 
-/// Within the -60 dB that items ask of formers.
+/// Error bound of the items' formers, dB.
 const ASKED_DB: f64 = -60.0;
 
 fn ambiguity() -> Vec<Figure> {
     let (duration_s, rate_hz_s) = (1e-6, 200e6 / 1e-6);
     let delay_s = -13e6 / rate_hz_s;
-    // Samples are a 1600th of the sweep apart: 8 for each cycle of 200 MHz.
+    // Samples are a 1600th of the sweep apart: 8 per cycle of 200 MHz.
     let sample_s = 1.0 / (8.0 * 200e6);
     vec![
         figure(
@@ -74,7 +74,7 @@ fn residual_phase() -> Vec<Figure> {
             "8.39 rad",
             "{} rad",
             [About(phase_rad, 0.0)],
-            "pi a tau^2, half of what the thesis has",
+            "pi a tau^2, half of the thesis's value",
         ),
         figure(
             "largest difference from pi a tau^2",
@@ -96,7 +96,7 @@ fn residual_phase() -> Vec<Figure> {
 fn long_aperture() -> Vec<Figure> {
     let (range_m, most_sine) = (30.0, 0.4f64);
     let curved_m = range_m * (1.0 / (1.0 - most_sine * most_sine).sqrt() - 1.0);
-    // Of an echo that is a tenth of a cell off its line sinc(0.1) remains, 98 %: it passes as straight.
+    // An echo a tenth of a cell off its line keeps sinc(0.1), 98 %, and counts as straight.
     let tenth = 0.1;
     let straight = || [at_most(tenth * CELL_M), at_most(tenth)];
     vec![
@@ -115,7 +115,7 @@ fn long_aperture() -> Vec<Figure> {
             "the exact hyperbola",
             "{} m, {} of a cell",
             straight(),
-            "nothing, to a tenth of a cell",
+            "0, to a tenth of a cell",
         ),
         figure(
             "the line against (3.6) within 6.65 degrees, half the beam of 4.5, at most",
@@ -129,7 +129,7 @@ fn long_aperture() -> Vec<Figure> {
             "straight",
             "{} m, {} of a cell",
             straight(),
-            "nothing, to a tenth of a cell",
+            "0, to a tenth of a cell",
         ),
         figure(
             "the image's error against the exact matched filter",
@@ -156,7 +156,7 @@ fn short_aperture() -> Vec<Figure> {
     };
     let focused = "approximately focused at its angle of arrival";
     let shape = "{} degrees for {}, {} m for {}";
-    let from = "the angle and the range, to a tenth and a fifth of what is resolved";
+    let from = "the angle and the range, to a tenth and a fifth of the resolution";
     // 21 pulses.
     let width = HALF_POWER / (21.0 * 0.05);
     vec![
@@ -186,7 +186,7 @@ fn short_aperture() -> Vec<Figure> {
             "0.84 1/m",
             "{} 1/m",
             [About(width, 0.02 * width / HALF_POWER)],
-            "0.886 / L, to a fiftieth of what is resolved; the quadratic phase of 0.32 rad widens it by 0.3 %",
+            "0.886 / L, to a fiftieth of the resolution; the quadratic phase of 0.32 rad widens it by 0.3 %",
         ),
         figure(
             "the same for the long aperture of Fig. 3.1",
@@ -203,13 +203,13 @@ fn omega_k() -> Vec<Figure> {
     let (offset_m, sine) = (3.0, 0.3f64);
     let cosine = (1.0 - sine * sine).sqrt();
     let bent_rad = offset_m * wavenumber * (1.0 - cosine);
-    // The last element within the sine of 0.3 is up to one of 2 pi / 30 m before it; rows lie up to half a step of the band off.
+    // The last element within the sine of 0.3 is up to one step of 2 pi / 30 m before it; rows are off by up to half a step of the band.
     let step_rad = offset_m * sine / cosine * 2.0 * PI / 30.0;
-    // The aperture's end lies 4.6 m beyond the place that is seen at 0.3: 3.7 in units of Fresnel's integral.
+    // The end of the aperture lies 4.6 m beyond the position seen at 0.3: 3.7 in units of Fresnel's integral.
     let beyond_m = 15.0 - 33.0 * sine / cosine;
     let ripple_rad =
         1.0 / (PI * 2f64.sqrt() * beyond_m * (wavenumber * cosine.powi(3) / (PI * 33.0)).sqrt());
-    let from = "nothing, to the ripple of an aperture that ends";
+    let from = "0, to the ripple of a finite aperture";
     vec![
         figure(
             "phase across azimuth before the mapping, at the end: closed form (3.9), measured",
@@ -246,8 +246,8 @@ fn omega_k() -> Vec<Figure> {
     ]
 }
 
-/// Mean power of an image by `count` of the 161 pulses, 1 m and more from the scatterer, dB: of every pulse the band's response about
-/// its distance, turned by the phase of the middle frequency.
+/// Mean power of an image from `count` of the 161 pulses, 1 m and more from the scatterer, dB: for every pulse the band's response at its
+/// distance, with the phase of the middle frequency.
 fn painted_db(count: usize) -> f64 {
     let place_m = [0.4f64, 0.5];
     let distance_m =
@@ -280,7 +280,7 @@ fn painting() -> Vec<Figure> {
             "a circle about the antenna",
             "{} m",
             [at_most(0.05 / 2.0)],
-            "nothing, to half a pixel; the radius is that of (4.4, 10.5) m",
+            "0, to half a pixel; the radius is that of (4.4, 10.5) m",
         ),
         figure(
             "distance of the two-pulse peak from the scatterer",
@@ -300,7 +300,7 @@ fn painting() -> Vec<Figure> {
             "mean power at 1 m and more from the scatterer with 1, 2, 8 and all pulses, dB",
             "destructive elsewhere",
             "{}, {}, {}, {}",
-            // Errors of -60 dB beside the last, -42 dB, are 1 dB at most.
+            // Errors of -60 dB change levels by at most 1 dB, that of the last one, -42 dB.
             [(1, 0.1), (2, 0.1), (8, 0.2), (161, 1.0)]
                 .map(|(count, tolerance)| About(painted_db(count), tolerance)),
             "the sum of the arcs, to the error asked for",
@@ -366,12 +366,13 @@ fn truck() -> Vec<Figure> {
     ]
 }
 
-/// Behind the far wall, relative to it: the most that side lobes of all three objects add up to, unweighted and under a Hamming window, and
-/// the least that the near wall's leave unweighted; dB.
+/// Levels behind the far wall relative to it, dB: upper limit of the side lobes of all three objects, unweighted and with a Hamming window,
+/// and lower limit of the near wall's, unweighted.
 fn behind_db() -> [f64; 3] {
     let wavelength_m = LIGHT_M_S / 1.2e9;
     let around_m = LIGHT_M_S / (2.0 * 4e6);
-    // Amplitudes by physical optics, two-way. Near wall: 0.5 m square in points of 0.1 m, 40 degrees off a Gaussian beam of 60.
+    // Amplitudes by physical optics, two-way. Near wall: 0.5 m square in points of 0.1 m, 40 degrees off the axis of a Gaussian beam of 60
+    // degrees.
     let points = || (-2..=2).map(|i| f64::from(i) * 0.1);
     let wall: Complex64 = points()
         .flat_map(|across| points().map(move |up| (1.0 + across * across + up * up).sqrt()))
@@ -379,10 +380,10 @@ fn behind_db() -> [f64; 3] {
         .sum();
     let beam = (-8.0 * LN_2 * (40.0f64 / 60.0).powi(2) / 2.0).exp();
     let near = 0.38 * 2.0 * PI.sqrt() * 0.01 / wavelength_m * wall.norm() * beam;
-    // A trihedral of 0.6 m at 6.3 m, and a wall at 16 m that is as good as a mirror.
+    // A trihedral of 0.6 m at 6.3 m, and a wall at 16 m that reflects like a mirror.
     let corner = (4.0 * PI / 3.0).sqrt() * 0.36 / wavelength_m / 6.3f64.powi(2);
     let far = 0.38 * PI.sqrt() / 16.0;
-    // 50 carriers: side lobes go around.
+    // With 50 carriers side lobes are periodic in range.
     let envelope = |from_m: f64, at_m: f64| 1.0 / (50.0 * (PI * (at_m - from_m) / around_m).sin());
     let sides = |at_m: f64| {
         [(near, 1.0), (corner, 6.3), (far, 16.0)]
@@ -392,12 +393,12 @@ fn behind_db() -> [f64; 3] {
         .map(|i| sides(19.0 + 0.1 * f64::from(i)).iter().sum())
         .fold(0.0, f64::max);
     let [by_near, by_corner, by_far] = sides(30.0);
-    // Hamming's largest side lobe.
+    // Largest side lobe of the Hamming window.
     let hamming = 10f64.powf(-42.7 / 20.0) * (near + corner + far) / far;
     [most, hamming, by_near - by_corner - by_far].map(decibels)
 }
 
-/// Of the radar with 50 steps of 4 MHz and its three objects; peaks to this part of a cell.
+/// The radar with 50 steps of 4 MHz and its three objects; peaks to this part of a cell.
 pub(crate) fn three_objects(part: f64, from: &'static str) -> Vec<Figure> {
     let cell_m = LIGHT_M_S / (2.0 * 200e6);
     let near = |range_m: f64| [About(range_m, cell_m * part)];
@@ -463,7 +464,7 @@ fn stepped() -> Vec<Figure> {
     ));
     figures.push(figure(
         "19 to 30 m, relative to the wall at 16 m: unweighted, Hamming",
-        "nothing returns from there: a sinc's side lobes",
+        "no scatterer there: side lobes of a sinc",
         "{} dB, {} dB",
         [Within(least_db, most_db), at_most(hamming_db)],
         "side lobes of the three by physical optics, for and against each other",

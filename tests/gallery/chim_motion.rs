@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use crate::figures::{About, Expected, Figure, Within, at_most, figure};
 use crate::sub_cpis::LIGHT_M_S;
 
-/// The table of an item.
+/// Expected checks of an item.
 pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "c-6-6" => room(),
@@ -18,10 +18,10 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
 }
 
 fn room() -> Vec<Figure> {
-    // 1.5 mm rms along the rail and 0.4 mm across turn phases by 2 k = 3200 rad/m times their projection on the line of sight, by 1.4 to 3 rad
-    // rms for reflectors 6 to 30 degrees off: what is coherent of a point falls by 3 dB and more.
+    // 1.5 mm RMS along the rail and 0.4 mm across change phases by 2 k = 3200 rad/m times their projection on the line of sight, by 1.4 to
+    // 3 rad RMS for reflectors 6 to 30 degrees off: the coherent part of a point falls by 3 dB and more.
     let blurred = Within(-20.0, -3.0);
-    // 0.35 rad rms costs 0.5 dB.
+    // 0.35 rad RMS costs 0.5 dB.
     let sharp = Within(-0.5, 0.3);
     vec![
         figure(
@@ -49,7 +49,8 @@ fn room() -> Vec<Figure> {
             "entropy before autofocus, by stock PGA, by modified PGA, on the true track",
             "the modified one's is the sharper",
             "{}, {}, {}, {}",
-            // Of four points of a pixel to three by three pixels, ln 4 = 1.4 to ln 36 = 3.6, and their side lobes; of a flat image ln 38800 = 10.6.
+            // Entropy of four points with one pixel to three by three pixels each, ln 4 = 1.4 to ln 36 = 3.6, plus their side lobes; of a
+            // constant image ln 38800 = 10.6.
             [
                 Within(5.0, 9.0),
                 Within(4.0, 8.0),
@@ -62,7 +63,7 @@ fn room() -> Vec<Figure> {
             "peak at (0.6, 3) before autofocus and after 1, 2 and 3 rounds relative to the true track, dB",
             "converging",
             "{}, {}, {}, {}",
-            // In between as it may be, but not beyond the true track's.
+            // In between any value, but not above the true track's.
             [blurred, Within(-20.0, 0.3), Within(-20.0, 0.3), sharp],
             "as the peaks above",
         ),
@@ -78,12 +79,12 @@ fn room() -> Vec<Figure> {
 
 /// The radar of 77 to 80 GHz, whose receivers are half a wavelength apart.
 const WAVELENGTH_M: f64 = LIGHT_M_S / 78.5e9;
-/// From the transmitter to the first receiver.
+/// Distance from the transmitter to the first receiver.
 const APART_M: f64 = 0.02;
 const REFLECTORS_M: [[f64; 2]; 4] = [[0.6, 3.0], [0.1, 4.0], [-0.9, 2.2], [1.6, 5.6]];
 const SQUINT_DEG: f64 = 0.5;
 
-/// What the angle of arrival by a phase difference is off by at the most, so many baselines away, radians: of plain distances.
+/// Largest error of the angle of arrival from a phase difference at a distance of this many baselines, radians, by exact distances.
 fn off_rad(baselines: f64) -> f64 {
     let angles = (-90..=90).map(|degrees: i32| f64::from(degrees).to_radians());
     let off = angles.map(|angle: f64| {
@@ -117,7 +118,7 @@ fn arrival() -> Vec<Figure> {
             "of a target at 2.4 m, by receivers half a wavelength apart",
             "not given",
             "{} rad",
-            // B^2 / (8 r^2) sin(theta) cos(theta), the most at 45 degrees; phases of a thousand radians per metre are exact to 1e-12.
+            // B^2 / (8 r^2) sin(theta) cos(theta), largest at 45 degrees; phases of a thousand radians per metre are exact to 1e-12.
             [About(
                 (0.5 * WAVELENGTH_M / 0.9f64.hypot(2.2)).powi(2) / 16.0,
                 1e-10,
@@ -128,7 +129,7 @@ fn arrival() -> Vec<Figure> {
             "error of the factor of 2 dx, at most: as if all antennas were one",
             "an error near by",
             "{}",
-            // Of half the legs, B / R cos^2: B / 2R straight ahead, to the second order in B / R.
+            // Half of the legs, B / R cos^2: B / 2R straight ahead, to second order in B / R.
             [About(share / 2.0, 1e-4)],
             "the transmitter's own direction",
         ),
@@ -137,13 +138,13 @@ fn arrival() -> Vec<Figure> {
             "reduced",
             "{}",
             [About(share - share / 2.0 * wide.cos().powi(2), 1e-4)],
-            "B / R less what there is",
+            "B / R minus the value",
         ),
         figure(
             "by directions from the middle of both antennas",
             "not done",
             "{}",
-            // Half the second derivative of a sine along the array, 3 sin cos^2 / R^2 (maximum 2 / sqrt 27), times (B / 2)^2.
+            // Half of the second derivative of a sine along the array, 3 sin cos^2 / R^2 (maximum 2 / sqrt 27), times (B / 2)^2.
             [About(
                 1.5 * (share / 2.0).powi(2) * 2.0 / 27f64.sqrt(),
                 1e-6,
@@ -154,10 +155,10 @@ fn arrival() -> Vec<Figure> {
             "error of a step of 1 mm by the two least squares here, without noise",
             "not given",
             "{} mm",
-            // Ranges start at the middle of the antennas, which is wrong by (B / 2)^2 / 2R, a hundred-thousandth of the range; so are directions, and the
-            // step; angles between reflectors make it three times worse.
+            // Ranges are measured from the phase centre, which is wrong by (B / 2)^2 / 2R, a hundred-thousandth of the range; so are
+            // directions and the step. The angles between reflectors increase this by a factor of three.
             [at_most(3.0 * 1e-5)],
-            "what the middle of the antennas leaves",
+            "residual of the phase-centre approximation",
         ),
     ]
 }
@@ -167,13 +168,13 @@ fn phase_rad() -> f64 {
     (0.5 / 10f64.powf(2.86)).sqrt()
 }
 
-/// Of the sine of an angle of arrival: of two receivers half a wavelength apart phases differ by pi times it.
+/// Standard deviation of the sine of an angle of arrival: with two receivers half a wavelength apart phases differ by pi times the sine.
 fn sine() -> f64 {
     2f64.sqrt() * phase_rad() / PI
 }
 
-/// Inverse of the sum of `u u^T` over the directions of the reflectors, seen from a place on the rail: variances of azimuth and range of unit errors along `u`, and the
-/// covariance of both.
+/// Inverse of the sum of `u u^T` over the directions of the reflectors, seen from a position on the rail: variances of azimuth and range
+/// for unit errors along `u`, and their covariance.
 fn dilution(rail_m: f64) -> [f64; 3] {
     let [mut xx, mut yy, mut xy] = [0.0; 3];
     for [x, y] in REFLECTORS_M {
@@ -187,21 +188,21 @@ fn dilution(rail_m: f64) -> [f64; 3] {
     [yy / determinant, xx / determinant, -xy / determinant]
 }
 
-/// Standard deviations of a step along azimuth and range: two phases of each of two channels, of paths that change by twice the step.
+/// Standard deviations of a step along azimuth and range: two phases of each of two channels, for paths that change by twice the step.
 fn step_sigma_m(rail_m: f64) -> [f64; 2] {
     let path_m = phase_rad() * WAVELENGTH_M / TAU;
     let [x, y, _] = dilution(rail_m);
-    // A difference of two pulses has twice the variance, a mean of two channels half of it.
+    // The difference of two pulses has twice the variance, the mean of two channels half of it.
     [x, y].map(|variance| 0.5 * path_m * variance.sqrt())
 }
 
 /// Mean scale error and scatter per metre of azimuth, along azimuth and range, caused by direction errors.
 fn by_directions_m(steps: usize) -> [(f64, f64); 2] {
-    // In the middle of the rail.
+    // At the middle of the rail.
     let [x, y, xy] = dilution(0.5);
     let step_m = 1.0 / steps as f64;
-    // Directions are means of two pulses': of variance e^2 / 2, which each adds to the normal matrix along azimuth. Their errors are in two steps each, so that all
-    // add up as if every pulse's counted whole.
+    // Directions are means of two pulses, of variance e^2 / 2, and each adds to the normal matrix along azimuth. Their errors enter two
+    // steps each, so all together count as if every pulse's counted fully.
     let added = 4.0 * 0.5 * sine().powi(2);
     let all_m = step_m * sine() * (steps as f64).sqrt();
     [
@@ -210,7 +211,7 @@ fn by_directions_m(steps: usize) -> [(f64, f64); 2] {
     ]
 }
 
-/// A value within three standard deviations, and what else it may be off by.
+/// A value within three standard deviations, plus another tolerance.
 fn within_three((mean, sigma): (f64, f64), scale: f64, more: f64) -> Expected {
     About(scale * mean, scale * 3.0 * sigma + more)
 }
@@ -218,8 +219,8 @@ fn within_three((mean, sigma): (f64, f64), scale: f64, more: f64) -> Expected {
 fn track() -> Vec<Figure> {
     let [azimuth, (bias_m, sigma_m)] = by_directions_m(1000);
     let drift_m = -0.999 * SQUINT_DEG.to_radians().sin();
-    // What a track that walks at random is off by after a straight line is taken off, that moves the image alone: a fifteenth of its variance at the end. Of
-    // azimuth half counts for a reflector 30 degrees off. Three times as much, in path and phase.
+    // Error of a random-walk track after removal of a straight line, which only shifts the image: a fifteenth of its variance at the end.
+    // Half of the azimuth part counts for a reflector 30 degrees off. Three times that is allowed, in path and phase.
     let off_m = ((azimuth.1 * 0.5).powi(2) + sigma_m.powi(2)).sqrt() / 15f64.sqrt();
     let phases = (3.0 * 2.0 * TAU / WAVELENGTH_M * off_m).powi(2);
     let lost_db = 10.0 * phases / std::f64::consts::LN_10;
@@ -235,7 +236,7 @@ fn track() -> Vec<Figure> {
             "sine of the angle of arrival per pulse: rms error",
             "not given",
             "{}",
-            // 4000 of them, and what a window loses to a tenth.
+            // 4000 values, and the loss of the window to a tenth.
             [About(sine(), 0.05 * sine())],
             "noise of phases",
         ),
@@ -267,7 +268,8 @@ fn track() -> Vec<Figure> {
             "largest error along the rail, joint estimate of poses and positions",
             "not done",
             "{} mm",
-            // Of a pose, 3.3 of the thousand's standard deviations; and three of the scale, which is known to 0.024 mm at 30 dB (host/motion, C 7.5).
+            // For a pose, 3.3 of the standard deviations of a thousand; and three of the scale, which has an error of 0.024 mm at 30 dB
+            // (host/motion, C 7.5).
             [at_most(
                 1e3 * 3.3 * step_sigma_m(0.5)[0] / 2f64.sqrt() + 3.0 * 0.024,
             )],
@@ -277,7 +279,7 @@ fn track() -> Vec<Figure> {
             "largest error of the reflector positions by the joint estimate",
             "not done",
             "{} mm",
-            // No worse than a thousand pulses' angles at the farthest, three times.
+            // Three times the error of a thousand pulses' angles at the farthest reflector.
             [at_most(1e3 * 3.0 * sine() / 1000f64.sqrt() * 5.8)],
             "angles of arrival",
         ),
@@ -299,17 +301,19 @@ fn track() -> Vec<Figure> {
     ]
 }
 
-/// Steps of a tenth of a millimetre, in bursts of 10 chirps, 40 of them, and pauses of 3.
+/// 40 bursts of 10 chirps with steps of a tenth of a millimetre, and pauses of 3.
 fn bursts() -> Vec<Figure> {
     let [azimuth_m, range_m] = step_sigma_m(0.02).map(|m| 1e3 * m);
     let squint = SQUINT_DEG.to_radians();
-    // Noise of a pose is in two steps, with opposite signs, so that the mean of a burst's nine has two poses' only; and a hundredth for directions that err.
+    // Noise of a pose enters two steps with opposite signs, so the mean of the nine steps of a burst contains that of two poses; a
+    // hundredth is added for errors of directions.
     let burst_mm = 0.1 * squint.cos();
     let within = About(burst_mm, 3.0 * azimuth_m / 9.0 / 40f64.sqrt() + 0.01 * 0.1);
     let over = About(4.0 * burst_mm, 3.0 * azimuth_m / 39f64.sqrt() + 0.01 * 0.4);
     // 360 steps within bursts and 39 over pauses.
     let mean_mm = 0.1 * (360.0 + 4.0 * 39.0) / 399.0;
-    // Of 360 and of 39 a mean square is known to a twenty-seventh and a ninth, three times that are allowed; and a twentieth for what the window loses.
+    // Mean squares of 360 and of 39 values have errors of a twenty-seventh and a ninth, three times which are allowed; and a twentieth for
+    // the loss of the window.
     let scatter = |sigma: f64, share: f64| About(sigma, (0.05 + 3.0 * share) * sigma);
     vec![
         figure(
@@ -340,7 +344,7 @@ fn bursts() -> Vec<Figure> {
             "ratio of the shortest pause to the longest step in a burst",
             "pauses stand out",
             "{}",
-            // Four standard deviations for the one and for the other.
+            // Four standard deviations for each of the two.
             [Within(
                 (0.4 - 4.0 * azimuth_m) / (0.1 + 4.0 * azimuth_m),
                 4.0,
@@ -352,7 +356,7 @@ fn bursts() -> Vec<Figure> {
             "not given",
             "{} mm, {} mm",
             [
-                // A hundredth of the step for directions that err, over 399 of them.
+                // A hundredth of the step for errors of directions, over 399 steps.
                 About(
                     -mean_mm * squint.sin(),
                     3.0 * (range_m / 399.0 + mean_mm * sine() / 399f64.sqrt()),
@@ -367,7 +371,7 @@ fn bursts() -> Vec<Figure> {
             "{} mm, {} mm",
             [
                 About(0.1, 3.0 * azimuth_m / 9.0 / 40f64.sqrt() + 0.01 * 0.1),
-                // Positions are known better than from one pulse; phases are not.
+                // Positions are more accurate than from one pulse; phases are not.
                 scatter(azimuth_m, 1.0 / 27.0),
             ],
             "the motor, and noise of phases",
@@ -375,11 +379,11 @@ fn bursts() -> Vec<Figure> {
     ]
 }
 
-/// 1500 chirps from rest to a tenth of a millimetre a chirp, and 500 more.
+/// 1500 chirps from rest to a tenth of a millimetre per chirp, and 500 more.
 fn ramp() -> Vec<Figure> {
     // From 0 to 125 mm along the rail.
     let [azimuth_m, _] = step_sigma_m(0.06);
-    // At the most as if errors of steps were independent; and a hundredth for directions that err.
+    // At most as if errors of steps were independent; and a hundredth for errors of directions.
     let slope_m = azimuth_m * (12.0 / 1500f64.powi(3)).sqrt();
     let (motor_m, cosine) = (1e-4 / 1500.0, SQUINT_DEG.to_radians().cos());
     vec![
@@ -416,7 +420,7 @@ fn ramp() -> Vec<Figure> {
             "standard deviation of a change of azimuth",
             "not given",
             "{} um",
-            // 2000 of them, and what the window loses to a tenth.
+            // 2000 values, and the loss of the window to a tenth.
             [About(1e6 * azimuth_m, 0.1 * 1e6 * azimuth_m)],
             "noise of phases",
         ),

@@ -3,7 +3,7 @@
 use crate::chim::three_objects;
 use crate::figures::{About, Figure, Within, at_most, figure};
 
-/// The table of an item.
+/// Expected checks of an item.
 pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "c-5-8" => chirps(),
@@ -12,8 +12,9 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     })
 }
 
-/// Of a chirp of 800 cycles Fresnel's ripple is a few hundredths of a radian within 0.8 of the band. A profile begins with the pulse: side lobes before it are missing, -13 dB and less, which turns the edges of the
-/// band against each other by up to twice a tenth of a radian. A slope of 0.2 rad over 12.8 MHz is `0.2 c / (4 pi 12.8 MHz)`, 0.37 m.
+/// The Fresnel ripple of a chirp of 800 cycles is a few hundredths of a radian within 0.8 of the band. A profile begins with the pulse:
+/// missing side lobes before it, -13 dB and less, change the phase over the band by up to twice a tenth of a radian. A slope of 0.2 rad
+/// over 12.8 MHz is `0.2 c / (4 pi 12.8 MHz)`, 0.37 m.
 fn chirps() -> Vec<Figure> {
     vec![
         figure(
@@ -33,7 +34,7 @@ fn chirps() -> Vec<Figure> {
     ]
 }
 
-/// Under a Hamming window side lobes of one object at another are below -40 dB: a tenth of a cell is not reached.
+/// With a Hamming window the side lobes of one object at another are below -40 dB, an error of less than a tenth of a cell.
 fn through_the_radio() -> Vec<Figure> {
     let from = "where it was put, to a fifth of a cell: walls have a width";
     let mut figures = three_objects(0.2, from);

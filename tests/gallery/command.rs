@@ -19,7 +19,7 @@ fn reproduce(folder: &Path) -> String {
         .to_owned()
 }
 
-/// Every file of the gallery but the page, which is written anew each time, and when it was written.
+/// Every file of the gallery except the page, which is always written again, with its time of modification.
 fn written(folder: &Path) -> BTreeMap<PathBuf, SystemTime> {
     let entries = fs::read_dir(folder.join("gallery")).unwrap();
     entries
@@ -60,12 +60,12 @@ fn reproduce_reuses_items_and_repairs_damaged_ones() {
     assert_eq!(page.matches("<img ").count(), 3);
     assert!(!page.contains("http") && !page.contains("<script"));
 
-    // A second run finds everything.
+    // A second run reuses every file.
     let first = written(folder);
     reproduce(folder);
     assert_eq!(written(folder), first);
 
-    // A damaged picture is made again, as it was; other items stay.
+    // A damaged picture is made again with the same bytes; other items are unchanged.
     let damaged = &pictures[0];
     let whole = fs::read(damaged).unwrap();
     let mut bytes = whole.clone();
@@ -80,7 +80,7 @@ fn reproduce_reuses_items_and_repairs_damaged_ones() {
         assert_eq!(second[path] == *time, id(path) != id(damaged), "{path:?}");
     }
 
-    // And so is a text that is cut short.
+    // So is a truncated text.
     let json = folder.join("gallery/s-table-4-1.json");
     let text = fs::read(&json).unwrap();
     fs::write(&json, &text[..text.len() / 2]).unwrap();
@@ -157,7 +157,7 @@ fn browser_shows_all_pictures_without_network() {
     let report = dom
         .split_once("<title>widths ")
         .and_then(|(_, rest)| rest.split_once("</title>"))
-        .unwrap_or_else(|| panic!("no title in what {browser} shows: {output:?}"));
+        .unwrap_or_else(|| panic!("no title in the output of {browser}: {output:?}"));
     let mut shown: Vec<u32> = report.0.split(' ').map(|w| w.parse().unwrap()).collect();
     let mut expected: Vec<u32> = pictures(folder).iter().map(|png| width(png)).collect();
     shown.sort_unstable();

@@ -87,7 +87,7 @@ impl Figure {
 
 impl Expected {
     fn allows(self, number: &Number) -> bool {
-        // On top, the binary fraction's own rounding.
+        // Plus the rounding of the binary fraction.
         let rounding = number.rounding * (1.0 + 1e-9);
         let (low, high) = match self {
             About(value, tolerance) => (value - tolerance, value + tolerance),
@@ -101,7 +101,7 @@ impl Expected {
 #[derive(Debug, PartialEq)]
 struct Number {
     value: f64,
-    /// Half of its last digit.
+    /// Half of its last printed digit.
     rounding: f64,
 }
 
@@ -149,7 +149,7 @@ fn fault(figure: &Figure, check: &Check) -> Option<String> {
         None => figure.fault(&check.thesis),
         Some(quoted) => (check.thesis != quoted).then(|| format!("not '{quoted}'")),
     };
-    let quoted = quoted.map(|what| format!("quoted as '{}': {what}", check.thesis));
+    let quoted = quoted.map(|fault| format!("quoted as '{}': {fault}", check.thesis));
     let fault = quoted
         .or_else(|| figure.fault(&check.ours))
         .or_else(|| figure.printed.then(|| verdict_fault(check)).flatten())?;
@@ -185,7 +185,7 @@ fn verdict_follows_digits_printed_in_thesis() {
         assert_eq!(fault(&table(), &check(ours, agrees)), None, "{ours}");
         assert!(fault(&table(), &check(ours, !agrees)).is_some(), "{ours}");
     }
-    // And the library's own verdict.
+    // The library's verdict.
     for (ours, agrees) in [(6.172, false), (6.349, true), (6.25, true), (6.249, false)] {
         assert_eq!(
             Check::printed("width", "6.3", ours, 3, "m").agrees,
@@ -215,7 +215,7 @@ fn numbers_are_parsed_with_their_rounding() {
 fn deviations_from_table_are_reported() {
     let check = |ours: &str| Check::claim("width", "0.5 m", ours.to_owned(), true);
     let table = || figure("width", "0.5 m", "{} m", [About(0.5, 0.1)], "a test");
-    // 0.6 rounds to all of these, to 0.61 it does not.
+    // 0.6 rounds to all of these, 0.61 does not.
     for good in ["0.5 m", "0.600 m", "0.4 m", "1 m"] {
         assert_eq!(fault(&table(), &check(good)), None, "{good}");
     }

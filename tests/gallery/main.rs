@@ -22,7 +22,7 @@ const MEMORY_BYTES: u64 = 1 << 30;
 
 /// Assert that the item's checks are exactly those of its table.
 #[track_caller]
-fn holds(id: &str) {
+fn assert_item(id: &str) {
     let item = items().into_iter().find(|item| item.id == id);
     let context = Context {
         memory_bytes: MEMORY_BYTES,
@@ -46,7 +46,7 @@ fn holds(id: &str) {
         "the method has to state its scale, once: {}",
         found.method
     );
-    // Where figures differ, a line says why.
+    // Where figures differ, a line states the reason.
     assert!(found.agrees() || found.why.is_some(), "{:#?}", found.checks);
 }
 
@@ -55,7 +55,7 @@ macro_rules! gallery {
         $(
             #[test]
             fn $name() {
-                holds(&stringify!($name).replace('_', "-"));
+                assert_item(&stringify!($name).replace('_', "-"));
             }
         )*
 

@@ -1,7 +1,7 @@
 //! Expected values of the items of Schone 2020 on one point: range migration, sub-CPIs, grating lobes (chapters 2 and 4).
 //!
-//! Tolerances that say "reading" count what linear reading between bins takes off an amplitude at most: of a response padded `P`
-//! times, `pi^2 / (24 P^2)`, half as much again as its mean; 0.036 dB in range (`P` = 10), 0.014 dB in Doppler (16).
+//! Tolerances named "reading" are the largest loss of an amplitude by linear interpolation between bins: for a response padded `P` times
+//! `pi^2 / (24 P^2)`, 1.5 times its mean; 0.036 dB in range (`P` = 10), 0.014 dB in Doppler (16).
 
 use std::f64::consts::PI;
 
@@ -11,11 +11,11 @@ use crate::sub_cpis::{
     peak_of_one_db, sinc, width_of_one_m,
 };
 
-/// Of an unweighted aperture's response, the part of the resolution at half its power.
+/// Half-power width of an unweighted aperture's response, in resolution cells.
 const HALF_POWER: f64 = 0.886;
 /// Interpolation loss in range and Doppler together, dB.
 pub(crate) const READING_DB: f64 = 0.036 + 0.014;
-/// dB, of an amplitude that is off by what Keystone's sinc is without a window, -32.9 dB.
+/// Effect of an amplitude error of -32.9 dB, that of Keystone's sinc without a window, dB.
 pub(crate) const SINC_DB: f64 = 0.2;
 
 pub(crate) fn wavelength_m() -> f64 {
@@ -26,12 +26,12 @@ pub(crate) fn cell_m(bandwidth_hz: f64) -> f64 {
     LIGHT_M_S / (2.0 * bandwidth_hz)
 }
 
-/// `lambda R / 2L` of Table 4.1.
+/// Cross-range resolution `lambda R / 2L` of Table 4.1.
 pub(crate) fn cross_range_m() -> f64 {
     wavelength_m() * RANGE_M / (2.0 * NUM_PULSES as f64 * SPACING_M)
 }
 
-/// The table of an item.
+/// Expected checks of an item.
 pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "s-table-2-1" => migration(),
@@ -82,9 +82,9 @@ fn migration() -> Vec<Figure> {
 
 fn unfocused() -> Vec<Figure> {
     let cells = MIGRATION_M / cell_m(400e6);
-    // As many Doppler cells, 2 v B / c of 1 / T; the power is spread evenly over all of both.
+    // Number of Doppler cells, 2 v B / c over 1 / T; the power is spread evenly over range and Doppler cells.
     let spread_db = -20.0 * cells.log10();
-    // Gibbs: a rectangle's edge cut off in the other domain overshoots by 9 %, and this one has an edge in each dimension.
+    // Gibbs: the edge of a rectangle truncated in the other domain overshoots by 9 %, and here there is an edge in each dimension.
     let overshoot_db = 2.0 * decibels(1.0895);
     vec![
         figure(
@@ -99,7 +99,7 @@ fn unfocused() -> Vec<Figure> {
             "several cells",
             "{} m",
             [About(MIGRATION_M, cell_m(400e6))],
-            "the way, to half a cell at either end",
+            "the motion, to half a cell at either end",
         ),
         figure(
             "peak of the map, 0 dB being a focused target",
@@ -112,7 +112,7 @@ fn unfocused() -> Vec<Figure> {
 }
 
 fn keystone() -> Vec<Figure> {
-    // Bins are half a Doppler cell and an eighth of a range cell apart: the nearest lies within half of that.
+    // Bins are half a Doppler cell and an eighth of a range cell apart: the nearest is within half of that.
     let missed_db = decibels(sinc(0.25) * sinc(1.0 / 16.0));
     vec![
         figure(
@@ -133,7 +133,7 @@ fn keystone() -> Vec<Figure> {
 }
 
 fn resolutions() -> Vec<Figure> {
-    // Read off the half-power width of what was sampled: a ring's sector of +-0.74 degrees is an even band to its sine squared, 0.02 %, and
+    // Half-power width of the sampled response: an annular sector of +-0.74 degrees is an even band up to its squared sine, 0.02 %, and
     // 0.886 is rounded by as much.
     let about = |metres: f64| [About(metres, 0.001 * metres)];
     vec![
@@ -154,8 +154,8 @@ fn resolutions() -> Vec<Figure> {
     ]
 }
 
-/// Variance of the phase that a sub-CPI of `length` neglects, `phi u^2` with `u` from -1 to 1 and `phi = 2 pi (D/2)^2 / (lambda R)`:
-/// the relative power of what it makes wrong.
+/// Variance of the phase that a sub-CPI of `length` neglects, `phi u^2` with `u` from -1 to 1 and `phi = 2 pi (D/2)^2 / (lambda R)`: the
+/// relative power of the error.
 fn neglected(length: f64) -> f64 {
     let half_m = length * SPACING_M / 2.0;
     (2.0 * PI * half_m * half_m / (wavelength_m() * RANGE_M)).powi(2) * 4.0 / 45.0
@@ -187,8 +187,8 @@ fn scene() -> Vec<Figure> {
 
 fn point() -> Vec<Figure> {
     let loss_db = 10.0 * (1.0 - neglected(40.0)).log10();
-    // Power is read between pixels of 0.1 m along straight lines: at half of a sinc^2, f'' / f' is 0.7 to its cell, and each side is
-    // off by an eighth of that times the square of the pixel.
+    // Power is interpolated linearly between pixels of 0.1 m: at half of a sinc^2, f'' / f' is 0.7 per cell, and each side is off by an
+    // eighth of that times the square of the pixel.
     let pixel_m = 0.1;
     let across_m = HALF_POWER * cross_range_m();
     let along_m = HALF_POWER * cell_m(BANDWIDTH_HZ);
@@ -220,8 +220,8 @@ fn point() -> Vec<Figure> {
     ]
 }
 
-/// Of a lobe: Keystone's sinc, -32.9 dB of the peak at worst, on one of -25 dB is 3.5 dB; of those measured here half a decibel
-/// holds, for it is uncorrelated from sub-CPI to sub-CPI.
+/// Tolerance of a grating lobe's level: Keystone's sinc, at worst -32.9 dB of the peak, changes one of -25 dB by 3.5 dB; for those measured
+/// here half a decibel suffices, because it is uncorrelated between sub-CPIs.
 pub(crate) const LOBE_DB: f64 = 0.5;
 
 fn long_sub_cpis() -> Vec<Figure> {
@@ -254,8 +254,8 @@ fn long_sub_cpis() -> Vec<Figure> {
 fn cuts() -> Vec<Figure> {
     let (nearest_m, farthest_m) = (lobe_m(130, 1), lobe_m(130, 4));
     let [nearest_db, farthest_db] = [nearest_m, farthest_m].map(|place| level_db(place, 130));
-    // Backprojection's side lobes are a unit aperture's: sub-CPIs of a single pulse neglect nothing.
-    let [beside_near_db, beside_far_db] = [nearest_m, farthest_m].map(|place| level_db(place, 1));
+    // Side lobes of backprojection are those of a unit aperture: sub-CPIs of a single pulse neglect no phase.
+    let [bp_near_db, bp_far_db] = [nearest_m, farthest_m].map(|place| level_db(place, 1));
     let shared_m = lobe_m(52, 1);
     let reading = 10f64.powf(READING_DB / 20.0) - 1.0;
     vec![
@@ -271,13 +271,13 @@ fn cuts() -> Vec<Figure> {
             "slightly less than 4 dB below",
             "{} dB",
             [About(nearest_db, 0.25)],
-            "the plain sum over sub-CPIs; within what the thesis's words leave, -4 to -3.5",
+            "the plain sum over sub-CPIs; within the thesis's wording, -4 to -3.5",
         ),
         figure(
             "above backprojection's side lobes there",
             "25 dB",
             "{} dB",
-            [About(nearest_db - beside_near_db, LOBE_DB)],
+            [About(nearest_db - bp_near_db, LOBE_DB)],
             "the plain sums",
         )
         .printed(),
@@ -292,7 +292,7 @@ fn cuts() -> Vec<Figure> {
             "above backprojection's side lobes there",
             "17 dB",
             "{} dB",
-            [About(farthest_db - beside_far_db, LOBE_DB)],
+            [About(farthest_db - bp_far_db, LOBE_DB)],
             "the plain sums",
         )
         .printed(),
@@ -331,7 +331,7 @@ fn array() -> Vec<Figure> {
 
 fn single_sub_cpi() -> Vec<Figure> {
     let [width_m, longer_m] = [104, 130].map(width_of_one_m);
-    // A step of the sum's cut, and the reading between pixels of 0.1 m.
+    // One step of the sum's cut, and the interpolation between pixels of 0.1 m.
     let tolerance_m = 0.03;
     let peak = |length| {
         let level_db = peak_of_one_db(length);

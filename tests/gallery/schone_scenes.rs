@@ -6,13 +6,13 @@ use crate::figures::{About, Figure, Within, at_least, at_most, figure};
 use crate::schone_points::{LOBE_DB, READING_DB, SINC_DB, cell_m, cross_range_m, wavelength_m};
 use crate::sub_cpis::{NUM_PULSES, RANGE_M, SPACING_M, decibels, sinc};
 
-/// Of the radar and of the target.
+/// Speed of the radar.
 const RADAR_M_S: f64 = 125.0;
 const TARGET_M_S: f64 = 3.53553;
 /// Time from the first pulse of Table 4.1 to the last.
 const DURATION_S: f64 = (NUM_PULSES - 1) as f64 * 1e-3;
 
-/// The table of an item.
+/// Expected checks of an item.
 pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
     Some(match id {
         "s-4-10" => difference(),
@@ -27,11 +27,11 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
 }
 
 fn difference() -> Vec<Figure> {
-    // Of Hamming-weighted responses: Keystone's sinc -43.9 dB, reading 0.2 % in range and 0.08 % in Doppler.
+    // Hamming-weighted responses: Keystone's sinc -43.9 dB, interpolation 0.2 % in range and 0.08 % in Doppler.
     let error = 10f64.powf(-43.9 / 20.0) + 0.002 + 0.0008;
-    // Ratios of two complex Gaussian amplitudes: x^2 and more has 1 / (1 + x^2 / error^2), which for 200 % is 1 - error^2 / 4.
+    // The ratio of two complex Gaussian amplitudes exceeds x with probability 1 / (1 + x^2 / error^2), for 200 % 1 - error^2 / 4.
     let beyond = error * error / 4.0;
-    // Where that ratio is one of the largest thousandth, the image's power is a thousandth of its usual.
+    // Where this ratio is in the largest thousandth, the image's power is a thousandth of its usual value.
     let dark_db = 10.0 * 0.001f64.log10();
     vec![
         figure(
@@ -66,13 +66,13 @@ fn difference() -> Vec<Figure> {
 }
 
 fn large_scene() -> Vec<Figure> {
-    // The corner at (-4, -12, 0) m before a radar at (0, -4000, 3000) m.
+    // The corner at (-4, -12, 0) m in front of a radar at (0, -4000, 3000) m.
     let range_m = 4f64.hypot(3988.0).hypot(3000.0);
     let lobe_m = |length: f64| wavelength_m() * range_m / (2.0 * length * SPACING_M);
-    // Lobes are as wide as a cell, under a Hamming window by 1.5 times.
+    // Lobes are as wide as a cell, with a Hamming window 1.5 times.
     let place = |length| About(lobe_m(length), 0.75 * cross_range_m());
-    // Linear reading at a padding of P: the first lobe is 1 / (6 P^2) in the mean over where between two bins is read, half as much again
-    // in the middle of them, 3.5 dB. Other differences, -70 dB, add 2.4 dB to the lower one.
+    // Linear interpolation with a padding of P: the mean of the first lobe over positions between two bins is 1 / (6 P^2), in the middle
+    // between them 1.5 times that, 3.5 dB. Other differences, -70 dB, add 2.4 dB to the lower one.
     let level_db = |padding: f64| -decibels(6.0 * padding * padding);
     vec![
         figure(
@@ -109,7 +109,7 @@ fn large_scene() -> Vec<Figure> {
 fn smeared() -> Vec<Figure> {
     let length_m = 2.0 * TARGET_M_S * DURATION_S;
     let even_db = -10.0 * (length_m / cross_range_m()).log10();
-    // Two points of Cornu's spiral are at most 1.35 times as far apart as its ends.
+    // Two points of the Cornu spiral are at most 1.35 times as far apart as its ends.
     let ripple_db = decibels(1.35);
     let displaced_m = -RANGE_M * TARGET_M_S / RADAR_M_S;
     vec![
@@ -138,9 +138,9 @@ fn smeared() -> Vec<Figure> {
 }
 
 fn at_its_velocity() -> Vec<Figure> {
-    // Whatever stands still is smeared as the target was, and beside the picture: no brighter than the smear is in the mean.
+    // Stationary scatterers are smeared like the target before, and lie outside the picture: no brighter than the mean of the smear.
     let smear_db = -10.0 * (2.0 * TARGET_M_S * DURATION_S / cross_range_m()).log10();
-    // Velocities differ in the middle of the collection: along the line of sight by the phase at its ends, across by that of t^2.
+    // Velocity resolution at the middle of the collection: along the line of sight by the phase at its ends, across by that of t^2.
     let radial = wavelength_m() / (2.0 * DURATION_S);
     let tangential = wavelength_m() * RANGE_M / (2.0 * RADAR_M_S * DURATION_S * DURATION_S / 4.0);
     vec![
@@ -149,7 +149,7 @@ fn at_its_velocity() -> Vec<Figure> {
             "fully focused",
             "{} dB",
             [About(0.0, 0.5)],
-            "focused; what is left of 40 others, -26 dB and so 5 %, on top or off it",
+            "focused; residual of 40 others, -26 dB or 5 %, added or subtracted",
         ),
         figure(
             "its distance from the target's place, half a resolution cell at most",
@@ -159,7 +159,7 @@ fn at_its_velocity() -> Vec<Figure> {
             "the pixel of its place; the next is half as bright",
         ),
         figure(
-            "strongest of what stands still",
+            "strongest stationary scatterer",
             "unfocused",
             "{} dB",
             [at_most(smear_db)],
@@ -193,8 +193,8 @@ fn at_its_velocity() -> Vec<Figure> {
 }
 
 fn fast() -> Vec<Figure> {
-    // 50 m/s, 80 pulses of 0.1 ms, range cells of 1 GHz: what a sub-CPI sees of the range response, when its middle is `off` cells from
-    // the target's, in a Doppler cell `order` from the target's.
+    // 50 m/s, 80 pulses of 0.1 ms, range cells of 1 GHz: part of the range response in a sub-CPI whose middle is `off` cells from the
+    // target's, in a Doppler cell `order` from the target's.
     let response = |off: f64, order: f64| {
         let cells = |n: f64| (n - 39.5) * 50.0 * 1e-4 / cell_m(1e9);
         let sums = (0..80).map(f64::from).map(|n| {
@@ -213,8 +213,8 @@ fn fast() -> Vec<Figure> {
             .map(|i| response(f64::from(i) / 10.0, order))
             .fold(0.0, f64::max)
     };
-    // With Keystone side lobes of the 10 m of track remain, beyond 8 m those from the one at 5.5 on; over the band of 10 % they are
-    // smeared by as much of their distance.
+    // With Keystone the side lobes of the 10 m of track remain, beyond 8 m those from 5.5 cells on; over the band of 10 % they are smeared
+    // by as much of their distance.
     let side_db = decibels((sinc(5.5) * sinc(5.5 * 0.1 / 2.0)).abs());
     vec![
         figure(
@@ -245,8 +245,8 @@ fn fast() -> Vec<Figure> {
 }
 
 fn times() -> Vec<Figure> {
-    // A pixel is read once a sub-CPI and no longer once a pulse: that saves no more than all but one reading. Backprojection reads
-    // 16 pixels at once, and its phases by a table: up to 40 times as fast as one after another.
+    // A pixel is interpolated once per sub-CPI in place of once per pulse, which saves at most all interpolations but one. Backprojection
+    // processes 16 pixels at once, with phases from a table: up to 40 times as fast as one after another.
     let saved = |pulses: f64| [Within(1.0 / 40.0, pulses)];
     let from = "no more than a reading a pulse saved, and backprojection up to 40 times as fast a reading; the thesis's own times were those of its maps";
     vec![
@@ -285,7 +285,7 @@ fn times() -> Vec<Figure> {
 }
 
 fn memory() -> Vec<Figure> {
-    // Complex float64, range upsampled 10 times, Doppler bins by powers of two.
+    // Complex float64, range upsampled 10 times, numbers of Doppler bins a power of two.
     let bins = 21_232.0 * 10.0;
     let map_gb = |doppler_bins: f64| doppler_bins * bins * 16.0 * 1e-9;
     let pixels = 400e6;

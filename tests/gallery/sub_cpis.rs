@@ -1,8 +1,8 @@
-//! What sub-CPIs do to the image of a point in the middle of Schone 2020, Table 4.1: a plain sum.
+//! Effect of sub-CPIs on the image of a point in the middle of Schone 2020, Table 4.1, by a plain sum.
 //!
-//! Within a sub-CPI the thesis takes the range of a pixel as linear. Here this is all that is done to it: the sum over pulses and
-//! frequencies of the point's phase against that of straight pieces of the pixel's range; no map, no transform, no reading
-//! between bins. Where those keep to what they promise, an image has this form.
+//! Within a sub-CPI the thesis approximates the range of a pixel as linear. Only this approximation is made here: the sum over pulses and
+//! frequencies of the point's phase against that of piecewise linear ranges of the pixel, without maps, transforms and interpolation. An
+//! exact implementation of the method gives this image.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -10,19 +10,19 @@ use std::ops::Range;
 use num_complex::Complex64;
 
 pub(crate) const LIGHT_M_S: f64 = 299_792_458.0;
-/// The middle of the band.
+/// Middle of the band.
 pub(crate) const CENTRE_HZ: f64 = 10e9;
 pub(crate) const BANDWIDTH_HZ: f64 = 200e6;
 pub(crate) const RANGE_M: f64 = 5000.0;
-/// From pulse to pulse, 125 m/s for 1 ms.
+/// Distance between pulses, 125 m/s for 1 ms.
 pub(crate) const SPACING_M: f64 = 0.125;
 pub(crate) const NUM_PULSES: usize = 1040;
-/// Of the 256; enough for points 20 m off.
+/// Number of frequencies in place of 256, enough for points 20 m off.
 const NUM_FREQUENCIES: usize = 32;
-/// Of the search for a lobe: a thirtieth of its width.
+/// Step of the search for a lobe: a thirtieth of its width.
 const STEP_M: f64 = 0.02;
 
-/// The image at `(x, 0)` from `pulses` in sub-CPIs of `length`; those that make no whole one are left out. 1 is a focused point.
+/// The image at `(x, 0)` from `pulses` in sub-CPIs of `length`; an incomplete last one is left out. A focused point is 1.
 pub(crate) fn image(x_m: f64, pulses: Range<usize>, length: usize) -> Complex64 {
     let place_m = |n: f64| (n - (NUM_PULSES as f64 - 1.0) / 2.0) * SPACING_M;
     let step_hz = BANDWIDTH_HZ / NUM_FREQUENCIES as f64;
@@ -50,13 +50,13 @@ pub(crate) fn image(x_m: f64, pulses: Range<usize>, length: usize) -> Complex64 
     sum / count
 }
 
-/// Where the grating lobe of an order is: `k lambda R / (2 D)` for sub-CPIs `D` long.
+/// Position of the grating lobe of an order: `k lambda R / (2 D)` for sub-CPIs of length `D`.
 pub(crate) fn lobe_m(length: usize, order: usize) -> f64 {
     let spacing_m = length as f64 * SPACING_M;
     order as f64 * LIGHT_M_S / CENTRE_HZ * RANGE_M / (2.0 * spacing_m)
 }
 
-/// The largest level within half a metre of `x_m` on either side, below the point's, dB; sub-CPIs of one pulse are backprojection.
+/// Largest level within half a metre of `x_m` on either side relative to the point, dB. Sub-CPIs of one pulse give backprojection.
 pub(crate) fn level_db(x_m: f64, length: usize) -> f64 {
     let steps = (0.5 / STEP_M) as i32;
     let largest = (-steps..=steps)
@@ -67,7 +67,7 @@ pub(crate) fn level_db(x_m: f64, length: usize) -> f64 {
     decibels(largest / image(0.0, 0..NUM_PULSES, length).norm())
 }
 
-/// The one sub-CPI in the middle.
+/// The sub-CPI in the middle of the track.
 pub(crate) fn middle(length: usize) -> Range<usize> {
     let first = NUM_PULSES / 2 - length / 2;
     first..first + length
@@ -82,7 +82,7 @@ pub(crate) fn peak_of_one_db(length: usize) -> f64 {
 pub(crate) fn width_of_one_m(length: usize) -> f64 {
     let norm = |x| image(x, middle(length), length).norm();
     let half = norm(0.0) / 2f64.sqrt();
-    // Symmetrical, for the track and the range are.
+    // Symmetrical, like the track and the range.
     let steps = (0..).take_while(|&i| norm(f64::from(i) * STEP_M) > half);
     2.0 * STEP_M * (steps.count() as f64 - 0.5)
 }

@@ -25,8 +25,8 @@ fn near(value: Option<f64>, expected: f64, tolerance: f64) {
 
 #[test]
 fn compare_estimates_and_removes_complex_factor() {
-    // a = b / 2 turned by -30 deg. Then ||a - b||^2 / ||b||^2 = 1 + 1/4 - cos 30, the best s is 2 at
-    // +30 deg, and what remains is float32 rounding of a: at most 2^-24 a part, so -144 dB.
+    // a = b / 2 rotated by -30 deg. Then ||a - b||^2 / ||b||^2 = 1 + 1/4 - cos 30, the best s is 2 at +30 deg, and the remainder is float32
+    // rounding of a: at most 2^-24 of each part, -144 dB.
     let b = row(&[(3.0, -1.0), (0.5, 2.0), (-7.0, 0.25), (0.01, 0.0)]);
     let half = Complex32::from_polar(0.5, -30f32.to_radians());
     let a = Image {
@@ -37,7 +37,7 @@ fn compare_estimates_and_removes_complex_factor() {
     let expected = 10.0 * (1.25 - 0.75f64.sqrt()).log10();
     near(c.error_db, expected, 1e-5);
     assert!(c.scaled_error_db.unwrap() < -140.0, "{c:?}");
-    // Angle and length of a float32 factor: 1e-7 relative is 6e-6 deg and 9e-7 dB.
+    // Phase and magnitude of a float32 factor: 1e-7 relative is 6e-6 deg and 9e-7 dB.
     near(c.scale_db, 20.0 * 2f64.log10(), 2e-6);
     near(c.scale_deg, 30.0, 1e-5);
     near(c.peak_phase_error_deg, 30.0, 1e-5);
@@ -68,7 +68,7 @@ fn compare_reports_known_error_in_decibels() {
 
 #[test]
 fn phase_error_uses_pixels_within_20_db_of_peak() {
-    // The second pixel is a quarter turn off. Of a peak of 1, amplitude 0.1 is 20 dB down.
+    // The second pixel is 90 degrees off. With a peak of 1, an amplitude of 0.1 is 20 dB down.
     for (amplitude, expected) in [(0.1001, 90.0), (0.0999, 0.0)] {
         let b = row(&[(1.0, 0.0), (amplitude, 0.0)]);
         let a = row(&[(1.0, 0.0), (0.0, -amplitude)]);
@@ -98,14 +98,14 @@ fn comparison_of_zero_images_is_undefined_and_never_nan() {
         text.contains("undefined") && !text.contains("NaN"),
         "{text}"
     );
-    // Orthogonal images: the best scale is none at all.
+    // Orthogonal images have no best scale.
     let other = row(&[(0.0, 0.0), (1.0, 0.0)]);
     let c = Comparison::between(&other, &one).unwrap();
     near(c.error_db, 20.0 * 2f64.sqrt().log10(), 1e-9);
     near(c.scaled_error_db, 0.0, 1e-12);
     near(c.correlation, 0.0, 1e-12);
     assert_eq!(c.scale_db, None);
-    // Identical images, and no pixels at all.
+    // Identical images, and images without pixels.
     let c = Comparison::between(&one, &one).unwrap();
     assert_eq!(c.error_db, Some(f64::NEG_INFINITY));
     assert!(c.to_string().contains("error   none"), "{c}");

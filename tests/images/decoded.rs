@@ -1,11 +1,11 @@
 //! Decoded PNG pictures.
 
-/// Red, green and blue of all pixels, row by row.
+/// Red, green and blue of all pixels, by row.
 pub(super) struct Picture {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) rgb: Vec<u8>,
-    /// Whether the file has levels of grey alone.
+    /// Whether the file has only levels of grey.
     pub(super) grey: bool,
 }
 
@@ -42,7 +42,7 @@ impl Picture {
     /// The plot's box: from the left frame line, a column of ink under the title, to its right one.
     pub(super) fn plot(&self) -> [usize; 4] {
         const INK: [u8; 3] = [25, 25, 25];
-        // The frame's top line is the first long run of ink; its ends are the corners.
+        // The top line of the frame is the first long run of dark pixels; its ends are the corners.
         let runs = |y: usize| {
             let mut best = (0, 0);
             let mut start = None;

@@ -9,7 +9,7 @@ use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::error_db;
 use subaperture_tests::subap::{example, run};
 
-/// What the example prints when run in `folder`.
+/// Output of the example when run in `folder`.
 fn prints(folder: &Path, name: &str, arguments: &[&str]) -> String {
     let mut command = Command::new(example(name));
     command.args(arguments).current_dir(folder);
@@ -41,13 +41,13 @@ fn example_reads_and_focuses_recording() {
     let stored = product::read(&folder.path().join("lot")).unwrap();
     assert_eq!(stored.metadata["settings"]["algorithm"], "auto");
     assert_eq!(stored.metadata["inputs"][0]["path"], "table.cphd");
-    // The command takes the folder for one of its own, and its own image is the same.
+    // The command accepts the folder as one of its own, and its own image is the same.
     run(folder.path(), "focus table.cphd --out other -q").succeeded();
     let compared = run(folder.path(), "compare lot other");
     assert!(compared.succeeded().contains("error   none"));
     run(folder.path(), "quality lot").succeeded();
     run(folder.path(), "picture lot -o lot.png").succeeded();
-    // What it wrote it replaces; what others wrote it does not.
+    // The example replaces its own files, but not those of other programs.
     prints(folder.path(), "read_and_focus", &["table.cphd", "lot"]);
     std::fs::create_dir(folder.path().join("full")).unwrap();
     std::fs::write(folder.path().join("full/image.npy"), b"a diary").unwrap();
@@ -61,7 +61,7 @@ fn example_reads_and_focuses_recording() {
     assert!(stderr.contains("NotOurs"), "{stderr}");
 }
 
-/// A lone point of amplitude 1 on a pixel reads 1 there.
+/// A single point of amplitude 1 on a pixel has amplitude 1 there.
 #[test]
 fn example_focuses_arrays_as_phase_history() {
     let text = prints(Path::new("."), "own_history", &[]);
@@ -86,7 +86,7 @@ fn example_measures_simulated_point() {
     let along_m = 0.886 * (299.8 / (2.0 * 300.0)) * range_m / 3000.0;
     for (label, width_m) in [("width across:", across_m), ("width along:", along_m)] {
         let found = numbers(&text, label);
-        // Printed to a millimetre; the point lies 5 m off the middle of the pass.
+        // Printed to a millimetre; the point lies 5 m from the middle of the pass.
         assert!(
             found.iter().all(|m| (m / width_m - 1.0).abs() < 0.01),
             "{width_m}: {text}"

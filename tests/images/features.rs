@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use subaperture_xtask::cargo;
 
-/// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
+/// Packages that forming images from arrays does not need, with the features that enable each.
 const OPTIONAL: [(&str, &[&str]); 23] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
@@ -61,7 +61,7 @@ const OPTIONAL: [(&str, &[&str]); 23] = [
     ("axum", &["viewer"]),
 ];
 
-/// What no library brings.
+/// Packages that no feature of the library enables.
 const NEVER: [&str; 5] = [
     "clap",
     "anyhow",
@@ -70,7 +70,7 @@ const NEVER: [&str; 5] = [
     "subaperture-gallery",
 ];
 
-/// Every feature that brings something of its own.
+/// Every feature with its own dependencies.
 const FEATURES: [&str; 19] = [
     "cphd",
     "gotcha",
@@ -93,7 +93,7 @@ const FEATURES: [&str; 19] = [
     "terrain",
 ];
 
-/// All packages that are compiled into a program that uses the library with `features` alone.
+/// All packages compiled into a program that uses the library with `features` only.
 fn dependencies(features: &str) -> BTreeSet<String> {
     let output = cargo()
         .args(["tree", "--package", "subaperture", "--locked"])
@@ -133,7 +133,7 @@ fn feature_brings_documented_dependencies() {
 
 #[test]
 fn all_features_together_bring_no_other_dependencies() {
-    // Not in it: the page brings a server, and a USRP's driver another licence.
+    // Excluded: the page enables a server, and a USRP's driver has another licence.
     let each = FEATURES
         .iter()
         .filter(|name| !["viewer", "uhd"].contains(name));
@@ -141,7 +141,7 @@ fn all_features_together_bring_no_other_dependencies() {
     assert_eq!(dependencies("full"), union);
 }
 
-/// What is documented is what is declared.
+/// Documented and declared features are the same.
 #[test]
 fn every_feature_is_documented() {
     let read = |path| std::fs::read_to_string(subaperture_xtask::root().join(path)).unwrap();

@@ -8,8 +8,8 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture::image::Image;
 use subaperture::signal::window::Window;
 
-/// A separable response of `n` weighted lines a dimension, `cell` pixels a cell, its peak of amplitude
-/// `a` at `(row, column)`; the phase turns by `turn` a pixel: the definition, summed line by line.
+/// A separable response of `n` weighted lines in each dimension, `cell` pixels per cell, with a peak of amplitude `a` at `(row, column)`
+/// and a phase of `turn` per pixel: the definition, summed line by line.
 pub(crate) struct Made {
     pub(crate) window: Window,
     pub(crate) cell: f64,

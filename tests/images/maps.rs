@@ -8,7 +8,7 @@ use std::process::Command;
 
 use subaperture_tests::subap::run;
 
-/// One point aside from the middle, seen from the south.
+/// One point off the middle, seen from the south.
 const SCENE: &str = r#"
 name = "one"
 seed = 1
@@ -61,7 +61,7 @@ fn gdal_reads_point_at_its_true_position() {
         "-o map.kmz --remap db",
         "-o tiles.kmz --remap db --pixel 1.8cm",
         "-o picture.png --remap db",
-        // What it wrote it may write again, with what lies beside.
+        // The command replaces its own files and those next to them.
         "-o picture.png --remap db",
         "-o db.tif --looks 1",
     ] {
@@ -123,7 +123,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
     }
     assert!(!at.join("a.tif").exists() && !at.join("theirs.png").exists());
     assert_eq!(fs::read(at.join("theirs.pgw")).unwrap(), b"theirs");
-    // What lies beside a map is neither the map nor an input, and nobody else's.
+    // Files written next to a map must not be the map, an input, or a file by another program.
     let record = fs::read(at.join("image/image.json")).unwrap();
     run(at, "export image -o own.tif").succeeded();
     fs::write(at.join("own.json"), "theirs").unwrap();
@@ -141,7 +141,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
     let picture = "picture image -o density.png --remap density";
     run(at, picture).succeeded();
     run(at, &format!("{picture} --top 3")).failed(2, &["--remap", "--top"]);
-    // By latitude and longitude there are maps near the poles too.
+    // Maps by latitude and longitude exist near the poles too.
     run(
         at,
         "export image -o pole.tif --place 89,0 --projection geographic",

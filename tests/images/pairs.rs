@@ -17,7 +17,7 @@ fn percent_difference_agrees_with_hand_calculation() {
         columns: values.len(),
         pixels: values.iter().map(|&v| Complex32::new(0.0, v)).collect(),
     };
-    // Peak 10; the floor of 20 dB is at 1. Magnitudes only: the sign of -8 does not count.
+    // Peak 10; the floor of 20 dB is at 1. Magnitudes only: the sign of -8 has no effect.
     let b = row(&[10.0, 4.0, 2.0, 0.5, 0.0, f32::NAN]);
     let a = row(&[-8.0, 5.0, 6.0, 9.0, 1.0, 1.0]);
     let d = percent_difference(&a, &b, 20.0).unwrap();
@@ -36,9 +36,8 @@ fn percent_difference_agrees_with_hand_calculation() {
 
 #[test]
 fn coherence_estimates_known_decorrelation() {
-    // b = rho a + sqrt(1 - rho^2) n with independent a and n of power 1 has coherence rho. A window of n^2
-    // pixels estimates it with a bias of about (1 - rho^2)^2 / (4 n^2 rho) and the mean of 120^2 pixels
-    // of windows scatters by less than 1 / (n sqrt(2 * 120^2 / n^2)) = 0.006.
+    // b = rho a + sqrt(1 - rho^2) n with independent a and n of power 1 has coherence rho. A window of n^2 pixels estimates it with a bias
+    // of about (1 - rho^2)^2 / (4 n^2 rho), and the mean over 120^2 pixels scatters by less than 1 / (n sqrt(2 * 120^2 / n^2)) = 0.006.
     let (a, other) = (noise(120, 5), noise(120, 6));
     for rho in [0.95, 0.6] {
         let pixels = a
@@ -56,7 +55,7 @@ fn coherence_estimates_known_decorrelation() {
         println!("rho {rho}: mean {mean:.4}");
         assert!((mean - rho - bias).abs() < 0.01, "{mean}");
     }
-    // Against the definition at a corner, an edge and inside.
+    // Against the definition at a corner, at an edge and inside.
     let map = coherence(&a, &other, 5).unwrap();
     for (row, column) in [(0usize, 0usize), (0, 60), (119, 119), (70, 33), (3, 118)] {
         let (mut cross, mut p, mut q) = (Complex64::ZERO, 0.0, 0.0);
@@ -76,7 +75,7 @@ fn coherence_estimates_known_decorrelation() {
             "{row} {column}: {value} {wanted}"
         );
     }
-    // A factor changes nothing; a pixel that is not finite is felt as far as its window reaches.
+    // A complex factor changes no value; a non-finite pixel affects all windows that contain it.
     let mut turned = Image {
         pixels: a
             .pixels
@@ -108,7 +107,7 @@ fn coherence_estimates_known_decorrelation() {
 
 #[test]
 fn registration_estimates_known_shift() {
-    // Points of a band sampled at half its cell, the same moved by a fraction of a pixel.
+    // Points with a band sampled at half its cell, and the same points shifted by a fraction of a pixel.
     let scene = |rows: f64, columns: f64| {
         let mut image = Image {
             rows: 101,

@@ -6,7 +6,7 @@ use subaperture::plot::{Chart, Colours, Curve, HeatMap, Stroke, heat, lines, sta
 use super::decoded::Picture;
 
 impl Picture {
-    /// Rows of column `x` of the plot with a colour nearly this one.
+    /// Rows of column `x` of the plot with approximately this colour.
     fn rows_of(&self, x: usize, [_, top, _, bottom]: [usize; 4], colour: [u8; 3]) -> Vec<usize> {
         let alike = |y: &usize| {
             let pixel = self.at(x, *y);
@@ -29,7 +29,7 @@ fn curve(points: Vec<(f64, f64)>, stroke: Stroke) -> Curve {
 
 #[test]
 fn line_is_drawn_at_its_values() {
-    // From the lower left corner to the upper right, and a level one of dashes at a quarter.
+    // A line from the lower left corner to the upper right one, and a dashed horizontal one at a quarter.
     let chart = Chart {
         curves: vec![
             curve(vec![(0.0, -10.0), (4.0, 10.0)], Stroke::Solid),
@@ -62,7 +62,7 @@ fn line_is_drawn_at_its_values() {
                 .any(|y| y.abs_diff(level) <= 1)
         })
         .count() as f64;
-    // Dashes of 9 of every 15 pixels, and round ends.
+    // Dashes of 9 of every 15 pixels, with round ends.
     assert!((0.55..0.85).contains(&(lit / width)), "{lit} of {width}");
 }
 
@@ -94,7 +94,7 @@ fn curves_are_clipped_and_interrupted_at_nan() {
         "the gap"
     );
     assert!(picture.rows_of(column(3.5), plot, BLUE).is_empty());
-    // Up and out of the box at 3: the whole upper half, and nothing above the frame.
+    // Out of the box upwards at 3: the whole upper half is drawn, but no pixel above the frame.
     let up = picture.rows_of(column(3.0), plot, BLUE);
     assert_eq!(up.first(), Some(&top));
     for y in 0..top - 1 {
@@ -108,7 +108,7 @@ fn curves_are_clipped_and_interrupted_at_nan() {
 
 #[test]
 fn proportional_chart_has_equal_scales() {
-    // A square of 2 by 2 beside one of 2 by 200: the sides of the first are as many pixels long.
+    // A square of 2 by 2, and an area of 2 by 200: both axes of the first have the same number of pixels.
     let square = |height: f64| {
         let corners = [
             (3.0, 1.0),
@@ -129,7 +129,7 @@ fn proportional_chart_has_equal_scales() {
             .map(|x| (x, picture.rows_of(x, plot, BLUE)))
             .filter(|(_, rows)| !rows.is_empty())
             .collect();
-        // Dots are 3 pixels in radius, and all within the box.
+        // Dots have a radius of 3 pixels and are inside the box.
         let across = (lit[lit.len() - 1].0 - lit[0].0) as f64 - 6.0;
         let rows = || lit.iter().flat_map(|(_, rows)| rows.iter().copied());
         let up = (rows().max().unwrap() - rows().min().unwrap()) as f64 - 6.0;
@@ -168,7 +168,7 @@ fn stacked_charts_keep_order() {
 
 #[test]
 fn legend_uses_corner_with_fewest_curve_pixels() {
-    // Points in all corners but one: three curves' names are there.
+    // Points in all corners but one, where the three names appear.
     let corners = [(0.95, 0.95), (0.05, 0.95), (0.95, 0.05), (0.05, 0.05)];
     for free in 0..4 {
         let points = (0..4).filter(|&i| i != free).map(|i| corners[i]).collect();
@@ -194,7 +194,7 @@ fn legend_uses_corner_with_fewest_curve_pixels() {
     }
 }
 
-/// More names than there is room for begin at the top of the plot, and hide nothing above it.
+/// A legend longer than the plot begins at its top, and covers no part of the title.
 #[test]
 fn long_legend_starts_inside_plot() {
     let named = |name: &str| Curve {
@@ -230,7 +230,7 @@ fn lines_rejects_charts_without_finite_points_or_range() {
         let error = lines(&chart).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("cut"), "{error}");
     }
-    // One point has axes of its own.
+    // A single point has axes of its own.
     lines(&chart(vec![(0.0, 1.0)], None)).unwrap();
 }
 
@@ -242,7 +242,7 @@ fn heat_map_uses_linear_scale() {
         count,
     };
     let mut values = vec![0.0; 200];
-    // Row 7 of 10, third from above; column 3 of 20.
+    // Row 7 of 10 is third from the top; column 3 of 20.
     values[7 * 20 + 3] = 4.0;
     values[0] = f32::NAN;
     let map = HeatMap {

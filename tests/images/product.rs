@@ -200,7 +200,7 @@ fn new_image_folder_appears_atomically() {
     let base = tempfile::tempdir().unwrap();
     let folder = base.path().join("deep/er/out");
     Product::prepare(&folder, 15).unwrap();
-    assert_eq!(names(base.path()), [""; 0], "prepare leaves nothing");
+    assert_eq!(names(base.path()), [""; 0], "prepare leaves no file");
     let image = image(3, 5);
     write(&folder, &image).unwrap();
     assert_eq!(names(&folder), ["image.json", "image.npy", "image.png"]);
@@ -219,7 +219,7 @@ fn new_image_folder_appears_atomically() {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // As open to others as a folder and a file made by anyone else under the same umask.
+        // Permissions are those of a folder and a file made under the same umask.
         fs::create_dir(base.path().join("plain")).unwrap();
         fs::write(base.path().join("plain/file"), "").unwrap();
         let mode = |p: PathBuf| fs::metadata(p).unwrap().permissions().mode();
@@ -277,7 +277,7 @@ fn foreign_files_in_the_way_are_reported_before_processing() {
     );
     assert!(write(&base.path().join("out"), &image(1, 1)).is_err());
     assert!(!base.path().join("out/image.json").exists());
-    // A product that no disk holds: 10^18 pixels of 8 bytes.
+    // A product larger than any disk: 10^18 pixels of 8 bytes.
     match Product::prepare(&base.path().join("new"), 1_000_000_000_000_000_000) {
         Err(WriteError::NoSpace {
             needed_bytes,
@@ -295,7 +295,7 @@ fn foreign_files_in_the_way_are_reported_before_processing() {
 
 #[test]
 fn unwritable_folder_is_reported_before_processing() {
-    // Nobody, not even root, makes a folder in /proc.
+    // Not even root can make a folder in /proc.
     if !Path::new("/proc/self").exists() {
         println!("skipped: /proc not found");
         return;
@@ -316,7 +316,7 @@ fn failed_write_keeps_previous_file() {
         if let Some(old) = old {
             fs::write(&path, old).unwrap();
         }
-        // A closure's own error, a true full disk, a panic.
+        // An error of the closure, a full disk, a panic.
         let interrupted = write_atomically(&path, 0, |file| {
             file.write_all(b"half")?;
             Err::<(), _>(std::io::Error::other("interrupted"))
@@ -355,7 +355,7 @@ fn failed_write_keeps_previous_file() {
         write_atomically(Path::new("/dev/null"), 0, |_| Ok(())).is_err(),
         "nor a device"
     );
-    // Folders are made, and go again if nothing comes of it.
+    // Missing folders are made, and removed if no file is written.
     let absent = base.path().join("absent/deep/a.bin");
     let failed = write_atomically(&absent, 0, |_| -> std::io::Result<()> {
         Err(std::io::Error::other("no"))
@@ -391,7 +391,7 @@ fn full_disk_leaves_no_partial_product() {
     let disk_path = disk.path();
     let (small, large) = (image(50, 50), image(300, 300));
     for folder in [disk_path.join("out"), disk_path.to_owned()] {
-        // 300 x 300 x 8 bytes and a header are more than 256 KiB; seen early, and when it happens.
+        // 300 x 300 x 8 bytes and a header exceed 256 KiB; detected beforehand and while writing.
         let text = Product::prepare(&folder, 90_000).unwrap_err().to_string();
         assert!(text.contains("720128 bytes are needed"), "{text}");
         let text = write(&folder, &large).unwrap_err().to_string();
@@ -401,7 +401,7 @@ fn full_disk_leaves_no_partial_product() {
         );
         assert_eq!(names(disk_path), [""; 0]);
     }
-    // An older product outlives a failure to replace it.
+    // An older product survives a failed replacement.
     Product::prepare(disk_path, 2500).unwrap();
     write(disk_path, &small).unwrap();
     assert!(write(disk_path, &large).is_err());

@@ -41,28 +41,28 @@ fn theory(window: Window, span_cells: f64) -> Expected {
 }
 
 #[track_caller]
-fn near_db(what: &str, value: Option<f64>, wanted: Option<f64>) {
+fn near_db(name: &str, value: Option<f64>, wanted: Option<f64>) {
     let (value, wanted) = (value.unwrap(), wanted.unwrap());
-    println!("{what}: {value:.3} dB, theory {wanted:.3} dB");
+    println!("{name}: {value:.3} dB, theory {wanted:.3} dB");
     assert!(
         (value - wanted).abs() < 0.2,
-        "{what}: {value}, not {wanted}"
+        "{name}: {value}, not {wanted}"
     );
 }
 
-/// The figures of every cut: widths to 1 %, ratios to 0.2 dB.
-fn check_cuts(what: &str, response: &Response, window: Window, cells: [f64; 2]) {
+/// Assert every cut: widths to 1 %, ratios to 0.2 dB.
+fn check_cuts(name: &str, response: &Response, window: Window, cells: [f64; 2]) {
     for (cut, cell) in response.cuts.iter().zip(cells) {
         let span = (cut.span[1] - cut.span[0]) / 2.0 / cell;
         let theory = theory(window, span);
         let width = cut.width_3db.unwrap() / cell;
         println!(
-            "{what} {window} {:?}: {width:.4} cells, theory {:.4}, span {span:.1}",
+            "{name} {window} {:?}: {width:.4} cells, theory {:.4}, span {span:.1}",
             cut.along, theory.width_3db
         );
         assert!(
             (width / theory.width_3db - 1.0).abs() < 0.01,
-            "{what} {window}: {width}"
+            "{name} {window}: {width}"
         );
         near_db(
             "PSLR, nulls",
@@ -89,7 +89,7 @@ fn check_cuts(what: &str, response: &Response, window: Window, cells: [f64; 2]) 
 
 #[test]
 fn measure_agrees_with_theory_for_synthetic_response() {
-    // Cells of 1.4 to 3 pixels, peaks between pixels, spectra anywhere, across their cut too.
+    // Cells of 1.4 to 3 pixels, peaks between pixels, and spectra at any frequency, also across their boundary.
     for (cell, row, column, turn) in [
         (2.0, 50.31, 49.77, [0.0, 0.0]),
         (1.4, 50.5, 50.0, [0.6, -1.1]),
@@ -118,10 +118,9 @@ fn measure_agrees_with_theory_for_synthetic_response() {
                 error / cell
             );
             assert!(error < cell / 128.0, "{window}: {error}");
-            // The polynomial through the chip is the response plus what periodic continuation gets
-            // wrong outside, interpolated: sum_m (f_periodic - f)[m] sinc(x - m), |m| > H. At H pixels the
-            // response is at most a = cell / (pi H) of the peak, and the difference 2 a. Its terms are
-            // +-sin(pi x) / (pi m) times that, turning by pi less pi / cell from one to the next: such
+            // The polynomial through the chip is the response plus the interpolated error of periodic continuation outside, sum_m
+            // (f_periodic - f)[m] sinc(x - m), |m| > H. At H pixels the response is at most a = cell / (pi H) of the peak, and the
+            // difference 2 a. Its terms are +-sin(pi x) / (pi m) times that, with phases that change by pi - pi / cell between terms: such
             // a sum is its first term over 2 cos(pi / (2 cell)). Two ends and two directions.
             let half = (response.chip.grid.rows.count / UPSAMPLING / 2) as f64;
             let bound: f64 = [row, column]
@@ -133,7 +132,7 @@ fn measure_agrees_with_theory_for_synthetic_response() {
                 .iter()
                 .sum();
             let level_db = response.level_db - 20.0 * 0.3f64.log10();
-            // The phase is that of where the peak was found.
+            // The phase is that at the estimated peak.
             let found = turn[0] * (response.row - row) + turn[1] * (response.column - column);
             let phase_rad = response.phase_rad - 1.2 - found;
             println!("level off by {level_db:.5} dB, phase by {phase_rad:.5}, bound {bound:.5}");
@@ -141,7 +140,7 @@ fn measure_agrees_with_theory_for_synthetic_response() {
             assert!(level_db.abs() < 20.0 * (bound + 1e-5).ln_1p() / 10f64.ln());
             assert!(phase_rad.abs() < bound + 1e-5, "{phase_rad}");
             check_cuts("made", &response, window, [cell, cell]);
-            // Separable: (main + side)^2 is the whole energy, main^2 that inside.
+            // Separable: (main + side)^2 is the total energy, main^2 that inside.
             let ratio = |i: usize| 10f64.powf(response.cuts[i].null_rule.islr_db.unwrap() / 10.0);
             let both = (1.0 + ratio(0)) * (1.0 + ratio(1)) - 1.0;
             near_db("ISLR, 2-D", response.islr_2d_db, Some(10.0 * both.log10()));
@@ -149,7 +148,7 @@ fn measure_agrees_with_theory_for_synthetic_response() {
     }
 }
 
-/// Widths and side lobes are the point's, and not the pixels': the same from 2.3 pixels a cell to 46.
+/// Widths and side lobes do not depend on the pixels: the same from 2.3 pixels per cell to 46.
 #[test]
 fn measure_is_independent_of_pixel_spacing() {
     let measured: Vec<Response> = [2.3, 9.2, 46.0]
@@ -189,7 +188,7 @@ fn measure_is_independent_of_pixel_spacing() {
     }
 }
 
-/// Pixels that fold are refused where it is known what they must hold.
+/// Aliased pixels are refused where the resolution is given.
 #[test]
 fn measure_rejects_undersampled_image() {
     let history = Preset::Table41.simulate(&Variation::default());
@@ -239,8 +238,8 @@ fn measure_rejects_undersampled_image() {
 
 #[test]
 fn measure_cuts_along_and_across_line_of_sight() {
-    // The response is the same along both axes and, for Hamming's round main lobe, nearly so along
-    // diagonals; exactly, the diagonal cut is the product of both axes' responses at s / sqrt 2.
+    // The response is the same along both axes and, with the round main lobe of the Hamming window, nearly so along diagonals; exactly, the
+    // diagonal cut is the product of both axes' responses at s / sqrt 2.
     let made = Made {
         window: Window::Hamming,
         cell: 2.0,
@@ -264,7 +263,7 @@ fn measure_cuts_along_and_across_line_of_sight() {
             Direction::CrossRange
         ]
     );
-    // Where the product has half its power each factor has 1 / sqrt 2 of it.
+    // Where the product has half of its power each factor has 1 / sqrt 2 of it.
     let weights = Window::Hamming.weights(Made::LINES);
     let power = |x: f64| subaperture::resolution::theory::transform(&weights, x).powi(2);
     let half = (0..20_000)
@@ -354,8 +353,8 @@ fn measure_agrees_with_theory_for_focused_points() {
         }],
         None,
     );
-    // Range: c / (2 B) with 200 MHz. Cross range: the wavelength at 10 GHz over twice the angle of
-    // the aperture, whose pulses, like the band's samples, stand for cells: 1040 times 0.125 m at 5 km.
+    // Range: c / (2 B) with 200 MHz. Cross range: the wavelength at 10 GHz over twice the angle of the aperture, whose pulses, like the
+    // samples of the band, count as cells: 1040 times 0.125 m at 5 km.
     let cross = 299_792_458.0 / 10e9 / 2.0 / (2.0 * f64::atan(1040.0 * 0.125 / 2.0 / 5000.0));
     let cells = [cross, 299_792_458.0 / 2.0 / 200e6];
     let grid: ImageGrid = "x=-9:9:0.28,y=-12:12:0.35".parse().unwrap();
@@ -382,7 +381,7 @@ fn measure_agrees_with_theory_for_focused_points() {
                 })
                 .unwrap()
                 .image;
-            // 10 GHz less half a sample is the band's middle.
+            // The middle of the band is 10 GHz less half a sample.
             let wavelength_m = 299_792_458.0 / (10e9 - 200e6 / 256.0 / 2.0);
             let settings = Settings {
                 carrier: Some(Carrier::new(DVec3::new(0.0, -5000.0, 0.0), wavelength_m)),
@@ -399,8 +398,7 @@ fn measure_agrees_with_theory_for_focused_points() {
                 "{off:?}"
             );
             assert!(response.level_db.abs() < 0.02, "{}", response.level_db);
-            // The phase is that of where the peak was found, 2 / lambda turns a metre of range: 1 mm
-            // turns it by 0.42 radians.
+            // The phase is that at the estimated peak, 2 / lambda cycles per metre of range: 1 mm changes it by 0.42 radians.
             let wanted = 0.5 + 2.0 * TAU / wavelength_m * off[1];
             println!(
                 "phase {:.4}, expected there {wanted:.4}, turn {:?}",

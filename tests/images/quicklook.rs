@@ -8,7 +8,7 @@ use subaperture::plot::{Colours, Orientation, Panel, Scale, ShownAxis, panels, q
 use super::decoded::Picture;
 
 impl Picture {
-    /// Smallest box (left, top, right, bottom; ends excluded) with every pixel in `within` of a colour.
+    /// Smallest box (left, top, right, bottom; ends excluded) around the pixels in `within` of a colour.
     fn find(&self, within: [usize; 4], wanted: [u8; 3]) -> Option<[usize; 4]> {
         let mut found: Option<[usize; 4]> = None;
         for y in within[1]..within[3] {
@@ -56,7 +56,7 @@ fn picture_pixel_agrees_with_axes() {
     assert_eq!(width, 2 * height, "20 m by 10 m");
     assert_eq!(width % 20, 0, "pixels are repeated whole");
     let side = width / 20;
-    // Row 7 of 10 is third from above, for y points up.
+    // Row 7 of 10 is third from the top, as y points up.
     let expected = [
         left + 3 * side,
         top + 2 * side,
@@ -64,7 +64,7 @@ fn picture_pixel_agrees_with_axes() {
         top + 3 * side,
     ];
     assert_eq!(picture.find(plot, [255; 3]), Some(expected));
-    // -30 dB on a scale of -60 to 0 is half of 255, up or down for float32's sake.
+    // -30 dB on a scale of -60 to 0 is half of 255, rounded either way by float32.
     let grey = picture.at(left, top)[0];
     assert!((127..=128).contains(&grey), "{grey}");
 }
@@ -86,9 +86,8 @@ fn picture_keeps_scene_aspect() {
 
 #[test]
 fn large_image_is_reduced_by_mean_power() {
-    // 4000 x 2000 pixels on 1600 x 800: a cell covers 2.5 x 2.5 pixels, so that a dot within one cell
-    // reads 1 / 6.25 of its power, -7.96 dB, and the -90 dB around it nothing. Column 3001 is within
-    // cell 1200 (3000 to 3002.5), row 1001 within cell 400.
+    // 4000 x 2000 pixels on 1600 x 800: a cell covers 2.5 x 2.5 pixels, so a dot within one cell has 1 / 6.25 of its power, -7.96 dB, and
+    // the surrounding -90 dB are negligible. Column 3001 is within cell 1200 (3000 to 3002.5), row 1001 within cell 400.
     let grid: ImageGrid = "x=0:4000:1,y=0:2000:1".parse().unwrap();
     let image = dot(2000, 4000, -90.0, 1001, 3001);
     let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
@@ -139,7 +138,7 @@ fn strip_polar_and_extreme_images_are_drawn() {
     let plot = picture.plot();
     assert_eq!(picture.find(plot, [255; 3]), Some(plot));
 
-    // A strip, a polar grid, extreme values, an absurd scale, a title without end.
+    // A strip, a polar grid, extreme values, an extreme scale, a very long title.
     let strip: ImageGrid = "x=0:5000:1,y=0:1:1".parse().unwrap();
     quicklook(&Panel::new(&dot(1, 5000, -30.0, 0, 9), &strip, "strip")).unwrap();
     let polar: ImageGrid = "r=100:200:1,theta=-30:30:0.5".parse().unwrap();
@@ -167,7 +166,7 @@ fn strip_polar_and_extreme_images_are_drawn() {
     }
 }
 
-/// Seen from above, angles grow counter-clockwise: with range upwards they grow to the left.
+/// Seen from above, angles increase counter-clockwise: with range upwards they increase to the left.
 #[test]
 fn polar_picture_is_not_mirrored() {
     let grid: ImageGrid = "r=10:20:1,theta=0:20:1".parse().unwrap();
@@ -184,7 +183,7 @@ fn polar_picture_is_not_mirrored() {
     );
 }
 
-/// The values along the axes are the scene's coordinates, and where there are none the label says so.
+/// Values along the axes are scene coordinates; where there are none, the label states it.
 #[test]
 fn rotated_grid_axes_show_scene_coordinates() {
     for (text, labels, first_edges) in [
@@ -257,7 +256,7 @@ fn levels_above_scale_have_marked_colour() {
         span_db: 40.0,
     };
     assert_eq!(cap(clipped), (true, Some(true), false));
-    // Of itself a picture shows its peak, however far it stands out, and then has levels of grey alone.
+    // By default the scale includes the peak, however strong it is, and the picture has only levels of grey.
     assert_eq!(cap(Scale::default()), (false, None, true));
 }
 
@@ -299,7 +298,7 @@ fn panels_are_drawn_on_one_page() {
     let picture = Picture::decode(&page);
     let one = Picture::decode(&panels(&[a.clone(), b.clone()], 2).unwrap());
     assert_eq!((picture.width, picture.height), (one.width, 2 * one.height));
-    // Viridis' top is the yellow (253, 231, 37), in the right half only.
+    // The maximum of Viridis is the yellow (253, 231, 37), in the right half only.
     let half = picture.width / 2;
     let yellow = [253, 231, 37];
     assert!(picture.find([0, 0, half, picture.height], yellow).is_none());
@@ -336,8 +335,8 @@ fn picture_rejects_grid_of_other_size() {
     assert!(panels(&[], 3).is_err());
 }
 
-/// Words in a band of the page: runs of columns with ink, white of less than six columns between.
-/// (Within a number the white is that beside a point or a one, at most five.)
+/// Words in a band of the page: runs of columns with dark pixels, separated by at least six white columns. (Within a number the white next
+/// to a point or a one has at most five.)
 fn words(picture: &Picture, [left, top, right, bottom]: [usize; 4]) -> Vec<(usize, usize)> {
     let mut words: Vec<(usize, usize)> = Vec::new();
     for x in left..right {
@@ -351,12 +350,12 @@ fn words(picture: &Picture, [left, top, right, bottom]: [usize; 4]) -> Vec<(usiz
     words
 }
 
-/// Draws a picture and demands that nothing touches the page's border; the words under the plot.
+/// Draw a picture and assert that its border is white; returns it with the words below the plot.
 fn labels_below(text: &str, scale: Scale) -> (Picture, Vec<(usize, usize)>) {
     labels_below_grid(&text.parse().unwrap(), scale)
 }
 
-/// As [`labels_below`], for grids that no text can ask for.
+/// Like [`labels_below`], for grids that have no text form.
 fn labels_below_grid(grid: &ImageGrid, scale: Scale) -> (Picture, Vec<(usize, usize)>) {
     let image = dot(grid.rows.count, grid.columns.count, -30.0, 0, 0);
     let panel = Panel {
@@ -382,8 +381,8 @@ fn labels_below_grid(grid: &ImageGrid, scale: Scale) -> (Picture, Vec<(usize, us
 
 #[test]
 fn axis_labels_are_complete_and_do_not_overlap() {
-    // 4000000.00 to .25 by 0.05, and "dB"; each ten characters of nine digits and a point, which DejaVu
-    // Sans sets 1303 and 651 / 2048 em wide: 90.7 pixels, less the white beside the outer digits.
+    // 4000000.00 to .25 by 0.05, and "dB". Each label has nine digits and a point, which DejaVu Sans sets 1303 and 651 / 2048 em wide: 90.7
+    // pixels, less the white at the outer digits.
     let (picture, below) = labels_below(
         "x=4e6:4000000.3:0.01,y=6378137:6378137.3:0.01",
         Scale::default(),
@@ -392,15 +391,15 @@ fn axis_labels_are_complete_and_do_not_overlap() {
     for (begin, end) in &below[..6] {
         assert!((86..=91).contains(&(end - begin)), "{below:?}");
     }
-    // Left of the ticks: the title, then labels as wide.
+    // Left of the ticks: the title, then labels of the same width.
     let [left, top, _, bottom] = picture.plot();
-    let beside = words(&picture, [0, top, left - 8, bottom]);
-    assert_eq!(beside.len(), 2, "{beside:?}");
-    let wide = beside[1].1 - beside[1].0;
-    assert!((86..=91).contains(&wide), "{beside:?}");
+    let left_of_ticks = words(&picture, [0, top, left - 8, bottom]);
+    assert_eq!(left_of_ticks.len(), 2, "{left_of_ticks:?}");
+    let wide = left_of_ticks[1].1 - left_of_ticks[1].0;
+    assert!((86..=91).contains(&wide), "{left_of_ticks:?}");
 
-    // A label at the very end, 12 pixels or more from "dB". 500 pixels are drawn on 1000: 0 to 450 by
-    // 50 are 100 pixels apart, and none is dropped. The last of 501 is 500.
+    // A label at the very end, at least 12 pixels from "dB". 500 pixels are drawn on 1000: 0 to 450 by 50 are 100 pixels apart, and none is
+    // omitted. The last of 501 is 500.
     for (grid, count) in [
         ("x=0:500:1,y=0:1:1", 10),
         ("x=0:501:1,y=0:1:1", 11),
@@ -412,12 +411,12 @@ fn axis_labels_are_complete_and_do_not_overlap() {
         assert!(gap >= 12, "{grid}: {below:?}");
     }
 
-    // -40 to 40 by 20, on 990 pixels by 10: as many as ever.
+    // -40 to 40 by 20, on 990 pixels by 10: as many as before.
     let (picture, below) = labels_below("x=-45:45:1,y=-45:45:1", Scale::default());
     assert_eq!(below.len(), 9 + 1, "{below:?}");
     assert_eq!(picture.plot()[0], 96, "the margin");
 
-    // Labels wider than the least plot, on either axis and the bar; values without exponents of 301 digits.
+    // Labels wider than the smallest plot, on either axis and the bar; values without exponents of 301 digits.
     let top_db = 1e12;
     for (start, step, span_db) in [(1e14, 1.0, 60.0), (1e300, 1e300, 0.01)] {
         let axis = Axis {

@@ -24,7 +24,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::path::PathBuf {
     path
 }
 
-/// Northings and eastings of UTM are those of the model, which its own tests hold to GeographicLib's.
+/// Northings and eastings of UTM are the model's own; its tests compare them with GeographicLib's.
 #[test]
 fn utm_model_heights_agree_with_formula() {
     let folder = tempfile::tempdir().unwrap();
@@ -49,7 +49,7 @@ fn utm_model_heights_agree_with_formula() {
         void: None,
         deflate: false,
     };
-    // Linear in easting and northing, so that bilinear interpolation has it.
+    // Linear in easting and northing, so that bilinear interpolation is exact.
     let height =
         |east: f64, north: f64| 700.0 + 0.2 * (east - corner[0]) - 0.1 * (north - corner[1]);
     let bytes = file.bytes(|column, row| {
@@ -85,7 +85,7 @@ fn utm_model_heights_agree_with_formula() {
     );
 }
 
-/// Both sizes, a seam between two files, voids, and the geoid as a file.
+/// Both sizes, a seam between two files, voids, and the geoid from a file.
 #[test]
 fn hgt_tiles_of_folder_join_at_edges() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,7 +112,7 @@ fn hgt_tiles_of_folder_join_at_edges() {
         void: None,
         deflate: false,
     };
-    // Linear, all around the Earth.
+    // Linear, around the whole Earth.
     let bytes = geoid.bytes(|column, row| (column as f32 * 0.5) - row as f32);
     let geoid_path = write(folder.path(), "geoid.tiff", &bytes);
     let undulation =
@@ -138,7 +138,7 @@ fn hgt_tiles_of_folder_join_at_edges() {
         let expected = hgt_height_m(corner, side, [latitude, longitude], height)
             + undulation(latitude, longitude);
         let found = ground.height_m(latitude, longitude).unwrap();
-        // Places within a file are held to 1e-6 of a post, on slopes of 1 in 2 or so.
+        // Positions within a file are exact to 1e-6 of a post, on slopes of about 1 in 2.
         assert!(
             (found - expected).abs() < 1e-3,
             "{latitude} {longitude}: {found} {expected}"
@@ -149,16 +149,16 @@ fn hgt_tiles_of_folder_join_at_edges() {
     let at = |longitude: f64| ground.height_m(46.5, longitude);
     assert!(at(7.0 + 100.5 / 3600.0).is_err() && at(7.0 + 100.0 / 3600.0).is_err());
     assert!(at(7.0 + 102.0 / 3600.0).is_ok());
-    // Nothing of it is elsewhere, and what takes too much is refused before it is read.
-    let nothing = Ground::open(
+    // Elsewhere the model has no heights; one beyond the memory is refused before it is read.
+    let elsewhere = Ground::open(
         &models,
         &Geoid::None,
         &region([10.0, 10.1], [7.0, 7.1]),
         MEMORY,
     );
     assert!(
-        matches!(nothing, Err(TerrainError::Nothing { .. })),
-        "{nothing:?}"
+        matches!(elsewhere, Err(TerrainError::Nothing { .. })),
+        "{elsewhere:?}"
     );
     let much = Ground::open(
         &models,
@@ -172,7 +172,7 @@ fn hgt_tiles_of_folder_join_at_edges() {
     assert!(short.to_string().contains("5 bytes"), "{short}");
 }
 
-/// Heights of 100 of some unit in a small model, with GeoTIFF's keys in place of those that the model has by itself.
+/// Heights of 100 in a given unit in a small model, with these GeoTIFF keys in place of the default ones.
 fn keyed(epsg: u16, keys: &[[u16; 2]]) -> Vec<u8> {
     let geographic = !(26901..=32760).contains(&epsg);
     let file = GeoTiff {
@@ -202,7 +202,7 @@ fn keyed(epsg: u16, keys: &[[u16; 2]]) -> Vec<u8> {
     if geographic {
         entry([2048, 0, 1, 4326], [2048, 0, 1, epsg]);
     }
-    // Pixels are areas without the key that says so, too.
+    // Pixels are areas by default, without the key.
     let mut spare = [[1025, 0, 1, 1]].into_iter();
     for &[key, value] in keys {
         entry(spare.next().expect("one key"), [key, 0, 1, value]);
@@ -243,7 +243,7 @@ fn vertical_units_are_converted_or_rejected() {
         let error = open(&keyed(4326, &[key])).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
     }
-    // A height above a geoid that is not given is warned of.
+    // A height above an unknown geoid causes a warning.
     let path = write(folder.path(), "navd88.tif", &keyed(4326, &[[4096, 5703]]));
     let ground = Ground::open(&path, &Geoid::None, &here, MEMORY).unwrap();
     assert!(
@@ -256,7 +256,7 @@ fn vertical_units_are_converted_or_rejected() {
 #[test]
 fn nad83_models_are_read_as_wgs_84_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
-    // UTM zone 10 north of Oregon.
+    // UTM zone 10 north, in Oregon.
     let here = region([44.2482, 44.2518], [-121.502, -121.498]);
     for epsg in [4269, 6318, 26910, 6339] {
         let bytes = match epsg {
@@ -294,7 +294,7 @@ fn unsupported_compression_is_named_in_error() {
     let here = region([44.248, 44.252], [-121.502, -121.498]);
     for (packing, name) in [(50_000u16, "ZSTD"), (34_887, "LERC"), (7, "JPEG")] {
         let mut bytes = keyed(4326, &[]);
-        // The entry of tag 259: a short, one value.
+        // Entry of tag 259: a short, one value.
         let entry = [259u16, 3, 1, 0, 1, 0].map(u16::to_le_bytes).concat();
         let at = bytes
             .windows(12)
@@ -312,7 +312,7 @@ fn unsupported_compression_is_named_in_error() {
     }
 }
 
-/// A raster whose pixels are areas, so that files side by side share no posts.
+/// A raster with area pixels, so that adjacent files share no posts.
 fn areas(size: [usize; 2], origin: [f64; 2], steps: [f64; 2]) -> GeoTiff {
     GeoTiff {
         size,
@@ -327,7 +327,8 @@ fn areas(size: [usize; 2], origin: [f64; 2], steps: [f64; 2]) -> GeoTiff {
     }
 }
 
-/// As Copernicus' model has them: files of a degree with as many posts, and fewer columns north of 50 degrees. Between the last posts of one and the first of the next there is ground.
+/// As in Copernicus' model: files of a degree without common posts, and fewer columns north of 50 degrees. There is ground between the last
+/// posts of a file and the first of the next.
 #[test]
 fn adjacent_models_without_shared_posts_leave_no_gap() {
     let folder = tempfile::tempdir().unwrap();
@@ -366,16 +367,16 @@ fn adjacent_models_without_shared_posts_leave_no_gap() {
             "{latitude} {longitude}: {found} {expected}"
         );
     }
-    // A file alone ends where it ends.
+    // A single file ends at its last posts.
     let alone = Ground::open(&folder.path().join("a.tif"), &Geoid::None, &region, MEMORY).unwrap();
     assert!(alone.height_m(49.9951, 6.9957).is_ok() && alone.height_m(49.9951, 7.0).is_err());
 }
 
-/// A model of the whole Earth, whose last column lies beside its first; and scenes over a pole.
+/// A model of the whole Earth, whose last column is adjacent to its first; and scenes over a pole.
 #[test]
-fn models_of_the_earth_have_no_seam_and_no_pole_is_lost() {
+fn model_of_whole_earth_has_no_seam_and_includes_poles() {
     let folder = tempfile::tempdir().unwrap();
-    // A degree a post, from -180 degrees on; as high as is the sine of the longitude.
+    // One post per degree, from -180 degrees on; the height is the sine of the longitude.
     let file = areas([360, 180], [-180.5, 90.0], [1.0, 1.0]);
     let wave = |longitude: f64| 50.0 * longitude.to_radians().sin();
     let bytes = file.bytes(|column, _| wave(column as f64 - 180.0) as f32);
@@ -384,7 +385,7 @@ fn models_of_the_earth_have_no_seam_and_no_pole_is_lost() {
         let region = region([10.0, 10.3], [west, east]);
         let ground = Ground::open(&path, &Geoid::None, &region, MEMORY).unwrap();
         let found = ground.height_m(10.1, longitude).unwrap();
-        // Near 180 degrees the sine is a line: to its cube over 6.
+        // Near 180 degrees the sine is linear up to its cube over 6.
         assert!((found - wave(longitude)).abs() < 1e-3, "{found}");
     }
     let frame = SceneFrame::east_north_up(&Geodetic {
@@ -403,7 +404,7 @@ fn models_of_the_earth_have_no_seam_and_no_pole_is_lost() {
 
 /// On both sides of 180 degrees: files of one side are found from the other.
 #[test]
-fn the_date_line_is_no_edge() {
+fn scene_across_date_line_uses_files_on_both_sides() {
     let folder = tempfile::tempdir().unwrap();
     let height =
         |latitude: f64, longitude: f64| 100.0 + 10.0 * latitude + (longitude * 300.0).sin() * 9.0;
@@ -447,9 +448,9 @@ fn the_date_line_is_no_edge() {
     }
 }
 
-/// Pixels lie on the surface of the ellipsoid, over planes that are level and that are not, and a point of the surface has the pixel that it is of.
+/// Pixels lie on the surface of the ellipsoid, over horizontal and tilted planes, and a point of the surface has its own pixel.
 #[test]
-fn reliefs_hold_their_surfaces() {
+fn relief_pixels_lie_on_surface() {
     let origin = [52.4, 4.6, 20.0];
     let frame = SceneFrame::east_north_up(&Geodetic {
         latitude_deg: origin[0],
@@ -463,7 +464,7 @@ fn reliefs_hold_their_surfaces() {
     ] {
         let grid: ImageGrid = text.parse().unwrap();
         let made = relief(&grid, &frame, Surface::Ellipsoid(-12.0), &Silent).unwrap();
-        // A twentieth of the smaller pixel, at the middles of cells; bilinear interpolation errs the most there.
+        // A twentieth of the smaller pixel at the centres of cells, where bilinear interpolation has its largest error.
         let bound_m = 0.05 * grid.rows.step.min(40.0);
         assert!(made.error_m() <= bound_m, "{text}: {}", made.error_m());
         let grid = grid.on(made.clone());
@@ -487,7 +488,7 @@ fn reliefs_hold_their_surfaces() {
             ];
             assert!((found[0] - row as f64).abs() < 1e-6, "{text}: {found:?}");
             assert!((found[1] - column as f64).abs() < 1e-6, "{text}: {found:?}");
-            // Directions are the derivatives of points.
+            // Directions are derivatives of points.
             let h = 1e-3;
             let at =
                 |r: f64, c: f64| grid.point_m(grid.rows.at(row) + r, grid.columns.at(column) + c);
@@ -504,7 +505,7 @@ fn reliefs_hold_their_surfaces() {
                 "{text}: {along} {across}"
             );
         }
-        // As text and back: the same nodes.
+        // Converted to text and back: the same nodes.
         let text = serde_json::to_string(&made).unwrap();
         assert_eq!(
             serde_json::from_str::<subaperture::geometry::Relief>(&text).unwrap(),
@@ -520,7 +521,7 @@ fn reliefs_hold_their_surfaces() {
     let level: ImageGrid = "x=-100:100:5,y=-80:90:4".parse().unwrap();
     let local = relief(&level, &SceneFrame::Local, Surface::Ellipsoid(0.0), &Silent);
     assert!(matches!(local, Err(TerrainError::Local)), "{local:?}");
-    // What the tests' own formulas say of the frame.
+    // The frame by the tests' own formulas.
     let place = [52.41, 4.59, 100.0];
     let local = frame.from_ecf_m(ecf_m(place));
     assert!(local.distance(east_north_up_m(origin, place)) < 1e-6);

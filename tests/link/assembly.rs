@@ -132,13 +132,13 @@ fn complete_maps_are_reassembled_unchanged() {
 fn missing_repeated_or_swapped_report_loses_only_its_map() {
     let maps = [0, 1, 2].map(|number| map(number, Encoding::Sc16));
     let [first, second, third] = &maps;
-    let check = |damaged: Vec<Sent>, what: &str| {
+    let check = |damaged: Vec<Sent>, case: &str| {
         let all = [first.as_slice(), &damaged, third].concat();
         let (whole, causes, lost) = assemble(&all, 3, ENOUGH);
         let numbers: Vec<u32> = whole.iter().map(|(number, _)| *number).collect();
-        assert_eq!(numbers, [0, 2], "{what}");
-        assert_eq!(lost, 1, "{what}");
-        assert!(causes.len() <= 1, "{what}: {causes:?}");
+        assert_eq!(numbers, [0, 2], "{case}");
+        assert_eq!(lost, 1, "{case}");
+        assert!(causes.len() <= 1, "{case}: {causes:?}");
         for (number, bytes) in whole {
             assert_eq!(bytes, bytes_of(&maps[number as usize]));
         }
@@ -289,7 +289,7 @@ fn chips_are_complete_or_lost() {
     let mut buffer = [0; 96];
     let mut assembly = ChipAssembly::new(&mut buffer);
     for (number, report) in reports(0).iter().enumerate() {
-        let chip = assembly.take(report).expect("nothing is wrong");
+        let chip = assembly.take(report).expect("the reports are complete");
         assert_eq!(chip.is_some(), number == 4);
         if let Some(chip) = chip {
             assert_eq!((chip.grid, chip.maps, chip.weight_sum), (grid, 7, 448.0));

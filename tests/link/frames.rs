@@ -223,7 +223,7 @@ fn truncated_frame_loses_only_itself() {
             let (numbers, counters) = listen(&line, ROOM);
             assert_eq!(numbers, [place - 1, next], "cut at {cut}");
             assert_eq!(counters.lost, 1);
-            // If nothing of the frame remains, there is nothing to report.
+            // If no byte of the frame remains, there is no error to report.
             assert_eq!(counters.corrupt + counters.malformed, u32::from(cut > 0));
         }
     }
@@ -248,7 +248,7 @@ fn repeated_and_reordered_frames_are_dropped() {
 
 /// Zeros between frames are ignored. Other bytes between frames are malformed or corrupt, once between two zeros.
 #[test]
-fn noise_between_frames_loses_nothing_before_a_zero() {
+fn noise_that_ends_in_zero_loses_no_frame() {
     let all = frames(3);
     let noise: [&[u8]; 3] = [
         &[0, 0, 0],

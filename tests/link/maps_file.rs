@@ -137,7 +137,7 @@ fn maps_round_trip_through_file() {
     assert!(MapFile::open(&path).unwrap().headers().is_empty());
 }
 
-/// Open a file and read everything. Panics if a value differs from what was written. Returns the number of maps and whether
+/// Open a file and read everything. Panics if a value differs from the written one. Returns the number of maps and whether
 /// the file is complete, or the error.
 fn examine(path: &Path, maps: &[OwnedMap]) -> Result<(usize, bool), String> {
     let file = MapFile::open(path).map_err(|error| error.to_string())?;
@@ -173,11 +173,11 @@ fn every_damaged_byte_is_detected_or_harmless() {
                     harmless += 1;
                 }
                 Ok((_, false)) => {}
-                Err(what) => assert!(what.contains("a.maps"), "{what}"),
+                Err(message) => assert!(message.contains("a.maps"), "{message}"),
             }
         }
     }
-    // The 16 bytes of the trailer only point to what a scan finds as well.
+    // The 16 bytes of the trailer only point to data that a scan finds as well.
     assert_eq!(harmless, 32);
 }
 
@@ -197,10 +197,10 @@ fn truncated_file_is_read_up_to_last_complete_map() {
                 assert!(!complete || length >= whole.len() - 16);
                 counts.push(count);
             }
-            Err(what) => {
-                assert!(counts.is_empty(), "{length}: {what}");
+            Err(message) => {
+                assert!(counts.is_empty(), "{length}: {message}");
                 let known = ["not a maps file", "damaged", "not a complete HEAD"];
-                assert!(known.iter().any(|part| what.contains(part)), "{what}");
+                assert!(known.iter().any(|part| message.contains(part)), "{message}");
             }
         }
     }
@@ -259,7 +259,7 @@ fn full_disk_keeps_maps_that_fit() {
     println!("{error}");
     assert!(error.contains("every map in it can be read"), "{error}");
     let names = std::fs::read_dir(disk.path()).unwrap();
-    assert_eq!(names.count(), 1, "nothing but the file");
+    assert_eq!(names.count(), 1, "only the file remains");
     let file = MapFile::open(&path).unwrap();
     assert!(!file.is_complete());
     assert_eq!(file.headers().len(), fitted as usize);

@@ -65,7 +65,7 @@ proptest! {
         there_and_back!(Report, values.reports(), piece);
     }
 
-    /// Arbitrary bytes give a message, nothing, or damage, never a panic, independently of how they are split.
+    /// Arbitrary bytes give a message, no message, or damage, never a panic, independently of how they are split.
     #[test]
     fn arbitrary_bytes_never_panic(
         bytes in prop::collection::vec(prop_oneof![2 => any::<u8>(), 1 => 0..4u8], 0..400),

@@ -53,7 +53,7 @@ fn scene() -> SweepScene {
     scene
 }
 
-fn assert_the_cores(profile: &Profile, scene: &SweepScene) {
+fn assert_equals_core(profile: &Profile, scene: &SweepScene) {
     let (values, usable, _) = scene.profile(profile.sweep);
     assert_eq!((profile.usable, profile.missing), (usable, 0));
     assert_eq!(profile.values, values);
@@ -67,7 +67,7 @@ fn clean_line_delivers_every_profile() {
     assert_eq!((reported.taken, reported.again), (3, 0));
     for (sweep, profile) in (0..).zip(&came) {
         assert_eq!(profile.sweep, sweep);
-        assert_the_cores(profile, &scene);
+        assert_equals_core(profile, &scene);
     }
 }
 
@@ -93,7 +93,7 @@ fn lossy_line_delivers_profiles_or_reports_missing_samples() {
         assert_eq!(missing.iter().all(|missing| *missing == 0), is_mild);
         for profile in &came {
             if profile.missing == 0 {
-                assert_the_cores(profile, &scene);
+                assert_equals_core(profile, &scene);
                 continue;
             }
             let (values, usable, _) = scene.profile(profile.sweep);
@@ -123,7 +123,7 @@ fn module_restart_is_reported() {
         reported.ending
     );
     assert_eq!(came.len(), 1);
-    assert_the_cores(&came[0], &scene());
+    assert_equals_core(&came[0], &scene());
 }
 
 #[test]

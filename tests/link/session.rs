@@ -1,5 +1,5 @@
 //! Sessions with a module over lossy lines: no wrong map is ever accepted, every loss is counted, and after further runs
-//! nothing is missing.
+//! no map is missing.
 //!
 //! The module is the firmware's own endpoint in a thread of this process. Maps are compared with the core run here on the same
 //! pulses: they must be bit-identical, since both run the same core on the same machine.
@@ -260,7 +260,7 @@ fn truncated_frames_are_lost_and_maps_repeated() {
 }
 
 #[test]
-fn host_that_stops_reading_loses_nothing() {
+fn host_that_stops_reading_loses_no_map() {
     let faults = Faults {
         stalls_at: vec![
             (6_000, Duration::from_millis(300)),
@@ -398,7 +398,7 @@ fn fixed_rate_counts_pulses_without_room() {
 }
 
 #[test]
-fn slow_fixed_rate_loses_nothing() {
+fn slow_fixed_rate_loses_no_pulse() {
     let settings = Settings {
         rate_hz: Some(100.0),
         ..settings()

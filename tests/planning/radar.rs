@@ -13,7 +13,7 @@ use subaperture::planner::{Parameters, RadarPlan, Request};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
-/// Pixels along x, in which places are measured.
+/// Pixel spacing along x, in which positions are measured.
 const PIXEL_M: f64 = 0.1;
 
 /// Table 4.1.
@@ -22,8 +22,8 @@ fn table_4_1() -> Collection {
     preset.collection().clone()
 }
 
-/// The peak within 0.8 m of where a lobe is expected, in the image that the thesis's mode forms of one
-/// scatterer: cross-range distance and level relative to the scatterer's own.
+/// The peak within 0.8 m of the expected position of a lobe, in the image of one scatterer by the thesis's mode: cross-range distance, m,
+/// and level relative to the scatterer's own.
 fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) -> Vec<(f64, f64)> {
     let scatterer = Scatterer {
         position_m: at,
@@ -74,7 +74,7 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
         .collect()
 }
 
-/// Lobes on both sides are within a pixel and `tolerance_db` of the prediction.
+/// Assert that lobes on both sides are within a pixel and `tolerance_db` of the prediction.
 fn assert_lobes(
     collection: &Collection,
     sub_cpi: usize,
@@ -96,9 +96,8 @@ fn assert_lobes(
 
 #[test]
 fn grating_lobes_of_20_sub_cpis_agree_with_prediction() {
-    // Figure 4.5. Bilinear reading and Keystone's edges leave errors of -50 dB or so: 0.35 of the third lobe at worst,
-    // in quadrature with it (they are real where it is imaginary): 0.5 dB. The closed form is first order in an
-    // edge phase of 0.44 rad: 0.44^2 / 10, 0.2 dB.
+    // Figure 4.5. Bilinear interpolation and Keystone's edges leave errors of about -50 dB: at worst 0.35 of the third lobe, in quadrature
+    // with it (real where it is imaginary): 0.5 dB. The closed form is of first order in an edge phase of 0.44 rad: 0.44^2 / 10, 0.2 dB.
     let collection = table_4_1();
     for at in [DVec3::ZERO, DVec3::new(21.3, 17.7, 0.0)] {
         let lobes = grating::lobes(&collection, 52, at, 38.0, 10);
@@ -118,7 +117,7 @@ fn grating_lobes_of_20_sub_cpis_agree_with_prediction() {
 
 #[test]
 fn grating_lobes_of_long_sub_cpis_agree_with_prediction() {
-    // Edge phases of 1.8 and 2.8 radians, where the closed form has ended.
+    // Edge phases of 1.8 and 2.8 radians, beyond the closed form.
     let collection = table_4_1();
     for sub_cpi in [104, 130] {
         let lobes = grating::lobes(&collection, sub_cpi, DVec3::ZERO, 25.0, 10);
@@ -144,7 +143,7 @@ fn compensation_to_scatterer_removes_its_grating_lobes() {
             "lobe {}: {before:.1} dB before, {after:.1} predicted, {level_db:.1} found",
             i / 2 + 1
         );
-        // What is left is the aperture's own side lobes, -32 dB at the ninth and lower, within 0.8 m.
+        // The remainder is the aperture's own side lobes within 0.8 m, -32 dB at the ninth and lower.
         assert!(after < -80.0, "{after}");
         assert!(
             level_db < before - 8.0 && level_db < -28.0,
@@ -167,15 +166,15 @@ fn radar_plan_of_table_4_1_agrees_with_hand_calculation() {
     };
     let plan = RadarPlan::new(&collection, &request).unwrap();
     let aperture = plan.aperture;
-    // lambda = 2.998 cm. Flown: 1040 pulses that stand for 0.125 m each; the null of their sum is at
-    // lambda / (4 sin theta) of 130 m, 0.57658 m; the middle of the band is half a sample below the carrier, 4e-5 of it, and its
-    // 2 % blur the null, a sixth of their square twice over: 1e-4.
+    // lambda = 2.998 cm. Track: 1040 pulses that represent 0.125 m each; the null of their sum is at lambda / (4 sin theta) of 130 m,
+    // 0.57658 m. The middle of the band is half a sample below the carrier, 4e-5 of it, and its 2 % blur the null, a sixth of their square
+    // twice: 1e-4.
     let resolution_m = aperture.cross_range_resolution_m.unwrap();
     assert!(
         (resolution_m / 0.57660 - 1.0).abs() < 3e-4,
         "{resolution_m}"
     );
-    // The beam of 0.026 rad lights 130 m: lambda / (4 sin 0.013) = 0.57654.
+    // The beam of 0.026 rad illuminates 130 m: lambda / (4 sin 0.013) = 0.57654.
     assert!((aperture.beam_resolution_m.unwrap() / 0.57654 - 1.0).abs() < 3e-4);
     // At 10.1 GHz (less a sample): 2.969 cm; the scene of 80 m needs 2.969 cm 5000 / 160 = 0.928 m, the beam 0.571 m.
     assert!(
@@ -191,12 +190,12 @@ fn radar_plan_of_table_4_1_agrees_with_hand_calculation() {
         (Some(true), Some(true))
     );
     assert!((aperture.unambiguous_range_m.unwrap() - 149_896.229).abs() < 1e-3);
-    // The image repeats after lambda R / 2d = 599.6 m: seven pulses keep the first lobe past 80 m.
+    // The image repeats after lambda R / 2d = 599.6 m: with seven pulses the first lobe is beyond 80 m.
     assert_eq!(plan.sub_cpis.thesis_clear_pulses, Some(7));
     assert_eq!(plan.sub_cpis.thesis_lobes.len(), 6);
     assert!(plan.sub_cpis.predicted_db <= -60.0);
     assert_eq!(plan.work.pixels, 320 * 320);
-    // The whole list can form it, and the thesis's mode.
+    // Every former of the list can form it, and the thesis's mode.
     let mut all: Vec<&str> = FORMERS.iter().map(|entry| entry.name).collect();
     all.push("rdbp, thesis");
     let names: Vec<&str> = plan.costs.iter().map(|cost| &*cost.algorithm).collect();

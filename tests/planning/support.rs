@@ -1,8 +1,7 @@
-//! Widths predicted from the support against widths of images formed by the plain sum: eight geometries, side by side.
+//! Widths predicted from the spectral support against widths of images formed by the plain sum, for eight geometries.
 //!
-//! The oracle is a cut of the image of one scatterer, summed here over pulses and frequencies with true paths, stepped
-//! finely until it falls to half its power: it shares nothing with the prediction, which knows the
-//! spatial frequencies at the scatterer only.
+//! The oracle is a cut of the image of one scatterer, summed here over pulses and frequencies with exact paths in fine steps down to half
+//! power. It shares no code with the prediction, which uses only the spatial frequencies at the scatterer.
 
 use std::f64::consts::{LN_2, TAU};
 use std::fmt::Write;
@@ -20,7 +19,7 @@ const TAYLOR: Window = Window::Taylor { side_lobe_db: 35.0 };
 const NUM_PULSES: usize = 180;
 const NUM_SAMPLES: usize = 48;
 
-/// A scatterer seen from somewhere.
+/// A scatterer seen by a radar.
 struct Case {
     name: &'static str,
     collection: Collection,
@@ -91,7 +90,7 @@ fn both(antenna_m: DVec3) -> [DVec3; 2] {
     [antenna_m; 2]
 }
 
-/// The eight geometries, and one of them on a plane turned out of the ground.
+/// The eight geometries, and one of them on a plane tilted out of the ground.
 fn cases() -> Vec<Case> {
     let x_band = [9.7e9, 10.3e9];
     let origin = DVec3::ZERO;
@@ -106,7 +105,7 @@ fn cases() -> Vec<Case> {
     let strip = |u: f64| both(DVec3::new(320.0 * u, -5000.0, 1000.0));
     let mut stripmap = case("stripmap, beam of 1.2 deg", x_band, strip_place, strip);
     for (gain, pulse) in stripmap.gains.iter_mut().zip(&stripmap.collection.pulses) {
-        // Out and back through a Gaussian of half power at half the width.
+        // Two-way Gaussian pattern, with half power at half the width.
         let sight = strip_place - pulse.transmitter_m;
         let azimuth = sight.x.atan2(sight.y.hypot(sight.z)) / beam_rad;
         *gain = (-4.0 * LN_2 * azimuth * azimuth).exp();
@@ -160,7 +159,7 @@ fn cases() -> Vec<Case> {
 }
 
 impl Case {
-    /// The image `s_m` along a direction from the scatterer, unnormalised.
+    /// The image at `s_m` along a direction from the scatterer, not normalised.
     fn image(&self, weights: &[Vec<f64>; 2], direction: DVec3, s_m: f64) -> Complex64 {
         let [fast, slow] = weights;
         let point = self.place_m + direction * s_m;
@@ -176,12 +175,12 @@ impl Case {
         sum
     }
 
-    /// Width of the image along a direction, between the points of half power.
+    /// Half-power width of the image along a direction.
     fn measured_m(&self, window: Window, direction: DVec3) -> f64 {
         let weights = [window.weights(NUM_SAMPLES), window.weights(NUM_PULSES)];
         let power = |s_m: f64| self.image(&weights, direction, s_m).norm_sqr();
         let peak = power(0.0);
-        // Well below any width here, and a straight line between steps.
+        // Far below any width here, with linear interpolation between steps.
         let step_m = 0.002 * C_M_S / self.collection.pulses[0].start_hz * 10.0;
         let side = |sign: f64| {
             let mut before = peak;
@@ -231,11 +230,11 @@ fn predicted_widths_agree_with_plain_sum() {
         }
     }
     println!("{table}");
-    // Asked for are 2 %; the curvature of wave fronts over a cell, which is all that is neglected, leaves far less.
+    // 2 % are required; the only neglect, the curvature of wavefronts over a cell, is far less.
     assert!(worst < 0.002, "{table}");
 }
 
-/// An image with pixels one over the extent apart holds all there is; the extent is that of the outermost samples.
+/// An image with pixels one over the extent apart contains the whole spectrum; the extent is that of the outermost samples.
 #[test]
 fn support_extent_is_that_of_outermost_samples() {
     for case in cases() {
@@ -250,7 +249,7 @@ fn support_extent_is_that_of_outermost_samples() {
                         let p = case.place_m + direction * s_m;
                         p.distance(pulse.transmitter_m) + p.distance(pulse.receiver_m)
                     };
-                    // The path's slope by a difference over 2 mm: curvature adds 1e-6 / range squared.
+                    // Slope of the path by a difference over 2 mm: curvature adds 1e-6 / range squared.
                     let slope = (path(1e-3) - path(-1e-3)) / 2e-3;
                     all.push((pulse.start_hz + k * step) / C_M_S * slope);
                 }
@@ -274,11 +273,11 @@ fn recorded_looks_reproduce_widths() {
         let few = RecordedLooks::of(&case.collection, case.place_m, axes).unwrap();
         let text = serde_json::to_string(&few).unwrap();
         let back: RecordedLooks = serde_json::from_str(&text).unwrap();
-        // But for the last digit, at which numbers are read from text.
+        // Up to the last digit, at which numbers are read from text.
         assert_eq!(back.transmitters_m.len(), few.transmitters_m.len());
         let few = back.looks(TAYLOR, TAYLOR).unwrap();
         let all = Looks::new(&case.collection, TAYLOR, TAYLOR);
-        // Away from the place that they were chosen for, too.
+        // Also away from the position that they were chosen for.
         let place_m = case.place_m + DVec3::new(0.7, -0.6, 0.0);
         for &(along, direction) in &case.cuts {
             let width = |looks: &Looks| {
@@ -299,7 +298,7 @@ fn recorded_looks_reproduce_widths() {
     assert!(nonsense.looks(TAYLOR, TAYLOR).is_none());
 }
 
-/// Eight channels in turn on a rail: whatever the number of pulses, none is left out where pulses stand for others.
+/// Eight alternating channels on a rail: for any number of pulses, no channel is omitted where some pulses represent others.
 #[test]
 fn interleaved_channels_are_all_represented() {
     let element = |n: usize| {
@@ -332,25 +331,25 @@ fn interleaved_channels_are_all_represented() {
         .unwrap()
         .width_3db_m()
         .unwrap();
-    // Eight elements 1 cm apart: 0.886 lambda R / (2 80 mm), at 77.35 GHz; an array of so few is 1 %
-    // narrower than the formula of an even one.
+    // Eight elements 1 cm apart: 0.886 lambda R / (2 80 mm) at 77.35 GHz; an array of so few is 1 % narrower than the formula of a
+    // continuous one.
     let formula_m = 0.886 * C_M_S / 77.35e9 * 5.0 / 0.16;
     assert!(
         (width_m / formula_m - 1.0).abs() < 0.02,
         "{width_m} {formula_m}"
     );
-    // No thousand of these stand for all of them: sooner none than wrong ones.
+    // No thousand of these can represent all of them, so there are no recorded looks.
     assert!(RecordedLooks::of(&collection, place_m, [DVec3::X, DVec3::Z]).is_none());
 }
 
-/// The beam measured from a recording's own samples predicts the width that the beam leaves.
+/// The beam measured from a recording's own samples predicts the width with that beam.
 #[test]
 fn measured_gains_recover_beam_width() {
     let case = cases()
         .into_iter()
         .find(|case| case.name.starts_with("stripmap"))
         .unwrap();
-    // The scatterer, and another 30 m along the track at the same range.
+    // The scatterer, and another one 30 m along the track at the same range.
     let other_m = case.place_m + DVec3::new(30.0, 0.0, 0.0);
     let mut samples = Vec::new();
     for (n, pulse) in case.collection.pulses.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Survey of apertures of any kind and pulse order, and alias-free default grids.
+//! Survey of apertures of any kind and pulse order, and default grids without aliasing.
 
 use std::f64::consts::TAU;
 
@@ -37,17 +37,17 @@ fn collection(
     }
 }
 
-fn near(what: &str, value: f64, wanted: f64, relative: f64) {
+fn near(name: &str, value: f64, wanted: f64, relative: f64) {
     assert!(
         (value / wanted - 1.0).abs() < relative,
-        "{what}: {value}, not {wanted}"
+        "{name}: {value}, not {wanted}"
     );
 }
 
 #[test]
 fn aperture_length_is_independent_of_pulse_order() {
     let band = [77e9, 1e7];
-    // Eight channels 9 mm apart, taking turns 40 times: summed from pulse to pulse, over 5 m.
+    // Eight alternating channels 9 mm apart, 40 times: summed from pulse to pulse over 5 m.
     let mimo = (0..320).map(|n| DVec3::new(f64::from(n % 8) * 9e-3, -5.0, 0.0));
     let survey = Survey::of(&collection(mimo, band, 64, None)).unwrap();
     near("MIMO", survey.aperture_length_m, 63e-3, 1e-9);
@@ -63,7 +63,7 @@ fn aperture_length_is_independent_of_pulse_order() {
         C_M_S / 77.315e9 * 5.0 / 18e-3,
         2e-3,
     );
-    // Two halves of a pass, the second first.
+    // Two halves of a pass, the second one first.
     let pass = |n: i32| DVec3::new(f64::from(n) * 0.5, -1000.0, 300.0);
     let swapped = (50..100).chain(0..50).map(pass);
     let in_order = Survey::of(&collection((0..100).map(pass), band, 64, None)).unwrap();
@@ -81,7 +81,7 @@ fn aperture_length_is_independent_of_pulse_order() {
         in_order.unambiguous_cross_range_m.unwrap(),
         1e-9,
     );
-    // A circle seen at 35.5 degrees of grazing, and three quarters of one.
+    // A circle seen at a grazing angle of 35.5 degrees, and three quarters of one.
     let around = |turn: f64, count: i32| {
         (0..count).map(move |n| {
             let (sin, cos) = (turn * f64::from(n) / f64::from(count)).sin_cos();
@@ -90,7 +90,7 @@ fn aperture_length_is_independent_of_pulse_order() {
     };
     let circle = Survey::of(&collection(around(TAU, 3600), band, 64, None)).unwrap();
     assert_eq!(circle.aperture_azimuth_deg, 360.0);
-    // 72 chords of 5 degrees between means of as much: (5 deg)^2 / 24 short, twice.
+    // 72 chords of 5 degrees between means over as much: (5 deg)^2 / 24 short, twice.
     near("circle", circle.aperture_length_m, TAU * 700.0, 7e-4);
     // Opposite antennas.
     near(
@@ -107,7 +107,7 @@ fn aperture_length_is_independent_of_pulse_order() {
         0.75 * TAU * 700.0,
         2e-3,
     );
-    // A pass there and back is no longer than the pass there.
+    // A pass in both directions is no longer than in one.
     let back = (0..100).chain((0..100).rev()).map(pass);
     near(
         "there and back",
@@ -119,7 +119,7 @@ fn aperture_length_is_independent_of_pulse_order() {
     );
 }
 
-/// Extent of spatial frequencies along x and y at a place, from differences of paths.
+/// Extent of spatial frequencies along x and y at a position, from differences of paths.
 fn extents(collection: &Collection, place_m: DVec3) -> [f64; 2] {
     [DVec3::X, DVec3::Y].map(|axis| {
         let mut all: Vec<f64> = Vec::new();
@@ -136,8 +136,8 @@ fn extents(collection: &Collection, place_m: DVec3) -> [f64; 2] {
     })
 }
 
-/// 77 GHz from a short rail, a scene from 1 to 8 m that reaches far off boresight: at the corner, range lies along x as
-/// much as along y, and pixels that suit the middle fold.
+/// 77 GHz from a short rail, with a scene from 1 to 8 m that extends far off boresight: at the corner, range lies along x as much as along
+/// y, and pixels suited to the middle alias.
 #[test]
 fn default_grid_samples_near_range_scene_without_aliasing() {
     let rail = (0..200).map(|n| DVec3::new(f64::from(n) * 1e-3 - 0.1, 0.0, 0.0));
@@ -155,7 +155,7 @@ fn default_grid_samples_near_range_scene_without_aliasing() {
     for i in 0..=20 {
         for j in 0..=20 {
             let [x, y] = extents(&collection, places(i, j));
-            // Twice as fine as needed but for what places between the survey's 9 x 9 may add.
+            // Twice as fine as necessary, except for what positions between the survey's 9 x 9 may add.
             let oversampling = (1.0 / (grid.columns.step * x)).min(1.0 / (grid.rows.step * y));
             least = least.min(oversampling);
         }
@@ -165,14 +165,14 @@ fn default_grid_samples_near_range_scene_without_aliasing() {
         grid.columns.count, grid.rows.count
     );
     assert!(least > 1.95, "{least}");
-    // And no finer than that by much: it is bounded by what some place needs.
+    // And not much finer: the most demanding position determines it.
     assert!(least < 2.2, "{least}");
 }
 
 #[test]
 fn default_grid_reports_ambiguous_or_cropped_scene() {
-    // A full circle at 9.6 GHz, 3600 pulses: 9.3 mm of extent over 20 m is 4300 pixels a side at half of it,
-    // and lambda R / (2 d) = 10.99 m.
+    // A full circle at 9.6 GHz, 3600 pulses: 9.3 mm of extent over 20 m are 4300 pixels per side at half of it, and lambda R / (2 d) =
+    // 10.99 m.
     let around = (0..3600).map(|n| {
         let (sin, cos) = (TAU * f64::from(n) / 3600.0).sin_cos();
         DVec3::new(700.0 * cos, 700.0 * sin, 500.0)
@@ -188,7 +188,7 @@ fn default_grid_reports_ambiguous_or_cropped_scene() {
         columns.step * x < 0.52 && rows.step * y < 0.52,
         "still sampled"
     );
-    // Its middle is the scene's.
+    // The grid's middle is the scene's.
     assert!((columns.start + columns.at(columns.count)).abs() < 1e-9);
     let cropped = suited.cropped.unwrap();
     assert!(
@@ -206,7 +206,7 @@ fn default_grid_reports_ambiguous_or_cropped_scene() {
         ambiguity.contains("28.3 m across") && ambiguity.contains("every 11.0 m"),
         "{ambiguity}"
     );
-    // A long, narrow scene keeps its depth; a sound one is whole and says nothing.
+    // A long, narrow scene keeps its depth; a valid one is covered completely without warnings.
     let pass = || (0..2000).map(|n| DVec3::new(f64::from(n) * 0.05 - 50.0, -1000.0, 400.0));
     let strip = [(-2000.0, 2000.0), (-50.0, 50.0)];
     let long = collection(pass(), [9.7e9, 1e6], 600, Some(strip));
@@ -230,7 +230,7 @@ fn default_grid_reports_ambiguous_or_cropped_scene() {
     );
 }
 
-/// Every example to start from is unambiguous over its own scene, and its default grid covers it.
+/// Every example scenario is unambiguous over its own scene, and its default grid covers it.
 #[test]
 fn example_scenes_are_unambiguous() {
     for name in examples::names() {

@@ -1,4 +1,4 @@
-//! Several recordings as one aperture: the order in which they are named changes nothing, and none counts twice.
+//! Several recordings as one aperture: the order of naming changes no bit, and a recording named twice is refused.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -13,7 +13,7 @@ use subaperture::phase_history::{
 use subaperture::signal::window::Window;
 use subaperture::simulate::{PointTargetHistory, Scatterer};
 
-/// A recording that knows when it began.
+/// A recording with its start time, ns.
 struct Started(InMemory, Option<i64>);
 
 impl PhaseHistory for Started {
@@ -38,13 +38,13 @@ impl PhaseHistory for Started {
     }
 }
 
-/// Antenna of pulse `n` of 120 around the origin, `from` degrees on: an eighth of a degree each.
+/// Antenna of pulse `n` on a circle around the origin, starting at `from` degrees with steps of an eighth of a degree.
 fn around(from_deg: f64, n: usize) -> DVec3 {
     let angle = (from_deg + n as f64 / 8.0).to_radians();
     DVec3::new(7000.0 * angle.cos(), 7000.0 * angle.sin(), 7000.0)
 }
 
-/// Pulses at `antennas`, a millisecond apart, of two points.
+/// A recording of two points with pulses at `antennas`, a millisecond apart.
 fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Complex32>) {
     let pulses = antennas.iter().enumerate().map(|(n, &antenna)| Pulse {
         time_s: n as f64 * 1e-3,
@@ -105,7 +105,7 @@ fn antennas(aperture: &Joined) -> Vec<DVec3> {
     pulses.iter().map(|p| p.transmitter_m).collect()
 }
 
-/// Every order of three.
+/// All permutations of three.
 const ORDERS: [[usize; 3]; 6] = [
     [0, 1, 2],
     [0, 2, 1],
@@ -129,11 +129,11 @@ fn check_orders(parts: &[Part; 3], expected: &[DVec3]) {
 }
 
 #[test]
-fn recordings_without_times_are_in_the_order_of_their_angles() {
-    // Across the half turn at which the arc tangent leaps, and either way around.
-    for (way, start_deg) in [(1.0, 175.0), (-1.0, 3.0)] {
+fn recordings_without_times_are_ordered_by_angle() {
+    // Across 180 degrees, where the arc tangent jumps, and in both directions.
+    for (direction, start_deg) in [(1.0, 175.0), (-1.0, 3.0)] {
         let at = |n: usize| {
-            let angle = (start_deg + way * n as f64 / 8.0).to_radians();
+            let angle = (start_deg + direction * n as f64 / 8.0).to_radians();
             DVec3::new(7000.0 * angle.cos(), 7000.0 * angle.sin(), 7000.0)
         };
         let all: Vec<DVec3> = (0..120).map(at).collect();
@@ -145,7 +145,7 @@ fn recordings_without_times_are_in_the_order_of_their_angles() {
         let joined = join(&[&parts[2], &parts[0], &parts[1]]).unwrap();
         let collection = joined.collection();
         assert!(!collection.timed);
-        // Numbered through.
+        // Times are pulse numbers.
         assert!((0..120).all(|n| collection.pulses[n].time_s == n as f64));
     }
 }
@@ -153,7 +153,7 @@ fn recordings_without_times_are_in_the_order_of_their_angles() {
 #[test]
 fn times_count_from_the_earliest_start() {
     let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
-    // The middle stretch began first, by its clock.
+    // The middle part has the earliest start time.
     let seconds = 1_000_000_000;
     let stretch = |range: std::ops::Range<usize>, start_ns| {
         let (collection, samples) = recorded("stretch", &all[range], true);
@@ -172,7 +172,7 @@ fn times_count_from_the_earliest_start() {
         let expected_s = (n / 40) as f64 + (n % 40) as f64 * 1e-3;
         assert!((pulse.time_s - expected_s).abs() < 1e-12, "{n}");
     }
-    // Starts that only some know tell nothing: by angle then, and without times.
+    // Start times that only some recordings have are not used: the order is by angle, without times.
     let unknown = [
         stretch(0..40, None),
         stretch(40..80, Some(7)),
@@ -188,7 +188,7 @@ fn times_count_from_the_earliest_start() {
 }
 
 #[test]
-fn pulses_that_take_turns_are_interleaved() {
+fn alternating_pulses_are_interleaved() {
     let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
     let (whole, samples) = recorded("whole", &all, true);
     let turn = |which: usize| {
@@ -216,7 +216,7 @@ fn pulses_that_take_turns_are_interleaved() {
 }
 
 #[test]
-fn one_recording_is_put_in_order_too() {
+fn single_recording_is_put_in_order() {
     let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
     let (whole, samples) = recorded("whole", &all, true);
     let shuffled: Vec<usize> = (0..120).map(|n| n * 49 % 120).collect();
@@ -232,9 +232,8 @@ fn one_recording_is_put_in_order_too() {
 }
 
 #[test]
-fn passes_without_times_share_the_window_of_their_angles() {
-    // Two passes, one higher: the window of both is that of each. A flat top in the middle of the
-    // second pass's way would be what a window by index gives.
+fn passes_without_times_share_window_over_angle() {
+    // Two passes, one higher: both have the same window over angle. A window by pulse index would be flat in the middle of the second pass.
     let low: Vec<DVec3> = (0..60).map(|n| around(20.0, n)).collect();
     let high: Vec<DVec3> = low.iter().map(|at| at + DVec3::Z * 100.0).collect();
     let [low, high] = [low, high].map(|antennas| {
@@ -253,13 +252,13 @@ fn passes_without_times_share_the_window_of_their_angles() {
             .collect();
         assert_eq!(of_pass.len(), 60);
         for (n, weight) in of_pass.iter().enumerate() {
-            // Two pulses of one angle are neighbours in the window, in either order.
+            // Two pulses at one angle are neighbours in the window, in either order.
             assert!([one[2 * n], one[2 * n + 1]].contains(weight), "{n}");
         }
     }
 }
 
-/// The case `message-names-both-files-alike`: files of one collection have one name, and messages name the files.
+/// Case `message-names-both-files-alike`: the files of one collection have the same name, so messages add the file name.
 #[test]
 fn messages_of_recordings_with_one_name_give_the_file_names() {
     use subaperture::io::cphd::{Channel, WriteOptions, write};
@@ -329,7 +328,7 @@ fn spiral(num_pulses: usize) -> Vec<DVec3> {
 }
 
 #[test]
-fn one_recording_has_the_same_slow_weights_with_and_without_times() {
+fn slow_time_weights_are_the_same_with_and_without_times() {
     let spiral = spiral(720);
     let gap: Vec<DVec3> = (spiral.iter().enumerate())
         .filter(|(n, _)| !(300..330).contains(n))
@@ -348,20 +347,20 @@ fn one_recording_has_the_same_slow_weights_with_and_without_times() {
 }
 
 #[test]
-fn pulses_without_times_in_no_order_are_weighed_by_their_angles() {
+fn unordered_pulses_without_times_are_weighted_by_angle() {
     let arc: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
     let shuffled: Vec<DVec3> = (0..120).map(|n| arc[n * 49 % 120]).collect();
     let (collection, _) = recorded("shuffled", &shuffled, false);
     let weights = Weights::new(&collection, Window::None, Window::default()).slow;
     let window = Window::default().weights(120);
     for (n, weight) in weights.into_iter().enumerate() {
-        // The window is symmetric, so either direction around is the same to its rounding.
+        // The window is symmetric, so both directions agree up to its rounding.
         assert!((weight - window[n * 49 % 120]).abs() < 1e-12, "{n}");
     }
 }
 
 #[test]
-fn a_recording_named_twice_is_refused() {
+fn recording_named_twice_is_refused() {
     let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
     let refused = |a: &Part, b: &Part, parts: [&str; 3]| {
         let text = join(&[a, b]).err().unwrap().to_string();
@@ -377,7 +376,7 @@ fn a_recording_named_twice_is_refused() {
             &one,
             ["one and one", "share 120 pulses", "counts once"],
         );
-        // The last twenty again at the head of another.
+        // The last twenty pulses again at the start of another recording.
         let mut other = one.clone();
         other.0.name = "other".to_owned();
         other.0.pulses.drain(..100);
@@ -388,7 +387,7 @@ fn a_recording_named_twice_is_refused() {
             ["share 20 pulses", "other", "pulse 100 of one"],
         );
     }
-    // A second later a radar that stands still sends the same pulse anew.
+    // A stationary radar repeats the same pulse a second later.
     let (collection, samples) = recorded("one", &all, true);
     let one = (collection, samples, Some(0));
     let mut later = one.clone();

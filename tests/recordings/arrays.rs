@@ -1,4 +1,4 @@
-//! Phase history as arrays: files that NumPy and h5py write, and every bad one. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
+//! Phase history as arrays: files by NumPy and h5py, and every invalid one. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,11 +19,11 @@ fn python(script: &str, folder: &Path) {
     let output = Command::new(&python).arg(script).arg(folder).output();
     let output =
         output.unwrap_or_else(|e| panic!("cannot run {python:?} ({e}) with numpy and h5py"));
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
 }
 
-/// The pixels at the script's three points.
+/// Pixels at the three points of the script.
 fn at_points(history: &dyn PhaseHistory) -> [Complex32; 3] {
     [(0.0, 0.0), (6.0, -3.5), (-4.0, 5.0)].map(|(x, y)| {
         let grid: ImageGrid = format!("x={x}:{}:1,y={y}:{}:1", x + 0.5, y + 0.5)
@@ -34,7 +34,7 @@ fn at_points(history: &dyn PhaseHistory) -> [Complex32; 3] {
 }
 
 #[test]
-fn files_of_numpy_and_h5py_are_read_as_the_schema_says() {
+fn files_of_numpy_and_h5py_are_read_by_the_schema() {
     let folder = tempfile::tempdir().unwrap();
     python("arrays_write.py", folder.path());
     let read = |name: &str| open::open(&folder.path().join(name), &Options::default()).unwrap();
@@ -64,7 +64,7 @@ fn files_of_numpy_and_h5py_are_read_as_the_schema_says() {
             (96, 80),
             "{name}"
         );
-        // Other points' side lobes at 320 MHz and 3.4 degrees: below 0.1 each at some 10 m.
+        // Side lobes of the other points at 320 MHz and 3.4 degrees: below 0.1 each at some 10 m.
         let wanted = [
             Complex32::new(1.0, 0.0),
             Complex32::new(0.0, 0.7),
@@ -146,7 +146,7 @@ fn message(arrays: &Arrays) -> String {
 }
 
 #[test]
-fn bad_arrays_are_named() {
+fn invalid_arrays_are_named() {
     assert_eq!(message(&sound()), "read");
     let with = |name: &'static str, kind: &'static str, shape: &'static str, values: Vec<f64>| {
         let mut arrays = sound();
@@ -242,10 +242,10 @@ fn bad_arrays_are_named() {
 }
 
 #[test]
-fn memory_is_bounded() {
+fn claimed_size_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.npz");
-    // A header that promises 32 GB.
+    // A header that claims 32 GB.
     std::fs::write(
         &path,
         stored(&[("samples.npy", &array("<c8", "(65536, 65536)", &[]))]),

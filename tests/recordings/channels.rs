@@ -1,5 +1,5 @@
-//! Recordings of radars with several transmitters, which take turns, and receivers, in several files, by formulas of the
-//! test's own; channels of any recording side by side.
+//! Recordings in several files from radars with several alternating transmitters and several receivers, by the test's own formulas;
+//! parallel channels of any recording.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -27,12 +27,12 @@ const RATE_HZ: f64 = 2e6;
 const SPACING_M: f64 = 0.004;
 const TRANSMITTERS_M: [f64; 2] = [0.0, 0.0078];
 const RECEIVERS_M: [f64; 3] = [0.0, 0.00195, 0.0039];
-/// What the second transmitter and the third receiver add.
+/// Phase offsets of the second transmitter and the third receiver.
 const PHASES_RAD: [[f64; 3]; 2] = [[0.0, 0.0, -0.7], [1.1, 0.0, 0.0]];
 const LEVELS: [[f64; 3]; 2] = [[1.0, 1.0, 1.0], [0.5, 1.0, 1.0]];
 const POINTS_M: [DVec3; 2] = [DVec3::new(0.1, 1.6, 0.05), DVec3::new(-0.3, 2.2, -0.1)];
 
-/// A scanner that goes up, antennas side by side.
+/// A scanner that moves upwards, with antennas side by side.
 fn antennas_m(stop: usize, transmitter: usize, receiver: usize) -> [DVec3; 2] {
     let up = DVec3::new(0.0, 0.0, -0.022 + stop as f64 * SPACING_M);
     [
@@ -41,7 +41,7 @@ fn antennas_m(stop: usize, transmitter: usize, receiver: usize) -> [DVec3; 2] {
     ]
 }
 
-/// What an antenna pair adds to phase, and by what it multiplies.
+/// Phase offset (radians) and amplitude factor of an antenna pair.
 fn gain(transmitter: usize, receiver: usize) -> (f64, f64) {
     let second = if transmitter == 1 {
         PHASES_RAD[1][0]
@@ -55,8 +55,8 @@ fn gain(transmitter: usize, receiver: usize) -> (f64, f64) {
     )
 }
 
-/// A sample of a sweep with a rising beat: `exp(+j 2 pi (start tau + slope tau t - slope tau^2 / 2))`, recorded with the
-/// sign that is the conjugate of a phase history's.
+/// A sample of a sweep with a rising beat: `exp(+j 2 pi (start tau + slope tau t - slope tau^2 / 2))`, recorded with the conjugate sign of
+/// a phase history.
 fn sample(stop: usize, transmitter: usize, receiver: usize, k: usize) -> [f64; 2] {
     let t = k as f64 / RATE_HZ;
     let [from, to] = antennas_m(stop, transmitter, receiver);
@@ -65,7 +65,7 @@ fn sample(stop: usize, transmitter: usize, receiver: usize, k: usize) -> [f64; 2
     for point in POINTS_M {
         let tau = (from.distance(point) + to.distance(point)) / SPEED_OF_LIGHT_M_S;
         let turns = START_HZ * tau + SLOPE_HZ_S * tau * t - 0.5 * SLOPE_HZ_S * tau * tau;
-        // The recording's sign turns with its phase.
+        // The sign of the recording includes the phase offset.
         let (sin, cos) = (TAU * turns.rem_euclid(1.0) - phase).sin_cos();
         sum[0] += level * cos;
         sum[1] += level * sin;
@@ -73,8 +73,8 @@ fn sample(stop: usize, transmitter: usize, receiver: usize, k: usize) -> [f64; 2
     sum
 }
 
-/// Writes `scan1.bin`, `scan2.bin`, ...: stops in turn, of each `TURNS` turns of the transmitters. The four turns are off
-/// by +3, -3, +1 and -1 counts, which their mean is not.
+/// Write `scan1.bin`, `scan2.bin`, ...: consecutive stops with `TURNS` cycles of the transmitters each. The four cycles are off by +3, -3,
+/// +1 and -1 counts; their mean is exact.
 fn write(folder: &Path) {
     for file in 0..STOPS / STOPS_A_FILE {
         let mut bytes = Vec::new();
@@ -184,14 +184,14 @@ fn error_db(history: &dyn PhaseHistory, of: impl Fn(usize) -> (usize, usize, usi
 }
 
 #[test]
-fn every_pair_of_a_turn_is_a_pulse_with_its_own_antennas_and_calibration() {
+fn every_antenna_pair_is_a_pulse_with_its_own_calibration() {
     let (_folder, mut file) = described();
     let history = file.history(u64::MAX).unwrap();
     assert_eq!(history.collection().pulses.len(), STOPS * 6);
     let error = error_db(&history, |n| (n / 6, n % 6 / 3, n % 3));
     println!("all pairs: {error:.1} dB");
-    // The sweep is 350 / sqrt(slope) long; Fresnel's ripple at its ends, some -43 dB as in `described.rs`. A phase of
-    // 1.1 rad or a level of 6 dB of half the pairs left in would be -5 dB.
+    // The sweep is 350 / sqrt(slope) long; Fresnel ripple at its ends is some -43 dB, as in `described.rs`. An uncorrected phase of 1.1
+    // rad, or 6 dB in half of the pairs, would give -5 dB.
     assert!(error < -40.0, "{error}");
     // One pair alone.
     file.set("recording.receiver", "3").unwrap();
@@ -199,7 +199,7 @@ fn every_pair_of_a_turn_is_a_pulse_with_its_own_antennas_and_calibration() {
     let one = file.history(u64::MAX).unwrap();
     assert_eq!(one.collection().pulses.len(), STOPS);
     assert!(error_db(&one, |n| (n, 1, 2)) < -40.0);
-    // A list is what the pattern stands for, to the bit.
+    // A list of files gives the same bits as the pattern that matches them.
     let list = TEXT.replace(
         "\"scan{1..3}.bin\"",
         "[\"scan1.bin\", \"scan2.bin\", \"scan3.bin\"]",
@@ -285,7 +285,7 @@ fn mismatched_files_and_sections_are_reported() {
             "{to}: {error}"
         );
     }
-    // A file that lost its end would shift all that come after.
+    // A truncated file would shift all later samples.
     let path = folder.path().join("scan2.bin");
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - SAMPLES * 4 * 3]).unwrap();
@@ -311,7 +311,7 @@ impl Model for Phase<'_> {
 }
 
 #[test]
-fn the_phase_of_a_transmitter_is_found() {
+fn phase_of_transmitter_is_estimated() {
     let (_folder, file) = described();
     let found = determine(&Problem {
         model: &Phase(&file),
@@ -335,7 +335,7 @@ fn the_phase_of_a_transmitter_is_found() {
         "phase {:?}, error {:?}, {:?}",
         found.best, scan.error, scan.verdict
     );
-    // 1.1 rad; two points of known place without noise, each in the other's side lobes: 2 degrees.
+    // 1.1 rad; two noiseless points at given positions, each in the other's side lobes: 2 degrees.
     assert!(
         (found.best[0] - 1.1f64.to_degrees()).abs() < 2.0,
         "{found:?}"
@@ -343,9 +343,9 @@ fn the_phase_of_a_transmitter_is_found() {
     assert_eq!(scan.verdict, Verdict::Determined);
 }
 
-/// Pulse `n` of each is of turn `n`; the samples of all are those of the whole.
+/// Pulse `n` of each channel belongs to cycle `n`; the channels together have the samples of the whole recording.
 #[test]
-fn pairs_are_channels_side_by_side() {
+fn antenna_pairs_are_parallel_channels() {
     let (_folder, file) = described();
     let whole = file.history(u64::MAX).unwrap();
     let width = whole.collection().num_samples;
@@ -365,10 +365,10 @@ fn pairs_are_channels_side_by_side() {
             assert_eq!(row, &all[at..at + width], "{c}, {n}");
         }
     }
-    // Their sum has the pulses channel by channel, and no others.
+    // The sum has the pulses of all channels, channel by channel.
     let sum = channels.coherent_sum().unwrap();
     assert!(error_db(&sum, |n| (n % STOPS, n / STOPS / 3, n / STOPS % 3)) < -40.0);
-    // One that is not used is none.
+    // A receiver that is not used has no channel.
     let (_folder, mut file) = described();
     file.set("recording.receiver", "3").unwrap();
     let channels = file.channels(u64::MAX).unwrap();
@@ -377,7 +377,7 @@ fn pairs_are_channels_side_by_side() {
 }
 
 #[test]
-fn a_described_channel_is_opened_by_name_and_by_number() {
+fn described_channel_is_opened_by_name_and_number() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path());
     let path = folder.path().join("scan.toml");
@@ -399,11 +399,11 @@ fn a_described_channel_is_opened_by_name_and_by_number() {
     let error = open_channels(&path, Some(&["T3R1"]), &Options::default())
         .err()
         .unwrap();
-    let told = "no channel 'T3R1'; choose one of: T1R1, T1R2, T1R3, T2R1, T2R2, T2R3";
-    assert_eq!(error.to_string(), told);
+    let expected = "no channel 'T3R1'; choose one of: T1R1, T1R2, T1R3, T2R1, T2R2, T2R3";
+    assert_eq!(error.to_string(), expected);
 }
 
-/// A history of `count` pulses from `first` on, a receiver `apart_m` from the transmitter.
+/// A history of pulses `first..first + count` with a receiver `apart_m` from the transmitter.
 fn pass(first: usize, count: usize, width: usize, apart_m: f64) -> InMemory {
     let pulse = |n: usize| {
         let transmitter_m = DVec3::new(n as f64, -5e3, 1e3);
@@ -435,7 +435,7 @@ fn pass(first: usize, count: usize, width: usize, apart_m: f64) -> InMemory {
     InMemory::new(collection, (0..count * width).map(sample).collect()).unwrap()
 }
 
-/// Writes histories as channels of a CPHD file, of these polarisations.
+/// Write histories as channels of a CPHD file with these polarisations.
 fn write_cphd(path: &Path, channels: &[(&str, &InMemory, [Polarization; 2])]) {
     let channels: Vec<cphd::Channel> = (channels.iter())
         .map(
@@ -453,7 +453,7 @@ const H: Polarization = Polarization::H;
 const V: Polarization = Polarization::V;
 
 #[test]
-fn channels_of_a_cphd_are_read_side_by_side() {
+fn cphd_channels_are_read_in_parallel() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.cphd");
     let histories = [pass(0, 9, 4, 0.0), pass(0, 9, 4, 1.5)];
@@ -466,7 +466,7 @@ fn channels_of_a_cphd_are_read_side_by_side() {
     {
         assert_eq!(&about.name, name);
         assert_eq!(about.tx_polarization.as_deref(), Some("V"));
-        // The file's bits are the written ones; each alone is what it is beside the other.
+        // The samples are the written bits, in a channel opened alone and among the others.
         let mut got = [vec![Complex32::ZERO; 20], vec![Complex32::ZERO; 20]];
         let options = Options {
             channel: Some(name),
@@ -493,7 +493,7 @@ fn channels_of_a_cphd_are_read_side_by_side() {
     let names: Vec<String> = sum.channels().into_iter().map(|about| about.name).collect();
     assert_eq!(names, ["fore", "aft"]);
     assert_eq!(sum.collection().name, "pass channels fore, aft");
-    // Together they hold no more than allowed.
+    // All channels together hold no more memory than allowed.
     let each = sum.side_by_side().channel(0).held_bytes();
     let xml_bytes = 1 << 20;
     let options = |memory_bytes| Options {
@@ -508,7 +508,7 @@ fn channels_of_a_cphd_are_read_side_by_side() {
 }
 
 #[test]
-fn recordings_of_several_channels_are_joined_channel_by_channel() {
+fn recordings_of_several_channels_are_joined_by_channel() {
     let folder = tempfile::tempdir().unwrap();
     let [early, late] = ["early.cphd", "late.cphd"].map(|name| folder.path().join(name));
     let none = [Polarization::Unspecified; 2];
@@ -518,7 +518,7 @@ fn recordings_of_several_channels_are_joined_channel_by_channel() {
     };
     write(&early, 0, 5);
     write(&late, 5, 3);
-    // Named in any order.
+    // Named in either order.
     let sum = open_sum::<_, &str>(&[&late, &early], None, &Options::default()).unwrap();
     let collection = sum.collection();
     assert_eq!((collection.pulses.len(), collection.num_turns()), (16, 8));
@@ -528,7 +528,7 @@ fn recordings_of_several_channels_are_joined_channel_by_channel() {
         let apart = if i < 32 { 0.0 } else { 1.5 };
         assert_eq!(*z, Complex32::new((i % 32) as f32, apart));
     }
-    // A recording without one of them, and one in another polarisation, are refused.
+    // A recording that lacks a channel, and one with another polarisation, are refused.
     let other = pass(8, 3, 4, 0.0);
     write_cphd(&late, &[("fore", &other, none)]);
     let error = open_sum::<_, &str>(&[&early, &late], None, &Options::default())
@@ -566,25 +566,31 @@ fn incompatible_channels_are_reported() {
             error.unwrap_or_default(),
         )
     };
-    // Polarisations are channels side by side, but no sum.
-    let (beside, told) = open_both(&pass(0, 6, 4, 0.0), [H, V]);
+    // Channels of different polarisations are opened in parallel but not summed.
+    let (parallel, message) = open_both(&pass(0, 6, 4, 0.0), [H, V]);
     assert!(
-        beside && told.contains("'A' is of polarisation HH and channel 'B' of HV"),
-        "{told}"
+        parallel && message.contains("'A' is of polarisation HH and channel 'B' of HV"),
+        "{message}"
     );
-    let (beside, told) = open_both(&pass(0, 6, 5, 1.5), [H, H]);
+    let (parallel, message) = open_both(&pass(0, 6, 5, 1.5), [H, H]);
     assert!(
-        beside && told.contains("'A' has 4 samples a pulse and channel 'B' 5"),
-        "{told}"
+        parallel && message.contains("'A' has 4 samples a pulse and channel 'B' 5"),
+        "{message}"
     );
-    let (beside, told) = open_both(&pass(0, 6, 4, 0.0), [Polarization::Unspecified; 2]);
-    assert!(beside && told.contains("the same antennas"), "{told}");
-    // Of other pulses they are not even side by side.
-    let (beside, told) = open_both(&pass(0, 7, 4, 1.5), [H, H]);
+    let (parallel, message) = open_both(&pass(0, 6, 4, 0.0), [Polarization::Unspecified; 2]);
     assert!(
-        !beside && told.contains("'A' has 6 pulses and channel 'B' 7"),
-        "{told}"
+        parallel && message.contains("the same antennas"),
+        "{message}"
     );
-    let (beside, told) = open_both(&pass(6, 6, 4, 1.5), [H, H]);
-    assert!(!beside && told.contains("do not share pulses"), "{told}");
+    // Channels with different pulses are not opened in parallel either.
+    let (parallel, message) = open_both(&pass(0, 7, 4, 1.5), [H, H]);
+    assert!(
+        !parallel && message.contains("'A' has 6 pulses and channel 'B' 7"),
+        "{message}"
+    );
+    let (parallel, message) = open_both(&pass(6, 6, 4, 1.5), [H, H]);
+    assert!(
+        !parallel && message.contains("do not share pulses"),
+        "{message}"
+    );
 }

@@ -1,5 +1,5 @@
-//! Sign and reference of the phase, inferred from the samples of arrays that do not state them: right, or refused. The echoes are a
-//! float64 sum over points written out here.
+//! Sign and reference of the phase, inferred from the samples of arrays that do not state them: correct, or refused. Echoes are a float64
+//! sum over points written out here.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use subaperture_tests::numpy::{array, stored};
 
 const C_M_S: f64 = 299_792_458.0;
 
-/// Antennas, frequencies and points of unit echo.
+/// Antennas, frequencies and unit scatterers.
 struct Geometry {
     name: &'static str,
     antennas_m: Vec<[f64; 3]>,
@@ -21,11 +21,11 @@ struct Geometry {
     points_m: Vec<[f64; 3]>,
     /// Standard deviation of the noise in real and imaginary part.
     noise: f64,
-    /// Whether compensated samples look different under both signs.
-    tells_sign: bool,
+    /// Whether compensated samples differ visibly between both signs.
+    determines_sign: bool,
 }
 
-/// Numbers in [0, 1) of a linear congruential generator (Knuth's MMIX).
+/// Uniform numbers in [0, 1) from a linear congruential generator (Knuth's MMIX).
 struct Random(u64);
 
 impl Random {
@@ -35,7 +35,7 @@ impl Random {
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Box and Muller's.
+    /// Normal number (Box and Muller).
     fn normal(&mut self) -> f64 {
         (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (TAU * self.uniform()).cos()
     }
@@ -147,7 +147,7 @@ fn geometries() -> Vec<Geometry> {
         })
         .collect();
     let spotlight = line(256, 0.5, [-4000.0, 3000.0]);
-    let ten_ghz = |name, antennas_m, points_m, tells_sign| Geometry {
+    let ten_ghz = |name, antennas_m, points_m, determines_sign| Geometry {
         name,
         antennas_m,
         start_hz: 9.5e9,
@@ -155,7 +155,7 @@ fn geometries() -> Vec<Geometry> {
         frequencies: 128,
         points_m,
         noise: 0.0,
-        tells_sign,
+        determines_sign,
     };
     vec![
         ten_ghz("spotlight", spotlight.clone(), some.clone(), false),
@@ -202,7 +202,7 @@ fn geometries() -> Vec<Geometry> {
             frequencies: 128,
             points_m: vec![[0.5, 4.0, 0.0], [-1.0, 6.0, 0.0], [1.5, 8.0, 0.0]],
             noise: 0.0,
-            tells_sign: true,
+            determines_sign: true,
         },
         Geometry {
             name: "rail, origin in the scene",
@@ -212,7 +212,7 @@ fn geometries() -> Vec<Geometry> {
             frequencies: 128,
             points_m: vec![[0.5, -1.0, 0.0], [-1.0, 1.0, 0.0], [1.5, 2.0, 0.0]],
             noise: 0.0,
-            tells_sign: false,
+            determines_sign: false,
         },
         Geometry {
             name: "ultra-wide band",
@@ -222,12 +222,12 @@ fn geometries() -> Vec<Geometry> {
             frequencies: 400,
             points_m: some.clone(),
             noise: 0.0,
-            tells_sign: false,
+            determines_sign: false,
         },
     ]
 }
 
-/// What is made of a file whose phase is not stated in full: the convention, or the error.
+/// Inferred convention and warnings of a file whose phase is not fully stated, or the error.
 fn opened(path: &Path) -> Result<(PhaseConvention, Vec<String>), String> {
     let options = Options {
         inference: Some(INFERENCE),
@@ -248,7 +248,7 @@ fn sign_of(sign: f64) -> PhaseSign {
     }
 }
 
-/// Sign and reference are found, or for compensated samples the sign is asked for.
+/// Sign and reference are inferred, or for compensated samples the user is asked for the sign.
 fn check(geometry: &Geometry) {
     let folder = tempfile::tempdir().unwrap();
     let name = geometry.name;
@@ -260,10 +260,10 @@ fn check(geometry: &Geometry) {
                 None => PhaseReference::Raw,
                 Some(_) => PhaseReference::Point(ORIGIN.into()),
             };
-            let tells = reference_m.is_none() || geometry.tells_sign;
+            let inferable = reference_m.is_none() || geometry.determines_sign;
             match opened(&path) {
                 Ok((found, warnings)) => {
-                    assert!(tells, "{name}, sign {sign}, {reference}: {found}");
+                    assert!(inferable, "{name}, sign {sign}, {reference}: {found}");
                     assert_eq!(
                         (found.sign, found.reference),
                         (sign_of(sign), reference),
@@ -276,9 +276,9 @@ fn check(geometry: &Geometry) {
                     assert_eq!(warnings, Vec::<String>::new());
                 }
                 Err(error) => {
-                    assert!(!tells, "{name}, sign {sign}, {reference}: {error}");
+                    assert!(!inferable, "{name}, sign {sign}, {reference}: {error}");
                     assert!(error.contains("give 'sign', -1 or 1"), "{name}: {error}");
-                    // With the sign the reference is found.
+                    // With a stated sign the reference is inferred.
                     let stated = [("sign", "()", &[sign][..])];
                     let (found, _) =
                         opened(&write(folder.path(), geometry, &samples, &stated)).unwrap();
@@ -297,7 +297,7 @@ fn check(geometry: &Geometry) {
     }
 }
 
-/// Checks the geometries of these names.
+/// Check the geometries of these names.
 fn check_all(names: &[&str]) {
     let all = geometries();
     for name in names {
@@ -306,27 +306,27 @@ fn check_all(names: &[&str]) {
 }
 
 #[test]
-fn sign_and_reference_of_few_points_are_inferred_or_asked_for() {
+fn sign_and_reference_of_few_points_are_inferred_or_requested() {
     check_all(&["spotlight", "one point at the origin", "one point"]);
 }
 
 #[test]
-fn sign_and_reference_are_inferred_or_asked_for_in_noise_and_of_uneven_pulses() {
+fn sign_and_reference_in_noise_and_with_uneven_pulses_are_inferred_or_requested() {
     check_all(&["many points", "noisy", "uneven pulses"]);
 }
 
 #[test]
-fn sign_and_reference_of_turning_apertures_are_inferred_or_asked_for() {
+fn sign_and_reference_of_bent_apertures_are_inferred_or_requested() {
     check_all(&["arc", "full circle", "ultra-wide band"]);
 }
 
 #[test]
-fn sign_and_reference_of_a_rail_with_the_origin_on_it_are_inferred() {
+fn sign_and_reference_with_origin_on_rail_are_inferred() {
     check_all(&["rail, origin at the rail"]);
 }
 
 #[test]
-fn sign_and_reference_of_a_rail_with_the_origin_in_the_scene_are_inferred_or_asked_for() {
+fn sign_and_reference_of_rail_with_origin_in_scene_are_inferred_or_requested() {
     check_all(&["rail, origin in the scene"]);
 }
 
@@ -353,7 +353,7 @@ fn noise_and_silence_are_refused() {
             "{error}"
         );
     }
-    // A few pulses make few pixels, of which the brightest scatter more.
+    // Few pulses give few independent pixels, whose maxima vary more.
     for seed in 0..100 {
         let few = Geometry {
             points_m: Vec::new(),
@@ -367,7 +367,7 @@ fn noise_and_silence_are_refused() {
         let found = opened(&write(folder.path(), &few, &noise, &[]));
         assert!(found.is_err(), "{seed}: {found:?}");
     }
-    // An antenna that stands makes no image.
+    // A stationary antenna forms no image.
     let standing = Geometry {
         antennas_m: vec![[0.0, -500.0, 300.0]; 64],
         ..geometries().swap_remove(0)
@@ -386,7 +386,7 @@ fn noise_and_silence_are_refused() {
 }
 
 #[test]
-fn without_an_inference_the_phase_has_to_be_stated() {
+fn phase_must_be_stated_without_inference() {
     let folder = tempfile::tempdir().unwrap();
     let spotlight = geometries().swap_remove(0);
     let path = write(
@@ -406,7 +406,7 @@ fn without_an_inference_the_phase_has_to_be_stated() {
 }
 
 #[test]
-fn a_stated_convention_is_used_and_a_contradiction_is_reported() {
+fn stated_convention_is_used_and_contradiction_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let spotlight = geometries().swap_remove(0);
     let raw = samples(&spotlight, -1.0, None);
@@ -441,9 +441,9 @@ fn a_stated_convention_is_used_and_a_contradiction_is_reported() {
     }
 }
 
-/// The image of inferred raw samples has its points where they are, at unit amplitude.
+/// The image of inferred raw samples shows its points at their positions with unit amplitude.
 #[test]
-fn image_of_inferred_samples_has_its_points() {
+fn image_of_inferred_samples_has_points_at_their_positions() {
     use subaperture::focus::exact::Exact;
     use subaperture::prelude::*;
     let folder = tempfile::tempdir().unwrap();
@@ -461,7 +461,8 @@ fn image_of_inferred_samples_has_its_points() {
                 .parse()
                 .unwrap();
             let pixel = Exact.focus(&history, &grid).unwrap().image.pixels[0];
-            // Side lobes of two other points at 10 m and more, 1.17 m by 0.62 m of resolution and 13 dB at the first: below 0.1 each.
+            // Side lobes of the two other points at 10 m and more, with 1.17 m by 0.62 m of resolution and 13 dB at the first: below 0.1
+            // each.
             assert!(
                 (pixel.norm() - 1.0).abs() < 0.2,
                 "{sign}: {pixel} at {x}, {y}"
@@ -470,9 +471,9 @@ fn image_of_inferred_samples_has_its_points() {
     }
 }
 
-/// A described recording of raw samples without `phase` is read with the sign of its samples; a wrong one is reported.
+/// A described recording of raw samples without `phase` is read with the sign of its samples; a wrong stated sign is reported.
 #[test]
-fn sign_of_a_described_recording_is_inferred_and_a_contradiction_is_reported() {
+fn sign_of_described_recording_is_inferred_and_contradiction_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let rail = Geometry {
         antennas_m: (0..101)
@@ -521,7 +522,7 @@ fn sign_of_a_described_recording_is_inferred_and_a_contradiction_is_reported() {
     }
     let error = open_with(-1.0, "", false).unwrap_err();
     assert!(error.contains("give phase = \"minus\""), "{error}");
-    // The image of the samples of the other sign is that of points.
+    // With the opposite sign in samples, that sign is inferred.
     open_with(1.0, "", true).unwrap();
     let history = subaperture::open(folder.path().join("rail.toml")).unwrap();
     let grid = "x=0.5:0.6:1,y=4:4.1:1".parse().unwrap();

@@ -1,5 +1,5 @@
-//! CRSD files that a script writes by formulas of its own, each found consistent by sarkit's `crsdcheck`: their points are where they stand,
-//! with their amplitudes and phases.
+//! CRSD files by a script with its own formulas, each accepted by sarkit's `crsdcheck`: points appear at their positions with their
+//! amplitudes and phases.
 //!
 //! Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
@@ -31,7 +31,7 @@ fn written() -> tempfile::TempDir {
     folder
 }
 
-/// Places and amplitudes, as the script states them.
+/// Positions and amplitudes as stated by the script.
 fn points(path: &Path) -> Vec<(DVec3, Complex64)> {
     let text = fs::read_to_string(path).unwrap();
     let numbers = |line: &str| -> Vec<f64> {
@@ -47,7 +47,7 @@ fn points(path: &Path) -> Vec<(DVec3, Complex64)> {
         .collect()
 }
 
-/// The definition: each frequency at its own moment, referred to the reference point at that moment.
+/// Expected samples: each frequency at its own time, referred to the reference point at that time.
 fn defined(collection: &Collection, points: &[(DVec3, Complex64)]) -> Vec<Complex32> {
     let mut samples = Vec::new();
     for pulse in &collection.pulses {
@@ -77,23 +77,24 @@ fn difference_db(a: &[Complex32], b: &[Complex32]) -> f64 {
     10.0 * (error / b.iter().map(|&z| power(z)).sum::<f64>()).log10()
 }
 
-/// What sampling leaves of a sweep with sharp edges. The spectrum that echoes are divided by is that of a pulse sampled from its first edge on;
-/// an echo's edges lie anywhere between samples, so that each of its ends may have a sample less or more by up to one. A sample is `1` at every
-/// frequency, the sweep's spectrum `|P| = fs sqrt(T / B)`: two of them in power are relatively `sqrt(2 B / T) / fs`, of 125 MHz, 100 MHz and 20 us
-/// -31.9 dB. (Bytes add, of a largest sample of 2.2 and 127 steps, -45 dB.)
+/// Sampling error of a sweep with sharp edges. Echoes are divided by the spectrum of a pulse sampled from its first edge on. The edges of
+/// an echo lie anywhere between samples, so each end may have a sample more or less, of amplitude up to 1. A sample has the spectrum `1`,
+/// the sweep `|P| = fs sqrt(T / B)`: two samples in power are relatively `sqrt(2 B / T) / fs`, for 125 MHz, 100 MHz and 20 us -31.9 dB.
+/// (8-bit samples with a maximum of 2.2 and 127 steps add -45 dB.)
 const HISTORY_DB: f64 = -31.9;
 
-/// Of an image these errors are less: the filter spreads a sample over the pulse's 20 us, 3 km in range, of which the grid's 72 m, 58 m in slant
-/// range, see a fiftieth.
+/// These errors are smaller in the image: the filter spreads a sample over the pulse's 20 us, 3 km in range, of which the grid's 72 m, 58 m
+/// in slant range, contain a fiftieth.
 const IMAGE_DB: f64 = HISTORY_DB - 17.0;
 
-/// From space two neglects of the model are more. The echo of a point whose path is 30 m longer than the reference's arrives 0.1 us later, when the
-/// receiver, which comes nearer by 750 m/s, has come on by 75 um: 0.0151 rad of 31.2 mm (`model::phase_history::Sweep` has it). And all phases
-/// turn by `(centre v / c)^2 / (2 chirp)`, `v` the path's 1.5 km/s, 2.5 THz/s: 0.0029 rad (`Compressed::moving`). Both at their most: -34.9 dB.
+/// From orbit two neglects of the model are larger. The echo of a point whose path is 30 m longer than the reference arrives 0.1 us later,
+/// when the receiver, approaching at 750 m/s, has moved by 75 um: 0.0151 rad at 31.2 mm (part of `model::phase_history::Sweep`). All phases
+/// rotate by `(centre v / c)^2 / (2 chirp)` with `v` the path rate of 1.5 km/s and 2.5 THz/s: 0.0029 rad (`Compressed::moving`). Both at
+/// their maxima: -34.9 dB.
 const SPACE_IMAGE_DB: f64 = -34.9;
 
 #[test]
-fn points_of_a_script_are_where_they_stand() {
+fn points_of_script_have_exact_positions_amplitudes_and_phases() {
     let folder = written();
     for (name, vectors, image_db) in [
         ("plain", 64, IMAGE_DB),
@@ -104,12 +105,12 @@ fn points_of_a_script_are_where_they_stand() {
         let points = points(&path.with_extension("txt"));
         let history = open(&path, &Options::default()).unwrap();
         let collection = history.collection();
-        // That of noise is left out.
+        // The vector of noise is left out.
         assert_eq!(collection.pulses.len(), vectors, "{name}");
         assert_eq!(history.start_ns(), Some(1_767_323_045_000_000_000));
         let mut samples = vec![Complex32::ZERO; vectors * collection.num_samples];
         history.read(0..vectors, &mut samples).unwrap();
-        // Another cut of the runs gives the same bits.
+        // Reading other blocks of pulses gives the same bits.
         let width = collection.num_samples;
         let mut some = vec![Complex32::ZERO; 5 * width];
         history.read(18..23, &mut some).unwrap();
@@ -138,7 +139,7 @@ fn points_of_a_script_are_where_they_stand() {
         assert!(apart_db < image_db, "{name}: {apart_db} dB");
         for (place, amplitude) in &points {
             let [column, row] = [place.x, place.y].map(|at| ((at + 36.0) / 0.5).round() as usize);
-            // The brightest of 5 m around is the pixel of the point itself.
+            // The brightest pixel within 5 m is that of the point.
             let around = |at: usize| at - 10..at + 11;
             let power =
                 |row: usize, column: usize| seen.pixels[row * seen.columns + column].norm_sqr();
@@ -148,7 +149,7 @@ fn points_of_a_script_are_where_they_stand() {
             assert_eq!(brightest, Some((row, column)), "{name}, {place}");
             let value = seen.pixels[row * seen.columns + column];
             let value = Complex64::new(value.re.into(), value.im.into());
-            // Of Taylor's side lobes at 35 dB, two of the others' 0.8 and 0.6 at most, and the errors above.
+            // Taylor side lobes at -35 dB of the two other points, 0.8 and 0.6 at most, and the errors above.
             assert!(
                 (value - amplitude).norm() < 0.04,
                 "{name}, {place}: {value} and not {amplitude}"
@@ -163,7 +164,7 @@ fn unsupported_crsd_is_refused_with_a_reason() {
     let path = folder.path().join("plain.crsd");
     let whole = fs::read(&path).unwrap();
     let changed = folder.path().join("changed.crsd");
-    let told = |bytes: &[u8]| {
+    let message = |bytes: &[u8]| {
         fs::write(&changed, bytes).unwrap();
         let error = open(&changed, &Options::default()).err();
         error.expect("it was read").to_string()
@@ -184,17 +185,17 @@ fn unsupported_crsd_is_refused_with_a_reason() {
         ("<NumPulses>64<", "<NumPulses>65<", "does not fit"),
         ("<Fs>125000000.0<", "<Fs>12500000.00<", "Hz"),
     ] {
-        let told = told(&replaced(from, to));
+        let message = message(&replaced(from, to));
         assert!(
-            told.contains(word) && told.contains("changed.crsd"),
-            "{from}: {told}"
+            message.contains(word) && message.contains("changed.crsd"),
+            "{from}: {message}"
         );
     }
-    // Wherever it is cut.
+    // Truncated anywhere.
     for part in 1..40 {
         let cut = whole.len() * part / 40;
-        let told = told(&whole[..cut]);
-        assert!(told.contains("cut short"), "{cut}: {told}");
+        let message = message(&whole[..cut]);
+        assert!(message.contains("cut short"), "{cut}: {message}");
     }
     let error = Crsd::open(&path, None, 4096).err().unwrap();
     assert!(matches!(error, ReadError::Memory { .. }), "{error}");

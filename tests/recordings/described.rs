@@ -1,5 +1,5 @@
-//! Raw recordings described in TOML: bad descriptions, a simulated recording against the direct way, tuning of
-//! what was described wrongly, and public recordings where they are at hand.
+//! Raw recordings described in TOML: invalid descriptions, a simulated recording against direct evaluation, tuning of wrong descriptions,
+//! and public recordings if present.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -20,7 +20,7 @@ use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Settings, Target, measure};
 use subaperture::signal::window::Window;
 
-/// A folder of real files, or `None` with a message.
+/// A folder of real files; `None` with a message if it is missing.
 fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data")
@@ -80,7 +80,7 @@ fn tune(file: &RecordingFile, keys: &[(&str, &str, Axis)], sight: &Sight, order:
     .unwrap()
 }
 
-// ---- a recording made here, from formulas of its own
+// ---- a recording made here by the test's own formulas
 
 const POINTS_M: [DVec3; 3] = [
     DVec3::new(0.4, 3.2, 0.0),
@@ -95,7 +95,7 @@ const RATE_HZ: f64 = 1.2e6;
 const RADIUS_M: f64 = 0.31;
 const BIAS_M: f64 = 0.14;
 
-/// Where the arm is in sweep `n`: from 20 to 160 degrees.
+/// Position of the arm in sweep `n`: from 20 to 160 degrees.
 fn arm_m(n: usize) -> DVec3 {
     let angle = (20.0 + 140.0 * n as f64 / (SWEEPS - 1) as f64) / 180.0 * PI;
     DVec3::new(angle.cos(), angle.sin(), 0.0) * RADIUS_M
@@ -115,7 +115,7 @@ fn beat(n: usize, k: usize) -> [f64; 2] {
     sum
 }
 
-/// The file as a DCA1000 writes it, of the second of two receivers.
+/// The file as a DCA1000 writes it; the samples are of the second of two receivers.
 fn dca1000() -> Vec<u8> {
     let mut bytes = Vec::new();
     for n in 0..SWEEPS {
@@ -164,7 +164,7 @@ fn arm_folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn a_recorded_sweep_has_the_phase_history_of_its_scene() {
+fn recorded_sweep_has_phase_history_of_its_scene() {
     let folder = arm_folder();
     let history = open(&folder.path().join("arm.toml"), &Options::default()).unwrap();
     let collection = history.collection();
@@ -189,9 +189,9 @@ fn a_recorded_sweep_has_the_phase_history_of_its_scene() {
             power += re * re + im * im;
         }
     }
-    // The ends of a sweep spread in the de-skewing filter (Fresnel's ripple): 4 / sqrt(slope) from an end
-    // its amplitude is 1 / (8 pi), and it falls inversely with the distance; over a sweep of 450 / sqrt(slope)
-    // the RMS of both ends' is some -45 dB. Rounding to integers of 8000 is below -80 dB.
+    // The ends of a sweep spread in the de-skewing filter (Fresnel ripple): 4 / sqrt(slope) from an end the amplitude is 1 / (8 pi),
+    // inversely proportional to the distance; over a sweep of 450 / sqrt(slope) the RMS of both ends is some -45 dB. Rounding to integers
+    // of 8000 is below -80 dB.
     let error_db = 10.0 * (error / power).log10();
     println!("phase history against its definition: {error_db:.1} dB");
     assert!(error_db < -38.0, "{error_db}");
@@ -199,7 +199,7 @@ fn a_recorded_sweep_has_the_phase_history_of_its_scene() {
 }
 
 #[test]
-fn a_wrong_radius_and_a_wrong_bias_are_found() {
+fn wrong_radius_and_range_bias_are_tuned() {
     let folder = arm_folder();
     let mut file = RecordingFile::read(&folder.path().join("arm.toml")).unwrap();
     file.set("platform.radius", "20 cm").unwrap();
@@ -208,8 +208,8 @@ fn a_wrong_radius_and_a_wrong_bias_are_found() {
     let radius = [("platform.radius", "m", axis(0.2, 0.4, 0.01))];
     let found = tune(&file, &radius, &sight, Order::Product);
     println!("radius {:?}, width {:?}", found.best, found.scans[0].width);
-    // A radius wrong by d turns the aperture's edges, 70 degrees off the middle, by (1 - cos 70) 2 d / lambda
-    // turns against it: a quarter of a turn at 2.4 mm.
+    // An error d of the radius rotates the phase at the aperture's edges, 70 degrees from the middle, by (1 - cos 70) 2 d / lambda cycles:
+    // a quarter of a cycle at 2.4 mm.
     assert!((found.best[0] - RADIUS_M).abs() < 2.4e-3, "{found:?}");
     assert!(!found.scans[0].at_end);
 
@@ -219,15 +219,15 @@ fn a_wrong_radius_and_a_wrong_bias_are_found() {
     let points = Sight::Points(POINTS_M.to_vec());
     let found = tune(&file, &bias, &points, Order::Product);
     println!("bias {:?}, width {:?}", found.best, found.scans[0].width);
-    // The resolution is c / (2 * 1.28 GHz) = 12 cm; three points of known place, without noise, do better
-    // than a tenth of it.
+    // The resolution is c / (2 * 1.28 GHz) = 12 cm; three noiseless points at given positions determine the bias to better than a tenth of
+    // it.
     assert!((found.best[0] - BIAS_M).abs() < 0.012, "{found:?}");
 }
 
 // ---- descriptions
 
 #[test]
-fn each_error_points_to_its_line() {
+fn each_error_states_its_line() {
     let folder = arm_folder();
     let refuse = |text: &str| {
         let file = RecordingFile::new("r.toml", text, folder.path());
@@ -347,7 +347,7 @@ fn npy(shape: &str, values: impl Iterator<Item = f64>) -> Vec<u8> {
 }
 
 #[test]
-fn a_wrong_clock_and_a_wrong_bias_of_profiles_are_found() {
+fn wrong_clock_and_range_bias_of_profiles_are_tuned() {
     const BINS: usize = 400;
     const PULSES: usize = 150;
     let folder = tempfile::tempdir().unwrap();
@@ -372,7 +372,7 @@ fn a_wrong_clock_and_a_wrong_bias_of_profiles_are_found() {
         let from = place(3.17 + n as f64 * 0.023);
         (0..BINS).map(move |i| {
             let range_m = 1.5 + i as f64 * 0.01;
-            // A leak that never changes, and a Gaussian pulse at 4 GHz of each reflector, 25 cm too far.
+            // A constant leak, and a Gaussian pulse at 4 GHz from each reflector, 25 cm too far.
             let leak = 30.0 * (-(range_m - 1.9).powi(2) / 0.02).exp();
             let echoes = reflectors.map(|p| {
                 let late_s = 2.0 * (range_m - from.distance(p) - 0.25) / SPEED_OF_LIGHT_M_S;
@@ -404,7 +404,7 @@ fn a_wrong_clock_and_a_wrong_bias_of_profiles_are_found() {
     );
     let sharp = tune(&file, &keys, &grid, Order::InTurn);
     println!("by sharpness {:?}", sharp.best);
-    // Focus tells the clock where the platform accelerates: 5 cm of the way at 1.4 m/s are 35 ms.
+    // Focus determines the clock where the platform accelerates: 5 cm at 1.4 m/s are 35 ms.
     assert!((sharp.best[1] - 3.17).abs() < 0.035, "{sharp:?}");
     let near = |value: f64, step: f64| axis(value - 4.0 * step, value + 4.0 * step, step);
     let keys = [
@@ -413,7 +413,7 @@ fn a_wrong_clock_and_a_wrong_bias_of_profiles_are_found() {
     ];
     let known = tune(&file, &keys, &points, Order::Product);
     println!("by known points {:?}", known.best);
-    // Resolution 7.5 cm in range and 6 cm across; a tenth of it of noiseless points.
+    // The resolution is 7.5 cm in range and 6 cm across; noiseless points determine the bias to a tenth of it.
     assert!((known.best[0] - 0.25).abs() < 0.0075, "{known:?}");
     assert!((known.best[1] - 3.17).abs() < 0.006, "{known:?}");
 }
@@ -421,7 +421,7 @@ fn a_wrong_clock_and_a_wrong_bias_of_profiles_are_found() {
 // ---- public recordings
 
 #[test]
-fn the_arc_sar_is_sharpest_with_an_arm_of_21_to_22_cm() {
+fn arc_sar_is_sharpest_with_arm_of_21_to_22_cm() {
     for (name, grid) in [
         ("arcsar-8", "r=1.5:8:0.05,theta=40:140:0.5"),
         ("arcsar-10", "r=1.5:8:0.05,theta=40:140:0.5"),
@@ -461,11 +461,10 @@ fn the_arc_sar_is_sharpest_with_an_arm_of_21_to_22_cm() {
             (across, along, bandwidth_hz)
         };
         let (across_rad, along_m, bandwidth_hz) = widths(found.best[0]);
-        // In range 0.886 c / (2 B), 3.58 cm; a tenth for the point's neighbours.
+        // In range 0.886 c / (2 B), 3.58 cm; a tenth of tolerance for neighbouring scatterers.
         let expected_m = 0.886 * SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz);
-        // Across, the whole chord of the arm would give 0.886 lambda / (2 * 2 radius); an antenna that lights a
-        // point over 40 degrees two ways (half power) gives 0.44 lambda / (2 * 0.15 m), 5.6 mrad. Twice that is
-        // allowed for what the arm does that is not a circle.
+        // Across, the whole chord of the arm would give 0.886 lambda / (2 * 2 radius). An antenna that illuminates a point over 40 degrees
+        // two-way (half power) gives 0.44 lambda / (2 * 0.15 m), 5.6 mrad. Twice that is allowed for deviations of the arm from a circle.
         let narrowest_rad = 0.886 * SPEED_OF_LIGHT_M_S / 78.9e9 / (4.0 * found.best[0]);
         let (described_rad, ..) = widths(0.20);
         println!(
@@ -483,12 +482,12 @@ fn the_arc_sar_is_sharpest_with_an_arm_of_21_to_22_cm() {
 }
 
 #[test]
-fn the_rail_s_reflector_images_where_it_was_surveyed() {
+fn rail_reflector_is_imaged_at_surveyed_position() {
     let Some(folder) = real_folder("pulson440-rail", "rail_trial6.npz") else {
         return;
     };
     let mut file = example("pulson-rail", &folder);
-    // From intervals that anyone would give, by the sharpness of a patch, every third pulse.
+    // Wide intervals, by the sharpness of a patch, from every third pulse.
     file.set("recording.every", "3").unwrap();
     let patch: ImageGrid = "x=1.6:2.8:0.06,y=-4.5:-3.3:0.06,z=0.04".parse().unwrap();
     let sight = Sight::Grid(patch, Measure::Sharpness);

@@ -1,4 +1,4 @@
-//! De-chirped sweeps as modules and capture programs write them: I and Q in turn, and real numbers of a radar with one mixer.
+//! Dechirped sweeps as radar modules and capture programs write them: interleaved I and Q, and real samples of a radar with one mixer.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ const RATE_HZ: f64 = 2.5e6;
 const AMPLITUDE: f64 = 3000.0;
 const TARGET_M: [f64; 2] = [0.05, 1.2];
 
-/// The complex beat of a sweep: `exp(+j 2 pi (start tau + slope tau t - slope tau^2 / 2))`; of a falling one the same with a negative slope.
+/// The complex beat of a rising sweep, `exp(+j 2 pi (start tau + slope tau t - slope tau^2 / 2))`; a falling sweep has a negative slope.
 fn beat(start_hz: f64, slope_hz_s: f64, n: usize, k: usize) -> [f64; 2] {
     let x = -0.12 + 0.24 * n as f64 / (PULSES - 1) as f64;
     let tau = 2.0 * (TARGET_M[0] - x).hypot(TARGET_M[1]) / C;
@@ -27,7 +27,7 @@ fn beat(start_hz: f64, slope_hz_s: f64, n: usize, k: usize) -> [f64; 2] {
     [AMPLITUDE * cos, AMPLITUDE * sin]
 }
 
-/// The target's amplitude in the image of a description whose `[recording]` has these lines, of samples of these bytes.
+/// Amplitude of the target in the image of `bytes`, read by a description with these lines in `[recording]`.
 fn read(recording: &str, start: &str, slope: &str, file: &str, bytes: &[u8]) -> Complex32 {
     let folder = tempfile::tempdir().unwrap();
     let text = format!(
@@ -66,7 +66,7 @@ spacing = "2.0168067226890756 mm"
 }
 
 #[test]
-fn samples_in_every_order_show_the_target_where_it_is() {
+fn samples_in_every_order_show_target_at_its_position() {
     for (start, slope, start_hz, slope_hz_s) in [
         ("77 GHz", "60 MHz/us", 77e9, 60e12),
         ("80 GHz", "-60 MHz/us", 80e9, -60e12),
@@ -98,7 +98,7 @@ fn samples_in_every_order_show_the_target_where_it_is() {
             "pairs.bin",
             &pairs,
         );
-        // The two int16 round by 0.3 of 3000; the sweep's ends are faded.
+        // Two int16 are rounded by 0.3 of 3000; the ends of the sweep are tapered.
         assert!((whole.norm() - 3000.0).abs() < 30.0, "{whole}");
         let found = read(
             &format!("{binary}order = \"iqiq\"\nphase = \"plus\""),
@@ -108,8 +108,8 @@ fn samples_in_every_order_show_the_target_where_it_is() {
             &turns,
         );
         assert!((found - whole).norm() < 1.0, "{slope}: {found} {whole}");
-        // An order that is left out is that of the sharper image; so is the sign, where it is left out too.
-        // Beats of the falling sweep turn by -69 degrees a sample: the other order, I of two samples, is nearly I and Q there, and as sharp.
+        // An order that is not stated is that of the sharper image; likewise the sign. The beat of the falling sweep rotates by -69 degrees
+        // per sample, so the other order, with I of two different samples, is close to I and Q and as sharp.
         let decided = slope_hz_s > 0.0;
         for phase in ["phase = \"plus\"", ""].iter().filter(|_| decided) {
             for (file, bytes) in [("pairs.bin", &pairs), ("turns.bin", &turns)] {
@@ -120,7 +120,7 @@ fn samples_in_every_order_show_the_target_where_it_is() {
                 );
             }
         }
-        // The other half of a real beat's spectrum is 49 bins away, 1 / (49 pi) of it at most between them.
+        // The mirrored half of a real beat's spectrum is 49 bins away, at most 1 / (49 pi) between them.
         for phase in ["plus", "minus"] {
             for found in [
                 read(
@@ -148,7 +148,7 @@ fn samples_in_every_order_show_the_target_where_it_is() {
 }
 
 #[test]
-fn samples_that_float32_does_not_hold_are_refused() {
+fn samples_beyond_float32_are_refused() {
     for (scale, part) in [
         (1e-300, "largest value is"),
         (1e300, "beyond the largest of float32"),

@@ -1,4 +1,4 @@
-//! Tracks found of public recordings of several receivers, where they are at hand.
+//! Tracks estimated from public recordings with several receivers, if present.
 
 use std::path::Path;
 
@@ -7,10 +7,10 @@ use subaperture::io::recording::examples;
 use subaperture::monitor::Silent;
 use subaperture::targets::{Fault, Settings, TargetsError, recover};
 
-/// A scanner that moves its array up, across the plane in which the array tells angles: nothing of its 63 mm is to be seen, and what is
-/// seen is no motion in that plane. It is said that the track is not to be trusted.
+/// A scanner that moves its array upwards, across the plane in which the array measures angles. The estimate contains none of the 63 mm of
+/// motion, because this is not motion in that plane. A warning states that the track is unreliable.
 #[test]
-fn a_scan_across_the_plane_of_its_array_is_no_track() {
+fn scan_across_array_plane_gives_track_with_warning() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ti-mimo-scan/stop2");
     if !data.join("01.bin").exists() {
         println!("skipped: {} not found", data.join("01.bin").display());
@@ -31,7 +31,7 @@ fn a_scan_across_the_plane_of_its_array_is_no_track() {
         };
         open_channels::<&str>(&path, None, &options).unwrap()
     };
-    // As described the receivers are a fiftieth more than half a wavelength apart in the middle of the band: angles are in doubt.
+    // By the description the receivers are 2 % more than half a wavelength apart at mid-band, so angles are ambiguous.
     let error = recover(open(&[]), &Settings::default(), &Silent).unwrap_err();
     assert!(matches!(error, TargetsError::Array(_)), "{error}");
     let spaced = |key: String, mm: f64| (key, format!("\"{mm}, 0, 0 mm\""));
@@ -51,7 +51,7 @@ fn a_scan_across_the_plane_of_its_array_is_no_track() {
     for fault in &found.seen.faults {
         println!("{fault}");
     }
-    // Of the 63 mm nothing: but some 18 phases are in doubt, and each may put the track off by half a wavelength, 1.9 mm.
+    // None of the 63 mm is estimated, but some 18 phases are ambiguous, each of which may shift the track by half a wavelength, 1.9 mm.
     assert!(moved_m < 18.0 * 0.0019, "{moved_m}");
     let is_misfit = |fault: &Fault| matches!(fault, Fault::Misfit { .. });
     assert!(found.seen.faults.iter().any(is_misfit));

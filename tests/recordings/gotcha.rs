@@ -1,4 +1,4 @@
-//! Reading GOTCHA files: the real ones against what was measured of them, and every bad one.
+//! Reading GOTCHA files: the real ones against values from a hex dump, and every invalid one.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use subaperture::io::open::{self, Options};
 use subaperture::phase_history::{InMemory, PhaseHistory, ReadError};
 use subaperture_tests::matlab::{self, Value};
 
-/// A real file, or `None` with a message.
+/// A real file; `None` with a message if it is missing.
 fn real_file(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/gotcha")
@@ -34,7 +34,7 @@ fn message(bytes: &[u8]) -> String {
     }
 }
 
-/// The fields with one of them replaced, or dropped.
+/// The fields with one of them replaced or removed.
 fn with(name: &'static str, value: Option<Value>) -> Vec<u8> {
     let mut fields = matlab::gotcha_fields();
     let at = fields.iter().position(|f| f.0 == name).unwrap();
@@ -56,16 +56,16 @@ fn real_files_have_the_published_band_and_geometry() {
     assert_eq!(collection.num_samples, 424);
     assert_eq!(collection.pulses.len(), 2 * 117);
     let band = collection.band().unwrap();
-    // 9.28808 GHz and 1.471 MHz are given to the last digit; half of one is the tolerance.
+    // 9.28808 GHz and 1.471 MHz are published with these digits; the tolerance is half of the last one.
     assert!((band.start_hz - 9.28808e9).abs() < 5e3, "{band:?}");
     assert!((band.step_hz - 1.471e6).abs() < 5e2, "{band:?}");
-    // r0 of both files is the position's length to its rounding, so that is the reference.
+    // r0 of both files equals the length of the position up to its rounding, so the position is the reference.
     for pulse in &collection.pulses {
         let position_m = pulse.transmitter_m;
         assert_eq!(pulse.reference_path_m, 2.0 * position_m.length());
     }
-    // First and last values of each file, read off a hex dump: fp begins at byte 0x128 with its 49608
-    // real parts, tag included, and the imaginary parts follow 8 bytes after the last.
+    // First and last values of each file, from a hex dump: fp begins at byte 0x128 with its 49608 real parts, tag included, and the
+    // imaginary parts follow 8 bytes after the last.
     for (i, path) in paths.iter().enumerate() {
         let bytes = std::fs::read(path).unwrap();
         let at = |offset: usize| f32::from_le_bytes(bytes[offset..offset + 4].try_into().unwrap());
@@ -84,7 +84,7 @@ fn real_files_have_the_published_band_and_geometry() {
 }
 
 #[test]
-fn values_shapes_and_signs_of_a_made_file() {
+fn values_shapes_and_signs_of_a_synthetic_file() {
     for packed in [false, true] {
         let data = matlab::matrix("data", &Value::Structure(1, 1, matlab::gotcha_fields()));
         let other = matlab::matrix("note", &Value::Text("first"));
@@ -110,15 +110,14 @@ fn values_shapes_and_signs_of_a_made_file() {
         assert_eq!(pulse.reference_m.to_array(), [0.0; 3]);
         assert_eq!(pulse.reference_path_m, 2.0 * 10_044.0);
         assert_eq!(pulse.time_s, 2.0);
-        // The frequencies lie on the line exactly; float64 sums round in the 16th digit.
+        // The frequencies lie exactly on the line; float64 sums round in the 16th digit.
         assert!((pulse.start_hz - 9.3e9).abs() < 1e-4);
         assert!((pulse.step_hz - 1.5e6).abs() < 1e-4);
     }
 }
 
-/// Tells what a file of one degree, its numbers stored as float32, leaves of a point's phase: RMS and largest
-/// difference from the phase of the numbers before they were stored, with the reference path that the reader
-/// takes, radians. `r0` is the range, longer by `more_m(n)`.
+/// RMS and largest phase error of a point, radians, from a file of one degree whose numbers are stored as float32, with the reader's
+/// reference path. The stored range `r0` is too long by `more_m(n)`.
 fn phase_left_rad(more_m: impl Fn(usize) -> f64) -> [f64; 2] {
     const PULSES: usize = 117;
     const LIGHT_M_S: f64 = 299_792_458.0;
@@ -160,21 +159,20 @@ fn phase_left_rad(more_m: impl Fn(usize) -> f64) -> [f64; 2] {
 }
 
 #[test]
-fn rounding_of_the_range_is_no_phase_noise() {
-    // x and z are stored to 0.24 mm at worst, y and r0 to 0.004 and 0.49 mm. Seen from 26.6 m beside the
-    // centre, 10158 m away, the line of sight differs by 2.6e-3: 0.34 mm of position are 0.9 um of range,
-    // 402 rad/m of them 3.6e-4 rad.
+fn rounded_range_is_replaced_by_that_of_position() {
+    // x and z are stored to 0.24 mm at worst, y and r0 to 0.004 and 0.49 mm. Seen from 10158 m at 26.6 m from the centre the line of sight
+    // differs by 2.6e-3: 0.34 mm of position are 0.9 um of range, at 402 rad/m 3.6e-4 rad.
     let [_, most] = phase_left_rad(|_| 0.0);
     assert!(most < 3.6e-4, "{most}");
-    // A range that is not the position's is kept, rounding and all: a step of 0.98 mm is 0.28 mm RMS, with
-    // those of x and z (0.14 mm each, at 45 degrees) 0.31 mm or 0.13 rad, to a quarter for 117 pulses.
+    // A range that differs from that of the position is kept with its rounding: a step of 0.98 mm is 0.28 mm RMS, with those of x and z
+    // (0.14 mm each, at 45 degrees) 0.31 mm or 0.13 rad, to a quarter for 117 pulses.
     let [rms, _] = phase_left_rad(|n| 0.01 * n as f64);
     assert!((rms / 0.13 - 1.0).abs() < 0.25, "{rms}");
 }
 
 #[test]
-fn checksum_is_the_ieee_one() {
-    // "123456789" has CRC-32 cbf43926 by the standard; a file's own is found bit by bit here.
+fn checksum_is_ieee_crc32() {
+    // "123456789" has CRC-32 cbf43926 by the standard; that of a file is computed bit by bit here.
     let bytes = matlab::gotcha(matlab::gotcha_fields());
     let mut crc = !0u32;
     for &byte in &bytes {
@@ -194,7 +192,7 @@ fn missing_and_misshapen_fields_are_named() {
         let text = message(&with(name, None));
         assert!(text.contains(&format!("data.{name} is missing")), "{text}");
         assert!(text.contains("fields found:"), "{text}");
-        let text = message(&with(name, Some(Value::Nothing)));
+        let text = message(&with(name, Some(Value::Empty)));
         assert!(text.contains(&format!("data.{name} is 0 x 0")), "{text}");
         let text = message(&with(name, Some(Value::Text("none"))));
         assert!(
@@ -257,7 +255,7 @@ fn missing_and_misshapen_fields_are_named() {
             "positive, ascending",
         ),
         (
-            // The residual of a bend of d in the last of four is 0.4 d at sample 2 and 0.3 d at 3.
+            // A bend of d in the last of four leaves residuals of 0.4 d at sample 2 and 0.3 d at sample 3.
             "freq",
             Value::Double(4, 1, vec![1e9, 2e9, 3e9, 4e9 + 12_000.0]),
             "4800 Hz off the straight line",
@@ -275,10 +273,10 @@ fn missing_and_misshapen_fields_are_named() {
 }
 
 #[test]
-fn frequencies_of_float32_are_straightened() {
-    // Float32 knows multiples of 1024 Hz here, so a sample is off by up to 512 Hz; over K = 424 of
-    // them the line's step has a standard deviation of 1024 / sqrt(12) / sqrt(K^3 / 12) = 0.12 Hz and
-    // its start of 2 * 1024 / sqrt(12 K) = 29 Hz; five of each are allowed.
+fn float32_frequencies_are_fitted_by_a_line() {
+    // Float32 represents multiples of 1024 Hz here, so a frequency is off by up to 512 Hz. Over K = 424 frequencies the step of the line
+    // has a standard deviation of 1024 / sqrt(12) / sqrt(K^3 / 12) = 0.12 Hz and its start of 2 * 1024 / sqrt(12 K) = 29 Hz; five of each
+    // are allowed.
     let freq: Vec<f32> = (0..424)
         .map(|k| (9.288_080_384e9 + 1_471_301.6 * f64::from(k)) as f32)
         .collect();
@@ -292,7 +290,7 @@ fn frequencies_of_float32_are_straightened() {
 }
 
 #[test]
-fn frequencies_of_other_units_and_of_no_order_are_refused() {
+fn frequencies_in_other_units_or_unordered_are_refused() {
     let band = |k: i32| 9.288_080_384e9 + 1_471_301.6 * f64::from(k);
     // Marsaglia's xorshift, from 0 to 1.
     let mut state = 1u32;
@@ -314,12 +312,12 @@ fn frequencies_of_other_units_and_of_no_order_are_refused() {
     let all = || (0..424).map(band);
     refused(all().map(|f| f / 1e9).collect(), "hertz are expected");
     refused(all().map(|f| f / 1e6).collect(), "hertz are expected");
-    // In kHz the band is one of 9.3 MHz; but then 4 kHz are no rounding: a float32 step is 1 Hz.
+    // In kHz the band is 9.3 MHz; a deviation of 4 kHz then exceeds the float32 step of 1 Hz.
     refused(
         all().map(|f| f / 1e3 + 40.0 * random()).collect(),
         "(at most 4 Hz)",
     );
-    // Float32 steps of 1024 Hz are more than the line's own here: a quarter of that is the limit.
+    // Float32 steps of 1024 Hz exceed the line's own step here: a quarter of it is the limit.
     refused(
         (0..424)
             .map(|k| 9.3e9 + 1000.0 * (f64::from(k) + random()))
@@ -334,7 +332,7 @@ fn frequencies_of_other_units_and_of_no_order_are_refused() {
 }
 
 #[test]
-fn other_mat_files_are_refused_by_name() {
+fn other_mat_files_are_refused_with_their_kind() {
     let note = matlab::matrix("note", &Value::Text("hello"));
     let image = matlab::matrix("image", &Value::Single(2, 3, vec![0.0; 6]));
     let text = message(&matlab::file(&[note, matlab::compressed(&image)]));
@@ -358,7 +356,7 @@ fn other_mat_files_are_refused_by_name() {
 }
 
 #[test]
-fn open_goes_by_content() {
+fn file_kind_follows_from_content() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("misnamed.cphd");
     std::fs::write(&path, matlab::gotcha(matlab::gotcha_fields())).unwrap();
@@ -414,8 +412,8 @@ fn open_goes_by_content() {
 }
 
 #[test]
-fn a_bomb_does_not_unpack() {
-    // 64 MiB of zeros pack to 64 KiB.
+fn decompression_bomb_is_refused() {
+    // 64 MiB of zeros compress to 64 KiB.
     let zeros = Value::Double(1, 8 << 20, vec![0.0; 8 << 20]);
     let bytes = matlab::file(&[matlab::compressed(&matlab::matrix("data", &zeros))]);
     let text = message(&bytes);
@@ -423,7 +421,7 @@ fn a_bomb_does_not_unpack() {
 }
 
 #[test]
-fn damaged_packed_data_is_noticed() {
+fn damaged_compressed_data_is_detected() {
     let data = matlab::matrix("data", &Value::Structure(1, 1, matlab::gotcha_fields()));
     let good = matlab::file(&[matlab::compressed(&data)]);
     let samples_of = |bytes: &[u8]| {
@@ -432,8 +430,8 @@ fn damaged_packed_data_is_noticed() {
         Ok::<_, ReadError>(samples)
     };
     let right = samples_of(&good).unwrap();
-    // A flipped bit of zlib's stream breaks its header or code, or changes the data and so its
-    // Adler-32 in the last four bytes; or it is one that no data needs (a code never used).
+    // A flipped bit in zlib's stream invalidates its header or code, changes the data and so the Adler-32 in the last four bytes, or is
+    // unused (a code that does not occur).
     for at in 128..good.len() {
         for flip in [1, 0x40, 0x80, 0xff] {
             let mut bytes = good.clone();
@@ -449,7 +447,7 @@ fn damaged_packed_data_is_noticed() {
 }
 
 #[test]
-fn memory_is_refused_before_it_is_taken() {
+fn file_beyond_memory_is_refused_before_allocation() {
     let bytes = matlab::gotcha(matlab::gotcha_fields());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample.mat");
@@ -458,7 +456,7 @@ fn memory_is_refused_before_it_is_taken() {
     assert!(gotcha::read(&path, needed).is_ok());
     let error = gotcha::read(&path, needed - 1).unwrap_err();
     assert!(matches!(error, ReadError::Memory { .. }), "{error}");
-    // Files opened together share the memory: what the first holds, the second has not.
+    // Files opened together share the memory: the first one's part is not available to the second.
     let options = |memory_bytes| Options {
         memory_bytes,
         ..Options::default()

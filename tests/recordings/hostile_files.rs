@@ -1,4 +1,4 @@
-//! Files made to take time or memory out of proportion to their length, and numbers that cannot be.
+//! Files made to need time or memory out of proportion to their length, and impossible numbers.
 
 use std::fs;
 use std::path::Path;
@@ -11,11 +11,10 @@ use subaperture::io::product::{self, Product};
 use subaperture::simulate::scenario::Scenario;
 use subaperture_xtask::processor::{self, Of};
 
-/// Longest that reading a file of some megabytes may take: processor time, of which a file that takes
-/// time by the square of its length would need minutes.
+/// Limit of processor time for a file of some megabytes, seconds. A quadratic algorithm would take minutes.
 const LIMIT_S: f64 = 2.0;
 
-/// A document around what is said of the channels.
+/// A CPHD document with these parts.
 fn cphd_xml(attributes: &str, data: &str, parameters: &str, rest: &str) -> String {
     format!(
         "<CPHD xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"{attributes}>\
@@ -36,9 +35,9 @@ fn channel(n: usize) -> String {
     )
 }
 
-/// Processor time of this thread so far: the clock tells of whatever else the machine does.
+/// Processor time of this thread so far, independent of other load.
 fn taken_s() -> f64 {
-    processor::seconds(Of::Thread).expect("the system tells processor time")
+    processor::seconds(Of::Thread).expect("the system measures processor time")
 }
 
 fn read(xml: &str) -> Result<CphdInfo, String> {
@@ -55,9 +54,9 @@ fn read(xml: &str) -> Result<CphdInfo, String> {
     info
 }
 
-/// Before, each channel's parameters were searched for from the first on: 6 s for 4000.
+/// A linear search of each channel's parameters once took 6 s for 4000 channels.
 #[test]
-fn many_channels_take_time_in_proportion() {
+fn reading_time_is_linear_in_number_of_channels() {
     const CHANNELS: usize = 25_000;
     let data: String = (0..CHANNELS).map(channel).collect();
     let parameters: String = (0..CHANNELS)
@@ -69,9 +68,9 @@ fn many_channels_take_time_in_proportion() {
     assert!((0..CHANNELS).all(|n| info.channels[n].fx_c_hz == Some(n as f64)));
 }
 
-/// Of two of one identifier the first counts, as it always did.
+/// Of two parameters with the same identifier the first counts.
 #[test]
-fn the_first_of_parameters_of_one_channel_counts() {
+fn first_of_repeated_channel_parameters_is_used() {
     let parameters = "<Parameters><FxC>9</FxC></Parameters>\
                       <Parameters><Identifier>c0</Identifier><FxC>1</FxC></Parameters>\
                       <Parameters><Identifier>c0</Identifier><FxC>2</FxC></Parameters>";
@@ -79,7 +78,7 @@ fn the_first_of_parameters_of_one_channel_counts() {
     assert_eq!(info.channels[0].fx_c_hz, Some(1.0));
 }
 
-/// Before, the parser compared each with every other: 7 s for 40 000.
+/// Comparing each attribute with every other once took 7 s for 40 000.
 #[test]
 fn many_attributes_are_refused_at_once() {
     let attributes: String = (0..200_000).map(|n| format!(" a{n}=\"=>\"")).collect();
@@ -88,7 +87,7 @@ fn many_attributes_are_refused_at_once() {
         error.contains("byte 0: more than 100 attributes of one element"),
         "{error}"
     );
-    // Hundreds of elements may have some, and text and comments any number of signs.
+    // Hundreds of elements may have attributes, and text and comments any length.
     let some: String = (0..50).map(|n| format!(" a{n}='x>y'")).collect();
     let many = format!(
         "<a{some}>{}</a><!-- <{} --><![CDATA[<{}]]>",
@@ -99,7 +98,7 @@ fn many_attributes_are_refused_at_once() {
     read(&cphd_xml("", &channel(0), "", &many.repeat(100))).unwrap();
 }
 
-/// Before, every element copied the namespaces of those around it: gigabytes for a megabyte.
+/// Copying the namespaces of all parents into every element once needed gigabytes for a megabyte.
 #[test]
 fn many_namespaces_are_refused_at_once() {
     let begin: String = (0..20_000)
@@ -113,15 +112,15 @@ fn many_namespaces_are_refused_at_once() {
     );
 }
 
-/// Nothing here calls itself for every level.
+/// The parser does not recurse.
 #[test]
-fn deep_elements_are_no_matter() {
+fn deeply_nested_elements_are_parsed() {
     let deep = "<a>".repeat(500_000) + &"</a>".repeat(500_000);
     read(&cphd_xml("", &channel(0), "", &deep)).unwrap();
 }
 
 #[test]
-fn a_list_of_channels_for_a_person_is_short() {
+fn listed_channels_in_error_are_limited() {
     let data: String = (0..5000).map(channel).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.cphd");
@@ -157,9 +156,9 @@ fn product_with(folder: &Path, grid: &Value) -> Result<product::StoredProduct, S
     product::read(folder).map_err(|error| error.to_string())
 }
 
-/// Before, all of these were read, and pixels lay anywhere.
+/// Once all of these were accepted, with arbitrary positions of pixels.
 #[test]
-fn a_products_grid_that_cannot_be_is_refused() {
+fn impossible_grid_of_a_product_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let good = json!({
         "kind": "cartesian",
@@ -210,7 +209,7 @@ fn a_products_grid_that_cannot_be_is_refused() {
     }
 }
 
-/// Before, what was meant by each was searched for: 10 s for 3 megabytes.
+/// A search of suggestions for every key once took 10 s for 3 megabytes.
 #[test]
 fn many_unknown_keys_are_reported_at_once() {
     let keys: String = (0..300_000).map(|n| format!("k{n} = 1\n")).collect();
@@ -223,7 +222,7 @@ fn many_unknown_keys_are_reported_at_once() {
 }
 
 #[test]
-fn metadata_of_any_length_are_not_read() {
+fn metadata_beyond_limit_are_not_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("image.json");
     fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();

@@ -1,4 +1,4 @@
-//! What is read: CPHD, CRSD, GOTCHA, NovAtel, described recordings, several as one aperture, and what tuning finds in them.
+//! Readers: CPHD, CRSD, GOTCHA, NovAtel, arrays, described recordings, several recordings as one aperture, and tuning of their parameters.
 
 mod aperture_order;
 mod arrays;

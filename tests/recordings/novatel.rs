@@ -7,7 +7,7 @@ use subaperture::geometry::{Geodetic, SceneFrame};
 use subaperture::navigation::{Kind, Log, Options, Place};
 use subaperture::track::{SampledTrack, Trajectory};
 
-/// 115 s of a walk with a ProPak6, 20 records a second.
+/// 115 s of a walk with a ProPak6, 20 records per second.
 fn recording() -> Option<Log> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/novatel/spandriver_propak6-ins-ppp.ascii.asc");
@@ -16,7 +16,7 @@ fn recording() -> Option<Log> {
         return None;
     }
     let log = Log::read(&path, &Options::default()).unwrap();
-    // Every CRC is right.
+    // Every CRC is valid.
     assert_eq!((log.account.faulty(), log.account.lost_bytes), (0, 0));
     Some(log)
 }
@@ -29,7 +29,7 @@ fn earth(place: Option<Place>) -> Geodetic {
 }
 
 #[test]
-fn every_line_of_the_recording_is_accounted_for() {
+fn every_line_of_recording_is_accounted_for() {
     let Some(log) = recording() else { return };
     // Counted in the file with grep: 7096 lines.
     assert_eq!(log.of(Kind::Inspvax).count(), 2289);
@@ -41,12 +41,12 @@ fn every_line_of_the_recording_is_accounted_for() {
     let first = log.records[0];
     assert_eq!((first.time.week, first.time.seconds), (1820, 160_205.9));
     assert!((earth(first.place).height_m - (326.2121 - 36.5)).abs() < 1e-9);
-    // In the file 0.0227 of latitude, 0.0219 of longitude.
+    // The file has 0.0227 m for latitude, 0.0219 m for longitude.
     assert_eq!(
         first.place_sigma_m,
         Some(DVec3::new(0.0219, 0.0227, 0.0377))
     );
-    // Twenty a second without a gap.
+    // Twenty records per second without a gap.
     for coverage in log.coverage() {
         assert!((coverage.interval_s - 0.05).abs() < 1e-6 && coverage.gaps.is_empty());
     }
@@ -54,7 +54,7 @@ fn every_line_of_the_recording_is_accounted_for() {
 }
 
 #[test]
-fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
+fn track_agrees_with_recorded_velocities_and_other_positions() {
     let Some(log) = recording() else { return };
     let first = log.records[0];
     let place = earth(first.place);
@@ -83,12 +83,11 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
     println!(
         "velocity of the spline against the recorded one: median {median:.4} m/s of {fastest:.2} m/s"
     );
-    // The receiver corrects its positions by up to 6 cm from one record to the next, which its velocities do
-    // not follow: plain differences of the file's positions over two records have a median of 0.032 m/s,
-    // and 1 % above 0.45 m/s. Half as much again is left for the spline. East taken for north, or a wrong
-    // sign, would give most of the walk's speed, 0.74 m/s RMS.
+    // The receiver corrects its positions by up to 6 cm between records, but not its velocities: differences of positions over two records
+    // deviate by 0.032 m/s in the median, and by more than 0.45 m/s in 1 %. Half as much again is allowed for the spline. East in place of
+    // north, or a wrong sign, would deviate by most of the walk's speed, 0.74 m/s RMS.
     assert!(fastest > 1.0 && median < 0.05, "{median} of {fastest}");
-    // The best position is the antenna's, less than 1 m from the inertial unit.
+    // The best position is that of the antenna, less than 1 m from the inertial unit.
     let best = log.fixes(Kind::Bestpos, &frame, first.time).unwrap();
     let apart = best
         .iter()

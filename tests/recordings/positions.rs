@@ -1,5 +1,5 @@
-//! Positions at which no vehicle can be, attitudes that markers mistaken for one another make, and vectors without an echo: what is left out is said, and
-//! what is left is as if it had never been there.
+//! Impossible positions, attitudes from swapped markers, and vectors without an echo: they are left out with a warning, and the rest is as
+//! if they had never been recorded.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -18,7 +18,7 @@ use subaperture_tests::numpy::{array, stored};
 
 use crate::cphd::scene::{Scene, read_all};
 
-/// The scene's recording with other places of antennas in some pulses.
+/// The scene's recording with changed antenna positions in pulses `at`.
 fn spoiled(at: &[usize], spoil: impl Fn(DVec3) -> DVec3) -> InMemory {
     let scene = Scene::default();
     let mut collection = scene.collection();
@@ -31,11 +31,11 @@ fn spoiled(at: &[usize], spoil: impl Fn(DVec3) -> DVec3) -> InMemory {
     InMemory::new(collection, scene.samples()).unwrap()
 }
 
-/// Another place for a place.
+/// Change of a position.
 type Spoil<'a> = &'a dyn Fn(DVec3) -> DVec3;
 
 #[test]
-fn cphd_vectors_at_impossible_positions_are_left_out_by_number() {
+fn cphd_vectors_at_impossible_positions_are_left_out_and_counted() {
     let folder = tempfile::tempdir().unwrap();
     let sound = Scene::default().recorded();
     let whole = read_all(&sound).unwrap();
@@ -75,7 +75,7 @@ fn cphd_vectors_at_impossible_positions_are_left_out_by_number() {
         for (pulse, &n) in cphd.collection().pulses.iter().zip(&kept) {
             assert_eq!(pulse.time_s, sound.collection().pulses[n].time_s);
         }
-        // Side by side, both channels are without.
+        // With parallel channels, both omit the pulse.
         let both = open_channels::<&str>(&path, None, &Options::default()).unwrap();
         assert_eq!((both.len(), both.num_pulses()), (2, kept.len()));
         assert_eq!(read_all(both.channel(1)).unwrap(), expected);
@@ -83,7 +83,7 @@ fn cphd_vectors_at_impossible_positions_are_left_out_by_number() {
 }
 
 #[test]
-fn arrays_at_zero_positions_are_left_out_by_number() {
+fn array_pulses_at_zero_positions_are_left_out_and_counted() {
     let (pulses, samples) = (40, 3);
     let place = |n: usize| match n {
         9 => [0.0; 3],
@@ -148,7 +148,7 @@ fn arrays_at_zero_positions_are_left_out_by_number() {
     }
 }
 
-// ---- a radar with its antenna 0.5 m under a body that is rolled, and its motion capture
+// ---- a radar with its antenna 0.5 m below a rolled body, and its motion capture
 
 const C: f64 = 299_792_458.0;
 const TARGET_M: DVec3 = DVec3::new(0.25, 4.0, 0.0);
@@ -157,12 +157,12 @@ const SWEEPS: usize = 121;
 const STEPS: usize = 64;
 const FRAMES: usize = 720;
 
-/// The body's origin at a time.
+/// Position of the body's origin at time `t`.
 fn body_m(t: f64) -> DVec3 {
     DVec3::new(-1.2 + 0.4 * t, 0.02 * (0.5 * t).sin(), 1.5 + 0.01 * t)
 }
 
-/// Where the antenna is: rolled about x, which is forward, as a right-handed turn does.
+/// Antenna position: rolled about x (forward), right-handed.
 fn antenna_m(t: f64) -> DVec3 {
     let (sin, cos) = ROLL_DEG.to_radians().sin_cos();
     body_m(t) + DVec3::new(0.0, 0.5 * sin, -0.5 * cos)
@@ -182,7 +182,7 @@ fn sweeps() -> Vec<u8> {
     array("<c16", &format!("({SWEEPS}, {STEPS})"), &data)
 }
 
-/// The take, y up: the scene's x, y and z are its x, -z and y.
+/// The motion capture with y up: x, y and z of the scene are its x, -z and y.
 fn take(kind: &str, rotation: impl Fn(usize) -> String) -> String {
     let columns = if kind == "Quaternion" { 4 } else { 3 };
     let every = |cell: &str| vec![cell; columns + 3].join(",");
@@ -231,7 +231,7 @@ kind = "motive"
 file = "take.csv"
 "#;
 
-/// The target's amplitude over the number of samples, and what was said.
+/// Amplitude of the target divided by the number of samples, and the warnings.
 fn target(take: &str) -> (f32, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("sweeps.npy"), sweeps()).unwrap();
@@ -252,11 +252,11 @@ fn target(take: &str) -> (f32, Vec<String>) {
 }
 
 #[test]
-fn euler_angles_place_the_antenna_as_the_quaternion_does() {
+fn euler_angles_and_quaternion_give_same_antenna_position() {
     let half = (0.5 * ROLL_DEG).to_radians();
     let quaternion = format!("{:.9},0,0,{:.9}", half.sin(), half.cos());
     let (read, warnings) = target(&take("Quaternion", |_| quaternion.clone()));
-    // The take's micrometres at 9 cm: 1 to a thousandth.
+    // Micrometre rounding of the capture at a wavelength of 9 cm: 1 to a thousandth.
     assert!(
         (read - 1.0).abs() < 1e-3 && warnings.is_empty(),
         "{read} {warnings:?}"

@@ -1,7 +1,7 @@
-//! What `tune` says of its own findings, against the truth: walks along a rail whose radar's clock is off, many of them.
+//! Certainty that `tune` states against the truth, over many walks along a rail with an offset clock of the radar.
 //!
-//! A clock's offset shows in focus as far as the walk is uneven; on an even one it moves the image and nothing else. Points
-//! that come into the pixels and leave them must not be taken for focus.
+//! A clock offset affects focus only as far as the walk is uneven; on an even walk it only shifts the image. Points that enter or leave the
+//! patch of pixels must not be taken for focus.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -16,7 +16,7 @@ use subaperture::io::recording::{RecordingFile, Take};
 use subaperture::monitor::Silent;
 use subaperture::signal::window::Window;
 
-/// Random numbers of the test's own: splitmix64.
+/// Random numbers independent of the library: splitmix64.
 struct Random(u64);
 
 impl Random {
@@ -42,11 +42,11 @@ const BIN_M: f64 = 0.0125;
 const PULSES: usize = 120;
 const PRI_S: f64 = 0.05;
 
-/// A walk and the offset of its clocks.
+/// A walk, and the offset between the clocks of radar and track.
 struct Walk {
     speed_m_s: f64,
     unevenness: f64,
-    /// Of both sways: one alone is a walk that repeats, and tells its clock up to whole periods.
+    /// Rates of both sways. With a single rate the walk is periodic, and its clock determined only up to whole periods.
     rates: [f64; 2],
     phases: [f64; 2],
     offset_s: f64,
@@ -64,7 +64,7 @@ impl Walk {
         }
     }
 
-    /// Along x; its speed goes up and down by the unevenness.
+    /// Position along x; the speed varies by the unevenness.
     fn place_m(&self, t: f64) -> DVec3 {
         let sways = self.rates.iter().zip(self.phases);
         let sway: f64 = sways
@@ -87,8 +87,8 @@ fn npy(path: &Path, shape: &str, values: impl Iterator<Item = f64>) {
     std::fs::write(path, file).unwrap();
 }
 
-/// Writes the recording of a walk past some reflectors, real pulses at 4 GHz in noise, and gives its description and
-/// pixels around the scene.
+/// Write the recording of a walk past some reflectors (real pulses at 4 GHz in noise), and return its description and pixels around the
+/// scene.
 fn record(folder: &Path, walk: &Walk, random: &mut Random) -> (RecordingFile, String) {
     let middle_m = walk.place_m(walk.offset_s + 0.5 * PULSES as f64 * PRI_S);
     let points: Vec<(DVec3, f64)> = (0..5)
@@ -144,7 +144,7 @@ impl Model for Clock<'_> {
 fn tune(file: &RecordingFile, grid: &str, measure: Measure) -> Tuned {
     determine(&Problem {
         model: &Clock(file),
-        // The track is known for 17 s and the pulses last for 6.
+        // The track covers 17 s and the pulses last 6 s.
         intervals: &[Axis {
             start: 1.0,
             step: 0.1,
@@ -162,7 +162,7 @@ fn tune(file: &RecordingFile, grid: &str, measure: Measure) -> Tuned {
     .unwrap()
 }
 
-/// Tunes `count` walks; how often it was sure, and how often then wrong.
+/// Tune `count` walks; returns how often a clock was stated with an interval, and how often the truth was outside.
 fn sure_and_wrong(unevenness: f64, measure: Measure, count: u64) -> (usize, usize) {
     let (mut sure, mut wrong) = (0, 0);
     for seed in 0..count {
@@ -187,11 +187,11 @@ fn sure_and_wrong(unevenness: f64, measure: Measure, count: u64) -> (usize, usiz
     (sure, wrong)
 }
 
-/// Asserts what a nominal 95 % allows: that often or more would happen once in a thousand such tests.
+/// Assert the rate of errors that 95 % intervals allow: this many or more would occur in one of a thousand such tests.
 #[track_caller]
-fn honest((sure, wrong): (usize, usize)) {
+fn assert_honest((sure, wrong): (usize, usize)) {
     println!("{wrong} of {sure} sure ones are wrong");
-    // The binomial's tail.
+    // Tail of the binomial distribution.
     let tail: f64 = (wrong..=sure)
         .map(|k| {
             let choose: f64 = (0..k).map(|i| (sure - i) as f64 / (i + 1) as f64).product();
@@ -207,8 +207,8 @@ fn honest((sure, wrong): (usize, usize)) {
 #[test]
 fn uneven_walk_determines_the_clock_with_an_interval() {
     let found = sure_and_wrong(0.5, Measure::Sharpness, 16);
-    honest(found);
-    // Most of them are found: 5 cm of the way are a tenth of a second.
+    assert_honest(found);
+    // Most clocks are determined: 5 cm of track are a tenth of a second.
     assert!(found.0 >= 10, "{found:?}");
 }
 
@@ -216,12 +216,12 @@ fn uneven_walk_determines_the_clock_with_an_interval() {
 fn even_walk_determines_no_clock() {
     for measure in [Measure::Sharpness, Measure::Entropy] {
         let found = sure_and_wrong(0.0, measure, 8);
-        honest(found);
+        assert_honest(found);
         assert!(found.0 <= 2, "{found:?}");
     }
 }
 
 #[test]
-fn a_nearly_even_walk_is_found_within_its_error_or_not_at_all() {
-    honest(sure_and_wrong(0.1, Measure::Sharpness, 12));
+fn clock_of_nearly_even_walk_is_within_its_interval_or_undetermined() {
+    assert_honest(sure_and_wrong(0.1, Measure::Sharpness, 12));
 }

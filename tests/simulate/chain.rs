@@ -137,11 +137,11 @@ fn point_amplitude_is_mean_of_beam_and_spreading_over_pulses() {
                 let lit = |n: usize| {
                     let azimuth = (x + 12.75 - 0.1 * n as f64).atan2(480.0) / width_rad;
                     let elevation = (140.0 / range_m(n, x)).asin();
-                    // Two-way pattern, exp(-2 ln 2 (...)) each way, with a width of one radian in elevation.
-                    let two_ways = 0.0625f64.powf(azimuth * azimuth + elevation * elevation);
+                    // Two-way pattern, exp(-2 ln 2 (...)) for each antenna, with a width of one radian in elevation.
+                    let two_way = 0.0625f64.powf(azimuth * azimuth + elevation * elevation);
                     // R0 is the range of the reference in pulse 128 of 256.
                     let spread = (range_m(128, 0.0) / range_m(n, x)).powi(2);
-                    (if beam { two_ways } else { 1.0 }) * (if spreading { spread } else { 1.0 })
+                    (if beam { two_way } else { 1.0 }) * (if spreading { spread } else { 1.0 })
                 };
                 let sum: f64 = (0..PULSES).map(|n| weights.slow[n] * lit(n)).sum();
                 let expected = sum / weights.slow.iter().sum::<f64>();

@@ -361,7 +361,7 @@ fn fast_sum_matches_plain_sum_on_random_scenarios() {
     if let Err(error) = result {
         panic!("{error}");
     }
-    // Refused scenarios test nothing.
+    // Refused scenarios do not test the engines.
     assert!(
         refused < compared / 3,
         "{refused} of {} were refused",

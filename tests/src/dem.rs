@@ -1,4 +1,4 @@
-//! Elevation models as files, and the Earth's shape, by formulas of the tests' own.
+//! Elevation models as files, and the Earth's shape, by the tests' own formulas.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use glam::DVec3;
 const A_M: f64 = 6_378_137.0;
 const E2: f64 = 6.694_379_990_141_316e-3;
 
-/// Earth-centred Earth-fixed coordinates of a place, degrees and metres: the definition.
+/// Earth-centred Earth-fixed coordinates, metres, by definition; latitude and longitude in degrees.
 pub fn ecf_m([latitude_deg, longitude_deg, height_m]: [f64; 3]) -> DVec3 {
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
     let (sin_lon, cos_lon) = longitude_deg.to_radians().sin_cos();
@@ -18,7 +18,7 @@ pub fn ecf_m([latitude_deg, longitude_deg, height_m]: [f64; 3]) -> DVec3 {
     )
 }
 
-/// East, north and up of a place from another, metres along the axes of the other.
+/// East, north and up of `place` from `origin`, metres along the axes at `origin`.
 pub fn east_north_up_m(origin: [f64; 3], place: [f64; 3]) -> DVec3 {
     let (sin, cos) = origin[0].to_radians().sin_cos();
     let (sin_lon, cos_lon) = origin[1].to_radians().sin_cos();
@@ -30,7 +30,7 @@ pub fn east_north_up_m(origin: [f64; 3], place: [f64; 3]) -> DVec3 {
     )
 }
 
-/// Metres of a degree of latitude and of longitude at a place on the ellipsoid: by the radii of curvature.
+/// Metres per degree of latitude and of longitude on the ellipsoid, from the radii of curvature.
 pub fn degree_m(latitude_deg: f64) -> [f64; 2] {
     let (sin, cos) = latitude_deg.to_radians().sin_cos();
     let w2 = 1.0 - E2 * sin * sin;
@@ -38,7 +38,7 @@ pub fn degree_m(latitude_deg: f64) -> [f64; 2] {
     [n * (1.0 - E2) / w2, n * cos].map(|radius| radius * std::f64::consts::PI / 180.0)
 }
 
-/// An HGT file whose south-western corner is at whole degrees: heights of latitude and longitude, rounded to metres.
+/// An HGT file with its south-western corner at whole degrees; heights as a function of latitude and longitude are rounded to metres.
 pub fn hgt(corner: [f64; 2], side: usize, height_m: impl Fn(f64, f64) -> f64) -> Vec<u8> {
     let step = 1.0 / (side - 1) as f64;
     let mut bytes = Vec::with_capacity(2 * side * side);
@@ -52,7 +52,7 @@ pub fn hgt(corner: [f64; 2], side: usize, height_m: impl Fn(f64, f64) -> f64) ->
     bytes
 }
 
-/// The height that an HGT file has at a place: bilinear between whole metres.
+/// Height of an HGT file at a position: bilinear between whole metres.
 pub fn hgt_height_m(
     corner: [f64; 2],
     side: usize,
@@ -73,12 +73,12 @@ pub fn hgt_height_m(
         + v * ((1.0 - u) * post(1.0, 0.0) + u * post(1.0, 1.0))
 }
 
-/// A GeoTIFF of float32 heights, little-endian, in strips of some rows or in square tiles.
+/// A GeoTIFF of float32 heights, little-endian, in strips or in square tiles.
 #[derive(Clone, Debug)]
 pub struct GeoTiff {
     /// Columns, rows.
     pub size: [usize; 2],
-    /// Eastern and northern coordinate of the tie point, which is that of the outer corner of the first pixel, or of its middle where it is a point.
+    /// Eastern and northern coordinate of the tie point: the outer corner of the first pixel, or its centre if pixels are points.
     pub origin: [f64; 2],
     /// Steps eastwards and southwards, positive.
     pub steps: [f64; 2],
@@ -86,21 +86,21 @@ pub struct GeoTiff {
     pub points: bool,
     /// EPSG code: 4326, or of a UTM zone.
     pub epsg: u16,
-    /// Side of a tile, a multiple of 16; rows of a strip where it is none.
+    /// Side of a tile, a multiple of 16; `None` for strips.
     pub tile: Option<usize>,
     /// Rows of a strip.
     pub strip_rows: usize,
-    /// What is no height.
+    /// Value that marks a void.
     pub void: Option<f32>,
-    /// Whether strips or tiles are packed by Deflate.
+    /// Whether strips or tiles are compressed by Deflate.
     pub deflate: bool,
 }
 
 impl GeoTiff {
-    /// Its bytes, of heights by column and row.
+    /// Bytes of the file with heights by column and row.
     ///
     /// # Panics
-    /// If bytes cannot be packed.
+    /// If compression fails.
     pub fn bytes(&self, height_m: impl Fn(usize, usize) -> f32) -> Vec<u8> {
         let [columns, rows] = self.size;
         let (wide, high) = match self.tile {
@@ -114,7 +114,7 @@ impl GeoTiff {
                 let mut chunk = Vec::new();
                 for row in top..top + high {
                     for column in left..left + wide {
-                        // Beyond its end a strip has nothing, and a tile something.
+                        // A strip ends with the image; a tile is padded.
                         if self.tile.is_none() && row >= rows {
                             continue;
                         }
@@ -200,7 +200,7 @@ impl GeoTiff {
             tags.push((42113, 2, text.len(), text));
         }
         tags.sort_by_key(|tag| tag.0);
-        // What does not fit an entry lies before the directory.
+        // Values too long for an entry are before the directory.
         let mut entries = Vec::new();
         for (tag, kind, count, mut bytes) in tags {
             if bytes.len() > 4 {

@@ -20,11 +20,11 @@ use crate::plain_history::{complex, plain_pulse};
 /// A straight track with a sway across it.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    /// Where it is at time 0, metres.
+    /// Position at time 0, metres.
     pub start_m: DVec3,
-    /// Its speed, metres a second.
+    /// Velocity, m/s.
     pub velocity_m_s: DVec3,
-    /// Amplitude of a sway along y, of 7 Hz, metres.
+    /// Amplitude of a sway of 7 Hz along y, metres.
     pub sway_m: f64,
 }
 
@@ -45,13 +45,13 @@ pub const FLIGHT: Line = Line {
     sway_m: 0.0,
 };
 
-/// The only pair of most experiments.
+/// The antenna pair of most experiments.
 pub const PAIR: Pair = Pair {
     transmitter: 0,
     receiver: 0,
 };
 
-/// A sweep of `bandwidth_hz` in 1 us, sampled at 250 MHz for 2.5 us from 3.1 us on: 465 m to 840 m.
+/// A chirp of `bandwidth_hz` in 1 us, sampled at 250 MHz for 2.5 us from 3.1 us on: ranges 465 m to 840 m.
 pub fn pulsed(centre_hz: f64, bandwidth_hz: f64, rising: bool) -> Waveform {
     Waveform::Pulsed {
         centre_hz,
@@ -77,7 +77,7 @@ pub fn fmcw(falling: bool) -> Waveform {
     }
 }
 
-/// An antenna at `offset_m`, looking along y, alike everywhere.
+/// An isotropic antenna at `offset_m`, looking along y.
 pub fn antenna(name: &str, offset_m: DVec3) -> Antenna {
     Antenna {
         name: name.to_owned(),
@@ -107,7 +107,7 @@ pub fn five_points() -> Vec<Scatterer> {
     ]
 }
 
-/// [`FLIGHT`] past `points`, one antenna, nothing disturbed.
+/// [`FLIGHT`] past `points` with one antenna and no perturbation.
 pub fn experiment(waveform: Waveform, points: Vec<Scatterer>) -> Experiment {
     Experiment {
         name: "test".to_owned(),

@@ -1,4 +1,4 @@
-//! A line with faults, in front of whatever module there is.
+//! A faulty line in front of a module.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -8,45 +8,45 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture::module::link::Transport;
 
-/// Most bytes taken for the line at a time.
+/// Maximum of bytes given to the line at a time.
 const CHUNK_BYTES: usize = 2048;
 
-/// What goes wrong on a line. Counts of bytes are of those that went to the module.
+/// Faults of a line. Counts of bytes are of those sent to the module.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
-    /// Seed of all that is random.
+    /// Seed of the random faults.
     pub seed: u64,
-    /// Chance of every bit, both ways, to be wrong.
+    /// Probability of an error of each bit, in both directions.
     pub bit_errors: f64,
-    /// Chance of every byte, both ways, to be the first of up to 300 that vanish.
+    /// Probability that a byte, in either direction, is the first of up to 300 lost ones.
     pub cuts: f64,
-    /// Chance of every frame to the module of 100 bytes or more, a pulse, to vanish.
+    /// Probability that a frame of 100 bytes or more (a pulse) to the module is lost.
     pub dropped_pulses: f64,
-    /// After each of these counts of bytes the line is gone until it is connected anew.
+    /// The line fails after each of these counts of bytes, until it is reconnected.
     pub dies_at: Vec<u64>,
-    /// After each of these counts of bytes the module begins anew.
+    /// The module restarts after each of these counts of bytes.
     pub restarts_at: Vec<u64>,
-    /// After each of these counts of bytes the host reads nothing for a while.
+    /// The host stops reading for a time after each of these counts of bytes.
     pub stalls_at: Vec<(u64, Duration)>,
 }
 
-/// A module with its line, of which nothing is lost.
+/// A module with its lossless line.
 pub trait Device: Transport {
-    /// Makes the module begin anew; what it held is lost.
+    /// Restart the module; its memory is lost.
     ///
     /// # Errors
-    /// If it does not.
+    /// If the restart fails.
     fn restart(&mut self) -> io::Result<()>;
 }
 
-/// The host's end of a line with faults.
+/// The host's end of a faulty line.
 pub struct FaultyLine<D> {
     device: D,
     faults: Faults,
     random: ChaCha8Rng,
-    /// Bytes to the module so far.
+    /// Number of bytes sent to the module.
     sent: u64,
-    /// Damaged bytes that the line has not taken yet.
+    /// Damaged bytes not yet accepted by the line.
     queue: VecDeque<u8>,
     frame: Vec<u8>,
     dead: bool,
@@ -68,7 +68,7 @@ impl<D: Device> FaultyLine<D> {
         }
     }
 
-    /// The device, taken off the line.
+    /// The device without the line.
     pub fn into_device(self) -> D {
         self.device
     }
@@ -77,7 +77,7 @@ impl<D: Device> FaultyLine<D> {
         probability > 0.0 && f64::from(self.random.next_u32()) < probability * 4_294_967_296.0
     }
 
-    /// What is left of bytes that go over the line.
+    /// Bytes after the faults of the line.
     fn damage(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut left = Vec::with_capacity(bytes.len());
         let mut gone = 0;
@@ -89,7 +89,7 @@ impl<D: Device> FaultyLine<D> {
                 gone -= 1;
                 continue;
             }
-            // Two wrong bits in a byte are rarer than anything here needs.
+            // Two wrong bits in one byte are rare enough to be ignored.
             let wrong = self.chance(8.0 * self.faults.bit_errors);
             left.push(match wrong {
                 true => byte ^ (1 << (self.random.next_u32() % 8)),
@@ -99,7 +99,7 @@ impl<D: Device> FaultyLine<D> {
         left
     }
 
-    /// Takes out frames that are to vanish.
+    /// Remove frames that are lost.
     fn drop_frames(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mut left = Vec::new();
         for &byte in bytes {
@@ -138,7 +138,7 @@ impl<D: Device> FaultyLine<D> {
     }
 }
 
-/// The first of `list` that `sent` has come to, taken off.
+/// Remove and return the first of `list` whose count `sent` has reached.
 fn reached<T: Copy>(list: &mut Vec<T>, sent: u64, at: impl Fn(T) -> u64) -> Option<T> {
     let place = list.iter().position(|&entry| at(entry) <= sent)?;
     Some(list.remove(place))

@@ -1,4 +1,4 @@
-//! Running the firmware under emulation, and reading what is where from its ELF. It is built by `cargo xtask`'s own way.
+//! Run the firmware under emulation, and read the sections of its ELF. It is built as `cargo xtask` builds it.
 
 use std::fs;
 use std::io::Read;
@@ -11,17 +11,17 @@ use object::{Object, ObjectSection, ObjectSegment};
 pub use subaperture_xtask::firmware::{Build, TARGET, build, module, try_build};
 pub use subaperture_xtask::target_folder;
 
-/// Most runs take less than a second; a hang must not hang the tests.
+/// Most runs take less than a second; the limit stops one that hangs.
 pub const TIME_LIMIT: Duration = Duration::from_secs(60);
 
 /// Options of the emulator that tie its time to instructions.
 pub const INSTRUCTION_TIME: [&str; 2] = ["-icount", "shift=5"];
 
-/// Starts an ELF under emulation. Its log, on the second UART, is the emulator's standard output. Semihosting is on:
-/// programs that are tests end the emulator by it.
+/// Start an ELF under emulation. Its log, on the second UART, is the emulator's standard output. Semihosting is on, so that test programs
+/// can end the emulator.
 ///
 /// # Panics
-/// If there is no emulator.
+/// If the emulator is missing.
 pub fn emulator(elf: &Path, options: &[&str]) -> Child {
     let linked = options.contains(&"-serial");
     Command::new("qemu-system-arm")
@@ -43,7 +43,7 @@ pub fn emulator(elf: &Path, options: &[&str]) -> Child {
         .expect("the emulator is missing: apt-get install qemu-system-arm")
 }
 
-/// Runs an ELF to its end under emulation; what it printed.
+/// Run an ELF to its end under emulation, and return its output.
 ///
 /// # Panics
 /// If it fails, or does not end within [`TIME_LIMIT`].
@@ -51,7 +51,7 @@ pub fn emulate(elf: &Path, options: &[&str]) -> String {
     finish(emulator(elf, options))
 }
 
-/// Waits for an emulator of a program that prints a few lines and ends; what it printed.
+/// Wait for the emulator of a program that prints a few lines and ends, and return its output.
 ///
 /// # Panics
 /// If it fails, or does not end within [`TIME_LIMIT`].
@@ -68,7 +68,7 @@ pub fn finish(mut emulator: Child) -> String {
         }
         std::thread::sleep(Duration::from_millis(20));
     };
-    // A few lines: they fit the pipes, so reading them after the end cannot block the emulator.
+    // A few lines fit the pipes, so reading them after the end cannot block the emulator.
     let (mut printed, mut errors) = (String::new(), String::new());
     let (stdout, stderr) = (emulator.stdout.take(), emulator.stderr.take());
     stdout.unwrap().read_to_string(&mut printed).unwrap();
@@ -83,11 +83,11 @@ pub fn finish(mut emulator: Child) -> String {
 /// A section of an ELF.
 #[derive(Clone, Debug)]
 pub struct Section {
-    /// Name, `.text` say.
+    /// Name, such as `.text`.
     pub name: String,
-    /// Where it is while the program runs.
+    /// Address at run time.
     pub address: u64,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
 }
 
@@ -107,7 +107,7 @@ pub fn sections(elf: &Path) -> Vec<Section> {
         .collect()
 }
 
-/// Bytes of an ELF that are loaded: code, constants, the initial values of `.data`.
+/// Bytes of an ELF that are loaded: code, constants, initial values of `.data`.
 ///
 /// # Panics
 /// If it cannot be read.

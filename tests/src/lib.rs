@@ -1,4 +1,4 @@
-//! Shared by the integration tests.
+//! Code shared by the integration tests.
 #![forbid(unsafe_code)]
 
 pub mod accuracy_table;
@@ -33,7 +33,7 @@ pub fn digest(bytes: impl IntoIterator<Item = u8>) -> u64 {
     })
 }
 
-/// Relative RMS error of `image` against `reference`, dB. Apart from the library's own comparison.
+/// Relative RMS error of `image` against `reference`, dB, independent of the library's comparison.
 ///
 /// # Panics
 /// If the images differ in size.

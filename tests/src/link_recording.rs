@@ -1,5 +1,5 @@
-//! A recording of a few seconds' work for a module: the radar of Schone 2020's table 4.1, every tenth
-//! pulse, a quarter of the frequencies, five points within 6 m.
+//! A recording of a few seconds of work for a module: the radar of Schone 2020's Table 4.1 with every tenth pulse, a quarter of the
+//! frequencies, and five points within 6 m.
 
 use std::path::Path;
 
@@ -10,10 +10,10 @@ use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Pulse};
 use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 
-/// Frequencies a pulse: 200 MHz in steps that are unambiguous over 48 m.
+/// Frequencies per pulse: 200 MHz in steps that are unambiguous over 48 m.
 const SAMPLES: usize = 64;
 
-/// The recording, 104 pulses.
+/// The recording with 104 pulses.
 pub fn recording() -> PointTargetHistory {
     let table = Preset::Table41.simulate(&Variation::default());
     let mut collection = table.collection().clone();
@@ -39,7 +39,7 @@ pub fn recording() -> PointTargetHistory {
     PointTargetHistory::new(collection, scatterers.to_vec(), None)
 }
 
-/// Writes it as a CPHD file.
+/// Write it as a CPHD file.
 ///
 /// # Panics
 /// If it cannot be written.

@@ -1,4 +1,4 @@
-//! A job of a second for a module, and the maps that have to come of it, bit by bit.
+//! A job of a second for a module, and its expected maps, bit by bit.
 
 use std::collections::BTreeMap;
 
@@ -17,13 +17,13 @@ pub const PULSES: usize = 46;
 /// Maps, of two patches.
 pub const MAPS: usize = 24;
 
-/// What the module is to do.
+/// Scene of the job.
 pub fn scene() -> Scene {
     let patches = vec![patch([3.0, -2.0, 0.5], 8, 3), patch([-4.0, 6.0, 0.0], 6, 2)];
     Scene::new(4, 16, 32, 16, PULSES, patches)
 }
 
-/// Its pulses as a recording.
+/// The scene's pulses as a recording.
 pub fn recorded(scene: &Scene) -> InMemory {
     let pulses = scene.pulses.iter().map(|pulse| Pulse {
         time_s: pulse.time_s,
@@ -46,7 +46,7 @@ pub fn recorded(scene: &Scene) -> InMemory {
     InMemory::new(collection, scene.samples.concat()).unwrap()
 }
 
-/// The job of it.
+/// The job on a recording of the scene.
 pub fn job<'a>(scene: &Scene, recording: &'a InMemory, encoding: Encoding) -> Job<'a> {
     let weights: Vec<f64> = scene
         .pulses
@@ -66,7 +66,7 @@ pub type Key = (u32, u16);
 /// Headers and samples of maps.
 pub type Kept = BTreeMap<Key, (MapHeader, Vec<Complex32>)>;
 
-/// The maps that there are to be, by the core on this machine.
+/// Expected maps, by the core on this machine.
 pub fn expected(scene: &Scene) -> Kept {
     let mut buffers = Box::new(FloatBuffers::<8, 40, 128, 24, 4>::new());
     let mut processor = buffers.processor();
@@ -102,7 +102,7 @@ pub fn expected(scene: &Scene) -> Kept {
     maps
 }
 
-/// Keeps what comes.
+/// Sink that keeps the received maps.
 #[derive(Default)]
 pub struct Keep(pub Kept);
 
@@ -129,10 +129,10 @@ pub fn bits(values: &[Complex32]) -> Vec<(u32, u32)> {
         .collect()
 }
 
-/// Asserts that maps are the core's own.
+/// Assert that maps equal those of the core.
 ///
 /// # Panics
-/// If one is not.
+/// If one differs.
 #[track_caller]
 pub fn judge(kept: &Kept) {
     let expected = expected(&scene());

@@ -1,4 +1,4 @@
-//! Maps of patches by their defining sum in float64: the oracle of whatever makes or reads maps.
+//! Maps of patches by their defining sum in float64: the oracle for code that makes or reads maps.
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -8,7 +8,7 @@ use subaperture::phase_history::{PhaseHistory, Pulse};
 use subaperture_core::Sc16;
 use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, Setup};
 
-/// The maps of all sub-CPIs and `patches`, sub-CPI by sub-CPI. `fast` weights sum to 1.
+/// Maps of all sub-CPIs and `patches`, by sub-CPI. The weights `fast` sum to 1.
 ///
 /// # Panics
 /// If the history cannot be read.
@@ -107,12 +107,12 @@ fn map(
     out
 }
 
-/// Gauss's nodes of a quadratic fitted to the antennas: normal equations, solved by elimination.
+/// Gaussian nodes of a quadratic fitted to the antenna positions: normal equations, solved by elimination.
 fn nodes(pulses: &[Pulse]) -> [Node; 2] {
     let middle = (pulses.len() as f64 - 1.0) / 2.0;
     let place = ((pulses.len() as f64).powi(2) - 1.0).sqrt() / 12f64.sqrt();
     let order = pulses.len().min(3);
-    // Slow time in units of the sub-CPI's half length, for equations of like size.
+    // Slow time in units of half the sub-CPI, for well-scaled equations.
     let scale = middle.max(1.0);
     let fit = |value: &dyn Fn(&Pulse) -> f64, u: f64| {
         let base = value(&pulses[0]);
@@ -154,10 +154,10 @@ fn nodes(pulses: &[Pulse]) -> [Node; 2] {
     })
 }
 
-/// The same map in blocks of a common exponent, each sample's part rounded to the nearest of 16 bits.
+/// The same map in blocks with a common exponent, each part of a sample rounded to 16 bits.
 ///
 /// # Panics
-/// If the map is one already.
+/// If the map is in blocks already.
 pub fn in_blocks(map: &OwnedMap) -> OwnedMap {
     let OwnedSamples::Float(samples) = &map.samples else {
         panic!("a map in float32 is needed");
@@ -168,7 +168,7 @@ pub fn in_blocks(map: &OwnedMap) -> OwnedMap {
             let largest = block
                 .iter()
                 .fold(0f32, |a, z| a.max(z.re.abs()).max(z.im.abs()));
-            // Below 2^exponent by one part in 2^15, which rounding may not carry over.
+            // Below 2^exponent by one part in 2^15, so that rounding cannot overflow.
             let exponent = if largest > 0.0 {
                 (largest * (1.0 + 1.0 / 16384.0)).log2().floor() as i8 + 1
             } else {
@@ -191,7 +191,7 @@ pub fn in_blocks(map: &OwnedMap) -> OwnedMap {
     }
 }
 
-/// Fast-time weights that sum to 1, as a module has them.
+/// Fast-time weights with sum 1, as a module uses them.
 pub fn fast_weights(weights: &[f64]) -> Vec<f32> {
     let sum: f64 = weights.iter().sum();
     weights.iter().map(|w| (w / sum) as f32).collect()

@@ -1,9 +1,8 @@
-//! Writes MATLAB level 5 files for tests, from MathWorks' description of the format; independent of
-//! the library's reader.
+//! Writer of MATLAB level 5 files from MathWorks' description of the format, independent of the library's reader.
 
 use std::io::Write;
 
-/// What a field or variable holds.
+/// Value of a field or variable.
 #[derive(Clone, Debug)]
 pub enum Value {
     /// Class double, stored as doubles. Rows, columns, values in column-major order.
@@ -19,7 +18,7 @@ pub enum Value {
     /// A structure of these dimensions, fields element after element.
     Structure(i32, i32, Vec<(&'static str, Value)>),
     /// An element of no bytes: MATLAB's short form of `[]`.
-    Nothing,
+    Empty,
 }
 
 fn element(kind: u32, data: &[u8]) -> Vec<u8> {
@@ -43,7 +42,7 @@ fn bytes<const N: usize, T: Copy>(values: &[T], to: impl Fn(T) -> [u8; N]) -> Ve
 /// A `miMATRIX` element.
 pub fn matrix(name: &str, value: &Value) -> Vec<u8> {
     let (class, flags, rows, columns) = match value {
-        Value::Nothing => return element(14, &[]),
+        Value::Empty => return element(14, &[]),
         Value::Double(r, c, _) | Value::Compact(r, c, _) => (6, 0, *r, *c),
         Value::Single(r, c, _) => (7, 0, *r, *c),
         Value::Complex(r, c, ..) => (7, 8, *r, *c),
@@ -75,12 +74,12 @@ pub fn matrix(name: &str, value: &Value) -> Vec<u8> {
                 body.extend(matrix("", value));
             }
         }
-        Value::Nothing => {}
+        Value::Empty => {}
     }
     element(14, &body)
 }
 
-/// `element` packed by zlib in a `miCOMPRESSED` element.
+/// `element` compressed by zlib in a `miCOMPRESSED` element.
 pub fn compressed(element: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
     encoder
@@ -122,7 +121,7 @@ pub fn gotcha_fields() -> Vec<(&'static str, Value)> {
             "r0",
             Value::Double(1, 3, vec![10_042.0, 10_043.0, 10_044.0]),
         ),
-        ("th", Value::Nothing),
+        ("th", Value::Empty),
         (
             "af",
             Value::Structure(1, 1, vec![("r_corr", Value::Double(1, 1, vec![0.0]))]),

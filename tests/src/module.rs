@@ -1,4 +1,4 @@
-//! A module in a thread of this process: the firmware's own station on a line.
+//! A module in a thread of this process: the firmware's endpoint on a line.
 
 use std::collections::VecDeque;
 use std::io;
@@ -22,12 +22,12 @@ use crate::sweep_scene::SceneProfiler;
 
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
 type Float = FloatBuffers<8, 40, 128, 24, 4>;
-/// The same in fixed point, 3 exponents a row.
+/// The same in fixed point, with 3 exponents per row.
 type Fixed = FixedBuffers<8, 40, 128, 24, 3, 4>;
-/// Most samples of a row of a map.
+/// Maximum of samples in a row of a map.
 const ROW: usize = 128;
 
-/// Bytes that a direction of the line holds: a small part of a map, so that each side feels the other.
+/// Bytes that each direction of the line can hold: a small part of a map, so that each side affects the other.
 const LINE_BYTES: usize = 2048;
 
 /// One direction of a line.
@@ -60,7 +60,7 @@ impl Pipe {
     }
 }
 
-/// A module, and the host's end of the line to it.
+/// A module, and the host's end of its line.
 pub struct Module {
     to: Arc<Pipe>,
     from: Arc<Pipe>,
@@ -69,17 +69,17 @@ pub struct Module {
     thread: Option<JoinHandle<()>>,
 }
 
-/// How it computes.
+/// Arithmetic and speed of a module.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Manner {
-    /// It is slowed down: a pause after every piece of work.
+    /// Pause after every step, which slows the module down.
     pub pause: Duration,
-    /// It computes in fixed point.
+    /// Whether it computes in fixed point.
     pub fixed: bool,
 }
 
 impl Module {
-    /// Starts a module.
+    /// Start a module.
     pub fn start(manner: Manner) -> Self {
         let (to, from) = (Arc::<Pipe>::default(), Arc::<Pipe>::default());
         let (restart, end) = (Arc::<AtomicBool>::default(), Arc::<AtomicBool>::default());
@@ -111,7 +111,7 @@ impl Module {
         }
     }
 
-    /// A module behind a line with faults.
+    /// A module behind a faulty line.
     pub fn behind(faults: Faults, manner: Manner) -> FaultyLine<Self> {
         FaultyLine::new(Self::start(manner), faults)
     }
@@ -150,7 +150,7 @@ impl Drop for Module {
     }
 }
 
-/// Serves the line until `over`; what the module held is gone then.
+/// Serve the line until `over`; the module's memory is lost then.
 fn serve<E: WireEngine>(
     processor: SubCpiProcessor<'_, E>,
     to: &Pipe,

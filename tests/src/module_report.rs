@@ -1,8 +1,7 @@
-//! What the module costs: memory by region, stack, instructions by stage, bytes on the link.
+//! Costs of the module: memory by region, stack, instructions by stage, bytes on the link.
 //!
-//! [`measure`] builds and runs one configuration, [`render`] writes `firmware/REPORT.md` of all,
-//! `tests/firmware/budgets.rs` holds them to their budgets. The same compiler gives the same figures on
-//! every machine.
+//! [`measure`] builds and runs one configuration, [`render`] writes `firmware/REPORT.md` for all, and `tests/firmware/budgets.rs` checks
+//! their budgets. The same compiler gives the same figures on every machine.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -12,7 +11,7 @@ use subaperture_xtask::root;
 
 use crate::firmware::{Build, INSTRUCTION_TIME, emulate, flash_bytes, sections, try_build};
 
-/// What the module is built for: name, features.
+/// Configurations of the module: name, features.
 pub const CONFIGURATIONS: [(&str, &str); 4] = [
     ("small fixed", "size-small,fixed"),
     ("medium float", ""),
@@ -20,19 +19,19 @@ pub const CONFIGURATIONS: [(&str, &str); 4] = [
     ("large float", "size-large"),
 ];
 
-/// Figures of one configuration, by name.
+/// Figures of one configuration by name.
 #[derive(Clone, Debug)]
 pub struct Figures {
-    /// The configuration's.
+    /// Name of the configuration.
     pub name: &'static str,
     values: BTreeMap<String, u64>,
 }
 
 impl Figures {
-    /// A figure.
+    /// Value of a figure.
     ///
     /// # Panics
-    /// If there is none of that name.
+    /// If no figure has that name.
     pub fn get(&self, name: &str) -> u64 {
         match self.values.get(name) {
             Some(value) => *value,
@@ -40,21 +39,21 @@ impl Figures {
         }
     }
 
-    /// All names.
+    /// Names of all figures.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.values.keys().map(String::as_str)
     }
 
-    /// Map without Keystone, over its range transforms.
+    /// Instructions of a map without Keystone over those of its range transforms.
     pub fn ratio(&self) -> f64 {
         (self.get("map") - self.get("keystone")) as f64 / self.get("ffts") as f64
     }
 }
 
-/// Builds and measures one of [`CONFIGURATIONS`].
+/// Build and measure one of [`CONFIGURATIONS`].
 ///
 /// # Errors
-/// What could not be built.
+/// Output of a build that failed.
 ///
 /// # Panics
 /// If the emulator fails.
@@ -137,12 +136,12 @@ fn regions(elf: &Path) -> [(&'static str, u64); 3] {
     ]
 }
 
-/// Where the report is.
+/// Path of the report.
 pub fn place() -> PathBuf {
     root().join("firmware/REPORT.md")
 }
 
-/// Measures all configurations.
+/// Measure all configurations.
 ///
 /// # Errors
 /// As [`measure`].
@@ -153,7 +152,7 @@ pub fn measure_all() -> Result<Vec<Figures>, String> {
         .collect()
 }
 
-/// The report.
+/// Text of the report.
 pub fn render(all: &[Figures]) -> String {
     let mut text = HEAD.to_owned();
     let mut table = |title: &str, lines: &[(&str, Show)]| {
@@ -285,7 +284,7 @@ pub fn render(all: &[Figures]) -> String {
     text
 }
 
-/// How a figure is shown.
+/// Format of a figure.
 #[derive(Clone, Copy)]
 enum Show {
     Count(&'static str),

@@ -1,6 +1,6 @@
-//! NumPy's files, written from their description and not by the library.
+//! NumPy's files, written from their description without the library.
 
-/// `numpy.save` of values of a kind, by the format's description.
+/// `numpy.save` of values of type `kind`, by the format's description.
 pub fn array(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
     let mut file = b"\x93NUMPY\x01\x00".to_vec();
@@ -10,7 +10,7 @@ pub fn array(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     file
 }
 
-/// An archive whose members are stored.
+/// An archive with uncompressed members.
 pub fn stored(members: &[(&str, &[u8])]) -> Vec<u8> {
     let (mut file, mut directory) = (Vec::new(), Vec::new());
     for (name, data) in members {

@@ -1,4 +1,4 @@
-//! A radar of several receivers that goes past reflectors in a plane: its samples by plain sums over scatterers in float64, and its true way.
+//! A radar with several receivers passing reflectors in a plane: its samples by plain float64 sums over scatterers, and its true motion.
 
 use std::f64::consts::TAU;
 
@@ -15,21 +15,21 @@ use crate::random::Random;
 
 const C_M_S: f64 = 299_792_458.0;
 
-/// Frequencies a pulse.
+/// Frequencies per pulse.
 pub const FREQUENCIES: usize = 64;
 /// Points of the range transform.
 pub const BINS: usize = 256;
-/// From 77 to 78 GHz.
+/// Band from 77 to 78 GHz.
 pub const START_HZ: f64 = 77e9;
-/// From sample to sample: ranges repeat after 9.6 m.
+/// Frequency step; ranges are ambiguous after 9.6 m.
 pub const STEP_HZ: f64 = 1e9 / 64.0;
 
-/// Wavelength of the middle of the band, metres.
+/// Wavelength at mid-band, metres.
 pub fn wavelength_m() -> f64 {
     C_M_S / (START_HZ + 0.5 * (FREQUENCIES - 1) as f64 * STEP_HZ)
 }
 
-/// What the odometer is told.
+/// Settings of the odometer.
 pub fn setup() -> Setup {
     Setup {
         num_frequencies: FREQUENCIES as u16,
@@ -47,28 +47,28 @@ pub fn setup() -> Setup {
     }
 }
 
-/// Place, and angle counterclockwise.
+/// Position, metres, and counterclockwise angle, radians.
 pub type Pose = ([f64; 2], f64);
 
 /// Antennas, reflectors and noise.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// In the array's frame, whose origin is the middle between the mean of the transmitters and that of the receivers.
+    /// Positions in the array's frame, whose origin is midway between the means of the transmitters and of the receivers, metres.
     pub transmitters_m: Vec<[f64; 2]>,
-    /// The same.
+    /// Positions of the receivers in the same frame, metres.
     pub receivers_m: Vec<[f64; 2]>,
-    /// Places and amplitudes.
+    /// Positions and amplitudes.
     pub reflectors: Vec<([f64; 2], f64)>,
     /// RMS of a sample's noise.
     pub noise: f64,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
-    /// To which path samples are compensated, metres.
+    /// Path to which samples are compensated, metres.
     pub reference_path_m: f64,
 }
 
 impl Scene {
-    /// A transmitter and so many receivers half a wavelength apart; four reflectors from 2.4 to 6.9 m, all told apart by range.
+    /// One transmitter and `receivers` receivers half a wavelength apart; four reflectors from 2.4 to 6.9 m, all resolved in range.
     pub fn new(receivers: usize) -> Self {
         let half_m = 0.5 * wavelength_m();
         let middle = 0.5 * (receivers - 1) as f64;
@@ -88,21 +88,21 @@ impl Scene {
         }
     }
 
-    /// With such noise that a reflector of amplitude 1 has this SNR in its range cell.
+    /// Set the noise for which a reflector of amplitude 1 has this SNR in its range cell.
     #[must_use]
     pub fn with_snr_db(mut self, snr_db: f64, seed: u64) -> Self {
-        // Taylor's window of 50 dB takes 1.6 dB: of 64 samples 44 are left.
+        // Taylor's window of 50 dB has a loss of 1.6 dB: 44 of 64 samples remain.
         self.noise = (44.0 / 10f64.powf(0.1 * snr_db)).sqrt();
         self.seed = seed;
         self
     }
 
-    /// Channels.
+    /// Number of channels.
     pub fn channels(&self) -> usize {
         self.transmitters_m.len() * self.receivers_m.len()
     }
 
-    /// For the core.
+    /// Antennas in the core's type.
     pub fn antennas(&self) -> Antennas<'_> {
         Antennas {
             transmitters_m: &self.transmitters_m,
@@ -111,7 +111,7 @@ impl Scene {
         }
     }
 
-    /// Samples of a pulse, channel by channel.
+    /// Samples of a pulse by channel.
     pub fn pulse(&self, n: usize) -> Vec<Vec<Complex32>> {
         let (at_m, heading_rad) = pose(n);
         let (sin, cos) = heading_rad.sin_cos();
@@ -143,9 +143,9 @@ impl Scene {
     }
 }
 
-/// As the library reads recordings.
+/// The scene as the library's recordings.
 impl Scene {
-    /// Each channel's pulses, with the antennas' true places.
+    /// Pulses of each channel with the true antenna positions.
     ///
     /// # Panics
     /// If there are no pulses.
@@ -188,10 +188,10 @@ impl Scene {
         each.collect()
     }
 
-    /// What the core, run here, says of its pulses.
+    /// Increments of the core on this machine.
     ///
     /// # Panics
-    /// If it does not take them, or most bring no motion.
+    /// If the core refuses the pulses, or most give no increment.
     pub fn increments(&self, pulses: usize) -> Vec<Increment> {
         let mut odometer = Box::new(Odometer::<8, 4, FREQUENCIES, BINS>::new());
         odometer
@@ -208,7 +208,7 @@ impl Scene {
             let step = loop {
                 match odometer.work() {
                     Progress::Busy => {}
-                    Progress::Idle => panic!("pulse {n} brought nothing"),
+                    Progress::Idle => panic!("pulse {n} gave no increment"),
                     Progress::Step(step) => break step,
                 }
             };
@@ -219,7 +219,7 @@ impl Scene {
         all
     }
 
-    /// All channels of a recording.
+    /// All channels of the recording.
     ///
     /// # Panics
     /// As [`Scene::recorded`].
@@ -233,7 +233,7 @@ impl Scene {
     }
 }
 
-/// What the link makes of a step.
+/// A step as the link transmits it.
 pub fn as_sent(step: &Step) -> Increment {
     Increment {
         pulse: step.pulse,
@@ -250,14 +250,14 @@ pub fn as_sent(step: &Step) -> Increment {
     }
 }
 
-/// Where the radar is at pulse `n`: 0.7 mm a pulse along x, and some of all else.
+/// Pose at pulse `n`: 0.7 mm per pulse along x, and small changes in the other components.
 pub fn pose(n: usize) -> Pose {
     let u = n as f64 / 300.0;
     let sway = |cycles: f64| (TAU * cycles * u).sin();
     ([0.21 * u, 0.002 * sway(2.0)], 0.01 * sway(1.5))
 }
 
-/// From a pose to another: along the array and ahead in the former's frame, and the turn.
+/// Increment between two poses: along the array and ahead in the first pose's frame, metres, and the rotation, radians.
 pub fn between(from: Pose, to: Pose) -> ([f64; 2], f64) {
     let (sin, cos) = from.1.sin_cos();
     let [x, y] = [to.0[0] - from.0[0], to.0[1] - from.0[1]];

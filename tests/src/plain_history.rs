@@ -1,4 +1,4 @@
-//! Numbers of a phase history handed to [`crate::plain_sum`], and its results as the library's types have them.
+//! Phase history in the form of [`crate::plain_sum`], and its results as the library's types.
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -8,7 +8,7 @@ use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Weights};
 use crate::experiment::read_whole;
 use crate::plain_sum::{Complex, PlainPulse, PlainSum};
 
-/// A pulse's numbers.
+/// A pulse of the plain sum with a slow-time weight.
 pub fn plain_pulse(pulse: &Pulse, weight: f64) -> PlainPulse {
     PlainPulse {
         transmitter_m: pulse.transmitter_m.to_array(),
@@ -25,7 +25,7 @@ pub fn plain_samples(samples: &[Complex32]) -> Vec<Complex> {
     samples.iter().map(|z| [z.re.into(), z.im.into()]).collect()
 }
 
-/// All pulses of a history.
+/// A history with its weights for the plain sum.
 pub fn plain_sum(history: &dyn PhaseHistory, weights: &Weights) -> PlainSum {
     let pulses = history.collection().pulses.iter().zip(&weights.slow);
     PlainSum {
@@ -37,7 +37,7 @@ pub fn plain_sum(history: &dyn PhaseHistory, weights: &Weights) -> PlainSum {
     }
 }
 
-/// Echoes of unit scatterers, or of any amplitude, by the plain sum, in float32.
+/// Echoes of scatterers by the plain sum, rounded to float32.
 pub fn plain_echoes(collection: &Collection, scatterers: &[([f64; 3], Complex)]) -> Vec<Complex32> {
     let mut samples = Vec::new();
     for pulse in &collection.pulses {
@@ -50,7 +50,7 @@ pub fn plain_echoes(collection: &Collection, scatterers: &[([f64; 3], Complex)])
     samples
 }
 
-/// Where the pixels of a grid are, row by row.
+/// Pixel positions of a grid by row, metres.
 pub fn pixels_m(grid: &ImageGrid) -> Vec<DVec3> {
     let columns = grid.columns.count;
     (0..grid.rows.count * columns)
@@ -58,7 +58,7 @@ pub fn pixels_m(grid: &ImageGrid) -> Vec<DVec3> {
         .collect()
 }
 
-/// The image of a history at every pixel of a grid, by the plain sum.
+/// Image of a history on a grid by the plain sum.
 pub fn plain_image(
     history: &dyn PhaseHistory,
     weights: &Weights,

@@ -1,4 +1,4 @@
-//! The image and the samples by the sums that define them: plain float64, for tests to judge the library by.
+//! The image and the samples by their defining sums in plain float64, the oracle for tests of the library.
 //!
 //! ```text
 //! z[n][k] = sum_s a_s exp(-j 2 pi f_nk r_nk(s) / c)                                                 (echoes)
@@ -7,20 +7,20 @@
 //!
 //! with `f_nk = start_hz + k step_hz` and `r_nk` the two-way path less the pulse's reference path (Schone 2020, (2.11) and section 1.2).
 //!
-//! This module uses `std` and nothing else (`tests/cli/sources.rs` holds it to that): no code of the library, no complex type, no vector type.
-//! Every term has a sine and a cosine of its own. Nothing is approximated: the error is that of `f r / c` in float64, `2^-53` of some
-//! 10^5 to 10^6 cycles, 1e-10 cycles or -180 dB.
+//! This module uses only `std` (`tests/cli/sources.rs` checks it): no code of the library, no complex type, no vector type. Every term has
+//! its own sine and cosine without approximations. The error is that of `f r / c` in float64, `2^-53` of some 10^5 to 10^6 cycles, 1e-10
+//! cycles or -180 dB.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Speed of light in vacuum, metres a second.
+/// Speed of light in vacuum, m/s.
 pub const LIGHT_M_S: f64 = 299_792_458.0;
 
 /// Real and imaginary part.
 pub type Complex = [f64; 2];
 
-/// What the sums need of a pulse.
+/// Parameters of a pulse in the sums.
 #[derive(Clone, Copy, Debug)]
 pub struct PlainPulse {
     /// Transmitter, metres.
@@ -31,9 +31,9 @@ pub struct PlainPulse {
     pub reference_path_m: f64,
     /// Frequency of sample 0, hertz.
     pub start_hz: f64,
-    /// Frequency from sample to sample, hertz.
+    /// Frequency step between samples, hertz.
     pub step_hz: f64,
-    /// Weight in slow time.
+    /// Slow-time weight.
     pub weight: f64,
 }
 
@@ -49,7 +49,7 @@ impl PlainPulse {
             - self.reference_path_m
     }
 
-    /// Sample `k` of scatterers, each a place and an amplitude.
+    /// Sample `k` of an echo of scatterers `(position, amplitude)`.
     pub fn echo(&self, k: usize, scatterers: &[([f64; 3], Complex)]) -> Complex {
         let mut sum = [0.0; 2];
         for &(point_m, amplitude) in scatterers {
@@ -59,7 +59,7 @@ impl PlainPulse {
         sum
     }
 
-    /// What this pulse adds to a point, not normalised: the path of sample `k` is `relative_path_m(k)`.
+    /// Contribution of this pulse to a point, not normalised; `relative_path_m(k)` is the path of sample `k`.
     pub fn matched(
         &self,
         samples: &[Complex],
@@ -80,11 +80,11 @@ impl PlainPulse {
 /// Pulses, their samples and weights.
 #[derive(Clone, Debug)]
 pub struct PlainSum {
-    /// Pulses with their weights in slow time.
+    /// Pulses with their slow-time weights.
     pub pulses: Vec<PlainPulse>,
-    /// Samples, pulse by pulse.
+    /// Samples by pulse.
     pub samples: Vec<Complex>,
-    /// Weights over a pulse's samples.
+    /// Weights over the samples of a pulse.
     pub fast: Vec<f64>,
 }
 
@@ -94,14 +94,14 @@ impl PlainSum {
         &self.samples[n * self.fast.len()..(n + 1) * self.fast.len()]
     }
 
-    /// The image at points that stand still: every sample of a pulse at the pulse's antennas.
+    /// Image at stationary points, without intra-pulse motion.
     pub fn at(&self, points_m: &[[f64; 3]]) -> Vec<Complex> {
         self.by_paths(points_m.len(), |i, n, _| {
             self.pulses[n].relative_path_m(points_m[i])
         })
     }
 
-    /// The image at `count` points, whatever moves: the path of point `i` in sample `k` of pulse `n` is `relative_path_m(i, n, k)`.
+    /// Image at `count` points with arbitrary motion: `relative_path_m(i, n, k)` is the path of point `i` in sample `k` of pulse `n`.
     pub fn by_paths(
         &self,
         count: usize,
@@ -121,14 +121,14 @@ impl PlainSum {
     }
 }
 
-/// A unit scatterer's sample at a frequency, by its path less the reference path: `exp(-j 2 pi f r / c)`.
+/// Sample of a unit scatterer at a frequency with its path less the reference path: `exp(-j 2 pi f r / c)`.
 pub fn unit_echo(frequency_hz: f64, relative_path_m: f64) -> Complex {
     let cycles = frequency_hz * (relative_path_m / LIGHT_M_S);
     let (sin, cos) = (-TAU * (cycles - cycles.round())).sin_cos();
     [cos, sin]
 }
 
-/// Hamming's weights at the middles of `count` equal parts of the window.
+/// Hamming weights at the centres of `count` equal parts of the window.
 pub fn hamming(count: usize) -> Vec<f64> {
     let at = |k: usize| (k as f64 + 0.5) / count as f64 - 0.5;
     (0..count)
@@ -146,7 +146,7 @@ fn add_product(sum: &mut Complex, [a, b]: Complex, [c, d]: Complex) {
     sum[1] += a * d + b * c;
 }
 
-/// Results of `0..count` in order, on all processors.
+/// Results of `0..count` in order, computed on all processors.
 fn in_parts(count: usize, work: impl Fn(Range<usize>) -> Vec<Complex> + Sync) -> Vec<Complex> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let length = count.div_ceil(threads).max(1);

@@ -1,4 +1,4 @@
-//! Numbers without a pattern that matters, from a seed.
+//! Pseudo-random numbers from a seed.
 
 use std::f64::consts::TAU;
 
@@ -16,12 +16,12 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// From 0 (included) to 1.
+    /// Uniform from 0 (included) to 1.
     pub fn uniform(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Two of mean 0 and variance 1 (Box and Muller).
+    /// Two normal numbers of mean 0 and variance 1 (Box and Muller).
     pub fn gaussians(&mut self) -> [f64; 2] {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         let (sin, cos) = (TAU * self.uniform()).sin_cos();

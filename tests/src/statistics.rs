@@ -1,6 +1,6 @@
-//! What benches make of times.
+//! Statistics of times for benchmarks.
 
-/// The slope of the line of least squares through the logarithms of `(size, time)`: the exponent of a power law. `None` of fewer than two sizes.
+/// Exponent of a power law: slope of the least-squares line through the logarithms of `(size, time)`. `None` for fewer than two sizes.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs = points.iter().map(|(size, time)| (size.ln(), time.ln()));
     let count = points.len() as f64;
@@ -16,7 +16,7 @@ pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     (squares > 0.0).then(|| products / squares)
 }
 
-/// The lower quartile, the median and the upper quartile, between values where none is at the place; `None` of nothing.
+/// Lower quartile, median and upper quartile, interpolated linearly; `None` without values.
 pub fn quartiles(values: &[f64]) -> Option<[f64; 3]> {
     let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
@@ -29,7 +29,7 @@ pub fn quartiles(values: &[f64]) -> Option<[f64; 3]> {
     }))
 }
 
-/// Whether `ratios` of new times to old ones tell of a slowdown by more than `limit`: three quarters of them exceed it.
+/// Whether `ratios` of new times to old ones indicate a slowdown by more than `limit`: three quarters of them exceed it.
 pub fn is_slower(ratios: &[f64], limit: f64) -> bool {
     quartiles(ratios).is_some_and(|[lower, _, _]| lower > limit)
 }

@@ -11,7 +11,7 @@ use subaperture_core::stream::{Patch, PatchMap, Setup};
 
 const C: f64 = 299_792_458.0;
 
-/// A run of simulated pulses, and what is wanted of it.
+/// A run of simulated pulses with its settings.
 pub struct Scene {
     /// Settings.
     pub setup: Setup,
@@ -34,7 +34,7 @@ pub fn patch(centre_m: [f64; 3], range_reach: u16, doppler_reach: u16) -> Patch 
     }
 }
 
-/// All samples of a map, row by row, by its own account of them.
+/// All samples of a map by row, in the map's own indexing.
 pub fn at(map: &PatchMap<'_>) -> Vec<Complex32> {
     let patch = &map.header.patch;
     let (q, g) = (i32::from(patch.doppler_reach), i32::from(patch.range_reach));
@@ -69,7 +69,7 @@ fn uniform(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 impl Scene {
-    /// Nine scatterers over 16 m and noise, seen from 800 m by a bent, shaken track.
+    /// Nine scatterers over 16 m and noise, seen from 800 m on a bent track with jitter.
     pub fn new(
         num_pulses: u16,
         num_frequencies: u16,
@@ -156,7 +156,7 @@ impl Scene {
         scene
     }
 
-    /// One unit scatterer, no noise, no windows, one sub-CPI.
+    /// One unit scatterer without noise and windows, one sub-CPI.
     pub fn point(
         num_pulses: u16,
         num_frequencies: u16,
@@ -232,7 +232,7 @@ impl Scene {
             .collect()
     }
 
-    /// Least-squares line of a point's path relative to the patch's centre: metres, metres a pulse.
+    /// Least-squares line of a point's path relative to the patch centre: metres, and metres per pulse.
     pub fn line(&self, point: [f64; 3], patch: usize) -> (f64, f64) {
         let centre = self.patches[patch].centre_m;
         let middle = (self.pulses.len() as f64 - 1.0) / 2.0;
@@ -248,7 +248,7 @@ impl Scene {
     }
 }
 
-/// Path by way of `point` less the reference, metres.
+/// Path via `point` less the reference, metres.
 fn path(pulse: &Pulse, point: [f64; 3]) -> f64 {
     distance(pulse.transmitter_m, point) + distance(pulse.receiver_m, point)
         - pulse.reference_path_m

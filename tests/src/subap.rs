@@ -1,4 +1,4 @@
-//! The command `subap` as its users run it.
+//! Runs of the command `subap`.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -15,32 +15,31 @@ pub fn program() -> &'static Path {
     PROGRAM.get_or_init(|| built(&["--bin", "subap"]))
 }
 
-/// An example of the library, built likewise.
+/// An example of the library, built in the same way.
 pub fn example(name: &str) -> PathBuf {
     built(&["--example", name])
 }
 
-fn built(what: &[&str]) -> PathBuf {
+fn built(selection: &[&str]) -> PathBuf {
     let mut cargo = subaperture_xtask::cargo();
     cargo
         .args([
-            // The packages that are tested together: another selection has other features of
-            // dependencies, and all would be built once more.
+            // The packages of the tests: another selection would enable other features of dependencies, and build all of them again.
             "build",
             "--quiet",
             "--workspace",
             "--exclude",
             "subaperture-firmware",
         ])
-        .args(what)
+        .args(selection)
         .args(["--message-format", "json-render-diagnostics"])
         .stderr(Stdio::inherit());
-    // The dev profile keeps debug assertions on and release does not.
+    // The dev profile has debug assertions, and the release profile has not.
     if !cfg!(debug_assertions) {
         cargo.arg("--release");
     }
     let output = cargo.output().expect("cargo starts");
-    assert!(output.status.success(), "{what:?} does not build");
+    assert!(output.status.success(), "{selection:?} does not build");
     String::from_utf8(output.stdout)
         .expect("cargo prints UTF-8")
         .lines()
@@ -49,7 +48,7 @@ fn built(what: &[&str]) -> PathBuf {
         .expect("cargo names the executable")
 }
 
-/// What a run of `subap` printed and how it ended.
+/// Output and exit status of a run of `subap`.
 #[derive(Debug)]
 pub struct Ran {
     /// Exit status; `None` if a signal ended it.
@@ -79,14 +78,13 @@ impl Ran {
         &self.stdout
     }
 
-    /// Whether it printed no error and no warning. Progress, which comes of slow machines, is no trouble.
+    /// Whether it printed no error and no warning. Progress, which appears on slow machines, is ignored.
     pub fn is_untroubled(&self) -> bool {
         let begins = |line: &str| line.starts_with("error:") || line.starts_with("warning:");
         !self.stderr.lines().any(begins)
     }
 
-    /// Asserts exit status `code` and a message for people that says each of `parts`: no panic, no
-    /// backtrace, no `Debug` print.
+    /// Assert exit status `code` and a message that contains each of `parts`, without panic, backtrace or `Debug` output.
     #[track_caller]
     pub fn failed(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "{self:?}");
@@ -113,7 +111,7 @@ impl Ran {
 /// A command line of `subap`, to be run in `folder`.
 pub fn command<A: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item = A>) -> Command {
     let mut command = Command::new(program());
-    // A backtrace in our output would be a fault even where the developer asks for them.
+    // A backtrace in the output is a fault even if the developer enables backtraces.
     command
         .args(arguments)
         .current_dir(folder)
@@ -128,7 +126,7 @@ pub fn run(folder: &Path, line: &str) -> Ran {
     output.expect("subap starts").into()
 }
 
-/// Every file and folder under `folder` with its size, to tell whether anything changed.
+/// Every file and folder under `folder` with its size, to detect changes.
 pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
     let mut found = BTreeMap::new();
     let mut folders = vec![folder.to_owned()];
@@ -136,7 +134,7 @@ pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
         for entry in std::fs::read_dir(&folder).expect("a folder that can be read") {
             let path = entry.expect("an entry").path();
             let about = match path.symlink_metadata() {
-                // Gone since the folder was read: what is at work there may have renamed it.
+                // Renamed or removed by another process after the folder was read.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 about => about.expect("metadata"),
             };

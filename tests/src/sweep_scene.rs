@@ -1,4 +1,4 @@
-//! A stepped-carrier radar's bursts, by plain sums over scatterers in float64: what its two receivers count.
+//! Bursts of a stepped-frequency radar by plain float64 sums over scatterers: the counts of its two receivers.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -13,37 +13,37 @@ use crate::random::Random;
 
 const LIGHT_M_S: f64 = 299_792_458.0;
 
-/// Samples a period of the tone.
+/// Samples per period of the tone.
 pub const PERIOD: usize = 8;
-/// Room of the profilers here.
+/// Capacity of the profilers here, carriers.
 pub const CARRIERS: usize = 64;
-/// Bins of the profilers here.
+/// Capacity of the profilers here, bins.
 pub const BINS: usize = 256;
 
-/// A profiler with this room.
+/// A profiler with this capacity.
 pub type SceneProfiler = Profiler<PERIOD, CARRIERS, BINS>;
 
-/// Scatterers, and what is wrong with the radio.
+/// Scatterers, and faults of the radio.
 #[derive(Clone, Debug)]
 pub struct SweepScene {
-    /// What the profiler is told.
+    /// Settings of the profiler.
     pub setup: Setup,
-    /// Ranges in metres and amplitudes, of the reference's.
+    /// Ranges, metres, and amplitudes relative to the reference.
     pub scatterers: Vec<(f64, f64)>,
     /// RMS of a sample's noise, counts.
     pub noise: f64,
     /// Carriers without a burst.
     pub left_out: Vec<u16>,
-    /// Carriers whose burst has lost these samples.
+    /// Carriers whose burst lacks these samples.
     pub lost: Vec<(u16, Range<usize>)>,
-    /// Carriers whose first burst is that of a synthesiser that settles; another follows.
+    /// Carriers whose first burst has an unsettled synthesiser; another one follows.
     pub unsteady: Vec<u16>,
-    /// Sweeps.
+    /// Number of sweeps.
     pub sweeps: u32,
 }
 
 impl SweepScene {
-    /// The walls and the reflector of Chim 2018, 5.6, seen by `carriers` from 1.1 GHz on, 4 MHz apart, each a tone above.
+    /// The walls and the reflector of Chim 2018, 5.6, seen by `carriers` from 1.1 GHz on, 4 MHz apart, each with its tone.
     pub fn new(carriers: u16, samples: u32, bins: u16) -> Self {
         Self {
             setup: Setup {
@@ -63,10 +63,10 @@ impl SweepScene {
         }
     }
 
-    /// Weights of the carriers, whose sum is 1.
+    /// Carrier weights with sum 1.
     ///
     /// # Panics
-    /// Never: the window is one that there is.
+    /// Never: the window is valid.
     pub fn weights(&self) -> Vec<f32> {
         let mut weights = vec![0.0; self.setup.carriers.into()];
         let window = Window::Taylor { side_lobe_db: 45.0 };
@@ -74,7 +74,7 @@ impl SweepScene {
         weights
     }
 
-    /// Echo over reference at a carrier.
+    /// Echo divided by reference at a carrier.
     pub fn response(&self, carrier: u16) -> Complex64 {
         let hz = self.setup.start_hz + f64::from(carrier) * self.setup.step_hz;
         let each = self.scatterers.iter().map(|(range_m, amplitude)| {
@@ -83,7 +83,8 @@ impl SweepScene {
         each.sum()
     }
 
-    /// All bursts of a sweep: both channels turn as the synthesisers do, at 40 kHz of offset over 1 MHz of samples a hundredth of what would leave a block; an offset of DC; noise.
+    /// All bursts of a sweep. Both channels rotate with the synthesisers (an offset of 40 kHz at 1 MHz sample rate, within a hundredth of
+    /// the limit of a block), and have DC offset and noise.
     pub fn bursts(&self, sweep: u32) -> Vec<SweepBurst> {
         let mut all = Vec::new();
         for carrier in (0..self.setup.carriers).filter(|own| !self.left_out.contains(own)) {
@@ -125,10 +126,10 @@ impl SweepScene {
         }
     }
 
-    /// What the core, run here, makes of a sweep: its values, how many carriers and samples they are of.
+    /// Profile of a sweep by the core on this machine: values, number of carriers, number of samples.
     ///
     /// # Panics
-    /// If it does not take it.
+    /// If the core refuses a burst.
     pub fn profile(&self, sweep: u32) -> (Vec<num_complex::Complex32>, u16, u32) {
         let mut profiler = Box::new(SceneProfiler::new());
         profiler.configure(&self.setup).expect("room");
@@ -150,7 +151,7 @@ impl SweepScene {
     }
 }
 
-/// The samples of a burst that are not lost, run by run.
+/// Available samples of a burst as ranges.
 pub fn there(burst: &SweepBurst) -> Vec<Range<usize>> {
     let mut runs = Vec::new();
     let mut from = 0;

@@ -1,13 +1,13 @@
-//! A disk that is soon full.
+//! A small disk that is soon full.
 
 use std::path::Path;
 use std::process::Command;
 
-/// A file system of 256 KiB, gone when dropped.
+/// A file system of 256 KiB, unmounted when dropped.
 pub struct TinyDisk(tempfile::TempDir);
 
 impl TinyDisk {
-    /// `None`, and a word about it, where this machine does not allow it.
+    /// `None`, with a message, where this machine does not allow it.
     pub fn mount() -> Option<Self> {
         let place = tempfile::tempdir().ok()?;
         let mounted = Command::new("mount")

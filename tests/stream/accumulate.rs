@@ -33,7 +33,7 @@ fn along(start: [f64; 3], velocity: [f64; 3], pulses: f64) -> [f64; 3] {
 }
 
 /// Antennas on straight tracks, bistatic and both moving. The reference path is that of a moving point plus a clock drift, so
-/// that nothing cancels by chance.
+/// that no error cancels by chance.
 struct Tracks {
     pulses: usize,
 }
@@ -178,7 +178,7 @@ fn simulated_point_focuses_to_amplitude_one_and_phase_zero() {
             let (pixel, tolerance) = focused(m, point);
             let error = f64::from((pixel - 1.0).norm());
             println!("{point:?}, {m} pulses: error {error:.5}, tolerance {tolerance:.5}");
-            assert!(tolerance < 0.02, "a tolerance that says nothing");
+            assert!(tolerance < 0.02, "the tolerance is too large");
             assert!(error < tolerance, "{pixel}, {tolerance}");
         }
     }
@@ -276,7 +276,7 @@ fn sub_cpis_add_in_phase() {
 }
 
 #[test]
-fn pixels_outside_map_receive_nothing() {
+fn pixels_outside_map_have_no_contribution() {
     let shape = Shape {
         num_pulses: 4,
         num_frequencies: 4,
@@ -301,7 +301,7 @@ fn pixels_outside_map_receive_nothing() {
     for (i, pixel) in pixels.iter().enumerate() {
         assert_eq!((2..7).contains(&i), *pixel != Complex32::ZERO, "{i}");
     }
-    // At the antenna the direction is undefined: the pixel receives nothing instead of NaN.
+    // At the antenna the direction is undefined: the pixel has no contribution rather than NaN.
     let at_antenna = one_pixel([0.0; 3]);
     let mut pixel = [Complex32::ZERO];
     assert_eq!(add_map(&mut pixel, &at_antenna, &map, &centre, 1.0), Ok(0));

@@ -147,7 +147,7 @@ fn sliding_sums_match_direct_sums() {
 /// The fraction of cells above the threshold in exponential noise equals the requested probability, at edges too: the maps are
 /// hardly larger than the ring, so almost every ring is cut.
 ///
-/// Tolerance: cells of one map share training cells, maps share nothing. The standard error is therefore taken from the
+/// Tolerance: cells of one map share training cells, different maps share none. The standard error is therefore taken from the
 /// scatter between maps, and four of it are allowed: one run in 16 000 would fail by chance, and this run is always the
 /// same.
 #[test]
@@ -181,7 +181,7 @@ fn false_alarm_rate_matches_requested_probability() {
                 100.0 * error / probability
             );
             assert!(deviation.abs() < 4.0);
-            assert!(error / probability < 0.06, "a bound that says nothing");
+            assert!(error / probability < 0.06, "the bound is too large");
         }
     }
 }
@@ -308,7 +308,7 @@ const AROUND_BOTH: Cfar = Cfar {
 };
 
 /// Two targets three resolution cells apart in one axis, or two in each, 30 dB and 24 dB above the noise: both are detected at
-/// their positions, and nothing else.
+/// their positions, without false alarms.
 ///
 /// Tolerance: near its maximum the response of the Hamming window with twice as many bins falls as `1 - (x / 2.5)^2` in
 /// amplitude, as follows from the mean square `u^2` of its samples. Noise adds a slope of about its amplitude per bin:
@@ -340,7 +340,7 @@ fn two_close_targets_are_both_detected() {
         }
     }
     // Masked by the strong target, as the module documentation states: its 1000 in 2 * 1.36 cells in each axis (the noise
-    // bandwidth of the window) among 234 training cells give a mean of 31, minus what lies beyond the ring, and the
+    // bandwidth of the window) among 234 training cells give a mean of 31, minus the part beyond the ring, and the
     // threshold is 14.2 times that.
     let targets = [
         (strong.0, strong.1, amplitude(1000.0, 0.0)),
@@ -473,12 +473,12 @@ fn invalid_settings_are_rejected() {
         ..NEAR_THE_POINT
     };
     assert_eq!(refused(&cfar, 100, 10), CfarError::NoTraining);
-    for (length, width, what) in [
+    for (length, width, message) in [
         (95, 10, "power: expected 90 elements, found 95"),
         (95, 0, "power: expected 0 elements, found 95"),
         (90, 9, "columns: expected 9 elements, found 10"),
     ] {
-        assert_eq!(refused(&NEAR_THE_POINT, length, width).to_string(), what);
+        assert_eq!(refused(&NEAR_THE_POINT, length, width).to_string(), message);
     }
 }
 

@@ -43,7 +43,7 @@ fn path(pulse: &Pulse, point: [f64; 3]) -> f64 {
     distance(pulse.transmitter_m, point) + distance(point, pulse.receiver_m)
 }
 
-/// Bistatic antennas at 8 km on curved tracks, tapered weights, and a reference path that follows no point, so that nothing
+/// Bistatic antennas at 8 km on curved tracks, tapered weights, and a reference path that follows no point, so that no error
 /// cancels by chance.
 fn track(count: usize) -> Vec<Pulse> {
     (0..count)
@@ -234,7 +234,7 @@ fn bilinear(map: &PatchMap<'_>, grid: &PixelGrid) -> Vec<Complex32> {
 /// band: 8 taps -63.9 dB, 10 taps -77.2 dB. In addition the curvature of the relative path, which more taps do not reduce:
 /// an aperture of `t = 12 (0.7 + 0.6)/2 / 8000 = 1e-3` rad bends the path of points 36 m off by at most
 /// `36 t^2 / 4 = 9e-6 m` at its ends, 1.9e-3 rad; `sqrt(4/45)` of it remains about the mean: -65 dB, and less nearer the
-/// middle; 16 taps show -71 dB. The powers are added, plus 1 dB for what this sum omits.
+/// middle; 16 taps show -71 dB. The powers are added, plus 1 dB for terms that this sum omits.
 #[test]
 fn chip_of_one_sub_cpi_matches_exact_sum() {
     let pulses = track(12);
@@ -272,7 +272,7 @@ fn chip_of_one_sub_cpi_matches_exact_sum() {
     }
     let db = difference_db(&linear, &exact);
     println!("bilinear: {db:.1} dB");
-    assert!(db > -25.0, "the kernels' bounds would say nothing");
+    assert!(db > -25.0, "the kernels' bounds would be meaningless");
 }
 
 /// Three sub-CPIs, the last one short, and two patches: their maps add up to the whole image.
@@ -382,7 +382,7 @@ fn at_rest(samples: &[Complex32], range_reach: u16) -> PatchMap<'_> {
 }
 
 #[test]
-fn pixels_with_taps_outside_map_receive_nothing() {
+fn pixels_with_taps_outside_map_have_no_contribution() {
     // Bins of one metre of range: c / (R step) = 2 m.
     let setup = Setup {
         step_hz: C / 128.0,

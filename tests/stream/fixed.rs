@@ -149,7 +149,7 @@ fn part(kind: u8, place: usize, random: &mut Random) -> i16 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// For any samples nothing overflows (overflow checks are on in tests), nothing is clamped, and every value is correct. A
+    /// For any samples no sum overflows (overflow checks are on in tests), no value is clamped, and every value is correct. A
     /// column of weight `w` has parts of at most `sqrt 2 w`, so a power of two of at most twice that: rounding changes it by at
     /// most `sqrt 2  2^-16  2 sqrt 2 w = 2^-14 w`, and the columns' sum by `2^-14` since weights sum to 1; the map's own
     /// rounding by as much. All 32-bit steps are below a hundredth of it.
@@ -244,7 +244,7 @@ fn oversized_patch_and_short_buffers_are_rejected() {
         ("pulse phases", 7, |memory| memory.phases.truncate(6)),
         ("folded pulses", 7, |memory| memory.folded.truncate(6)),
     ];
-    for (what, expected, shorten) in shortened {
+    for (name, expected, shorten) in shortened {
         let mut memory = Memory::new(&capacity);
         shorten(&mut memory);
         let error = FixedEngine::new(memory.buffers(), &capacity).unwrap_err();
@@ -252,7 +252,7 @@ fn oversized_patch_and_short_buffers_are_rejected() {
         assert_eq!(
             error,
             LengthError {
-                what,
+                what: name,
                 expected,
                 got
             }

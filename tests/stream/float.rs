@@ -113,7 +113,7 @@ fn float_maps_match_defining_sum() {
             worst = worst.max(error_db);
             // A phasor is accurate to 1.6e-7 (-136 dB), and rotated up to 15 times for compensation and up to M/2 times for Doppler:
             // 15 + 15 roundings of 6e-8 that add as noise make -130 dB; sums of M F float32 terms add as much. 10 dB are
-            // reserved for what does not add as noise.
+            // reserved for errors that do not add as noise.
             assert!(error_db < -120.0, "{error_db:.1} dB");
         }
     }
@@ -230,19 +230,19 @@ fn invalid_setup_is_rejected_without_effect() {
         processor.push(&Pulse::EMPTY, [].iter().copied()),
         Err(PulseError::NotRunning)
     );
-    let nothing = |what, most| {
+    let unset_size = |what, most| {
         Err(SetupError::Size {
             what,
             wanted: 0,
             most,
         })
     };
-    let unset = nothing(Quantity::Pulses, 4);
+    let unset = unset_size(Quantity::Pulses, 4);
     assert_eq!(processor.start(0), unset);
     assert_eq!(processor.set_patch(0, &scene.patches[0]), unset);
     assert_eq!(processor.set_weights(0, [1.0].into_iter()), unset);
     processor.configure(&scene.setup).unwrap();
-    assert_eq!(processor.start(0), nothing(Quantity::Patches, 1));
+    assert_eq!(processor.start(0), unset_size(Quantity::Patches, 1));
     let mut wrong = scene.setup;
     wrong.num_pulses = 5;
     assert!(matches!(

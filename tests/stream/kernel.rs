@@ -162,7 +162,7 @@ fn track_nodes_of_one_and_two_pulses() {
         receiver_m: [-4.0, 1e7, 0.0],
     };
     assert_eq!(nodes(&[at(4.0)]), [one; 2]);
-    // Two pulses: u_g = 1/2, the pulses themselves.
+    // Two pulses: u_g = 1/2, so the nodes are the pulses.
     let [early, late] = nodes(&[at(4.0), at(7.0)]);
     assert_eq!(
         (early.transmitter_m, late.receiver_m),

@@ -1,5 +1,5 @@
 //! Map of the core's plan against a float64 evaluation of its defining sums, written from the definitions alone: no code of the
-//! core is used except what is tested.
+//! core is used except the code under test.
 
 use std::f64::consts::{PI, TAU};
 
@@ -35,7 +35,7 @@ fn uniform(state: &mut u64) -> f64 {
 }
 
 impl Case {
-    /// Noise samples and uneven weights: nothing symmetric, so no error is hidden.
+    /// Noise samples and uneven weights: no symmetry that could hide an error.
     fn noise(m: usize, f: usize, r: usize, d: usize, start_hz: f64, step_hz: f64) -> Self {
         let mut state = (m * 1_000_003 + f * 1009 + r + d) as u64;
         let mut weights = |n| -> Vec<f32> {

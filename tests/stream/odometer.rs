@@ -102,7 +102,7 @@ fn off(steps: &[Step], from: usize) -> [f64; 3] {
 ///
 /// Phases are sums of 64 float32 terms of up to 3 in 1, with other targets subtracted: 1e-6 of the parts, at most 1e-5 rad.
 /// For two targets whose sines differ by 0.54 that is `1e-5 wavelength / (4 pi) 2 / 0.54` = 1e-8 m. A rotation is determined
-/// by receivers half a wavelength apart: `1e-5 / pi`, times 4 for what is common to both directions.
+/// by receivers half a wavelength apart: `1e-5 / pi`, times 4 for the part common to both directions.
 #[test]
 fn increments_match_host() {
     for snr_db in [25.0, 120.0] {
@@ -426,22 +426,22 @@ fn invalid_settings_are_rejected() {
     assert!(odometer.configure(&setup(), &antennas).is_err());
     assert_eq!(odometer.setup(), Some(&setup()));
     assert!(push(&mut odometer, &scene, 0).is_some());
-    let nothing = std::iter::empty();
+    let empty = std::iter::empty();
     assert_eq!(
-        odometer.push(1, 7, 0.0, nothing.clone()),
+        odometer.push(1, 7, 0.0, empty.clone()),
         Err(SampleError::Channel)
     );
     assert_eq!(
-        odometer.push(1, 0, 0.0, nothing.clone()),
+        odometer.push(1, 0, 0.0, empty.clone()),
         Err(SampleError::Length)
     );
     odometer.stop();
     assert_eq!(
-        odometer.push(1, 0, 0.0, nothing),
+        odometer.push(1, 0, 0.0, empty),
         Err(SampleError::NotStarted)
     );
     assert_eq!(drain(&mut odometer), None);
-    assert!(!Small::new().start(0), "nothing is configured");
+    assert!(!Small::new().start(0), "no setup is configured");
 }
 
 #[test]

@@ -268,7 +268,7 @@ fn buffer_lengths_follow_shape() {
     assert_eq!(endless.chirp_length(), usize::MAX);
 }
 
-/// Pulses outside the sub-CPI and samples of wrong number change nothing.
+/// Pulses outside the sub-CPI and a wrong number of samples have no effect.
 #[test]
 fn window_rejects_invalid_pulse_index_and_length() {
     let shape = Shape {
@@ -457,7 +457,7 @@ fn borrowed_buffers_of_wrong_length_are_rejected() {
     }
 }
 
-/// A plane is reproduced exactly by bilinear interpolation up to the last bins; nothing beyond.
+/// A plane is reproduced exactly by bilinear interpolation up to the last bins; there is no value beyond.
 #[test]
 fn bilinear_interpolation_is_exact_on_planes_and_none_outside() {
     let shape = Shape {

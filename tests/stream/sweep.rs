@@ -300,7 +300,7 @@ fn invalid_settings_are_rejected() {
     let none = std::iter::empty();
     assert_eq!(profiler.push(5, 0, 0, none), Err(BurstError::Length));
     assert_eq!(profiler.push(5, 0, 999, one()), Ok(()));
-    assert_eq!(profiler.left_out(), 1, "a burst of one sample is none");
+    assert_eq!(profiler.left_out(), 1, "a burst of one sample is left out");
     profiler.stop();
     assert_eq!(profiler.push(5, 0, 0, one()), Err(BurstError::NotStarted));
 }

@@ -1,7 +1,7 @@
 //! Reproduction of the figures and tables of two theses by simulation, with a comparison of
 //! their values.
 //!
-//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: what `subap reproduce` runs.
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the items of `subap reproduce`.
 //!
 //! An [`Item`] is one figure or table: it simulates the thesis's scene, applies the thesis's method, and
 //! returns a [`Finding`]: pictures, and checks that compare the thesis's value with ours. The verdict
@@ -72,7 +72,7 @@ pub struct Context<'a> {
 pub struct Finding {
     /// Content and claims of the thesis, in a sentence or two.
     pub thesis: String,
-    /// Method and parameters used here, and what is scaled relative to the thesis and why (`Scale: ` or `Scaled down: `).
+    /// Method and parameters used here, and scaling relative to the thesis with its reason (`Scale: ` or `Scaled down: `).
     pub method: String,
     /// Values of the thesis compared with ours.
     pub checks: Vec<Check>,

@@ -38,7 +38,7 @@ fn escaped(text: &str) -> String {
 /// Verdict on one check; "agrees" needs a value of the thesis.
 fn check_verdict(check: &Check) -> &'static str {
     match check.agrees && !check.has_thesis_value() {
-        true => "nothing to compare with",
+        true => "no value to compare with",
         false => verdict(check.agrees),
     }
 }
@@ -183,6 +183,9 @@ mod tests {
         // 1, 2, 3 in base64: 000000 010000 001000 000011.
         assert!(html.contains("data:image/png;base64,AQID"));
         assert!(html.contains("0 of 1 agree") && html.contains("differs"));
-        assert!(!html.contains("http"), "nothing may come from elsewhere");
+        assert!(
+            !html.contains("http"),
+            "the page must not load external resources"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Links of README and guide lead to files that are there or that the build makes.
+//! Links of README and guide lead to existing files or to files that the build makes.
 
 use std::path::Path;
 

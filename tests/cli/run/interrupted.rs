@@ -1,4 +1,4 @@
-//! `subap run` that is killed, interrupted or on a full disk: it goes on to the same bits, and leaves nothing in part.
+//! `subap run` killed, interrupted or on a full disk: it resumes with the same bits, and leaves no partial file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +16,7 @@ use subaperture_tests::tiny_disk::TinyDisk;
 
 use super::{JOB, Place, done, record, stages};
 
-/// Runs a job until it is at `stage`, and a part of the time that this takes further; kills it then. Whether it was alive.
+/// Run a pipeline until `stage` begins, wait `after`, and kill it. Returns whether it was still running.
 fn killed_at(at: &Path, stage: &str, after: Duration) -> bool {
     let mut child = command(at, ["run", "job.toml"])
         .stdout(Stdio::null())
@@ -34,7 +34,7 @@ fn killed_at(at: &Path, stage: &str, after: Duration) -> bool {
     met && alive
 }
 
-/// Every file that is not hidden, by its name.
+/// All files that are not hidden, by name.
 fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
     let within = |path: &Path| path.strip_prefix(root).unwrap().display().to_string();
     listing(root)
@@ -46,7 +46,7 @@ fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// A record without times, and what else is of a run and not of its result.
+/// A record without times and other values that belong to the run rather than its result.
 fn timeless(bytes: &[u8]) -> Value {
     let mut record: Value = serde_json::from_slice(bytes).unwrap();
     for key in ["run", "command_line"] {
@@ -55,7 +55,7 @@ fn timeless(bytes: &[u8]) -> Value {
     record
 }
 
-/// Asserts that two folders hold the same job but for its times.
+/// Assert that two folders contain the same results except for times.
 fn same_job(a: &Path, b: &Path) {
     let [ours, theirs] = [files(a), files(b)];
     assert_eq!(
@@ -65,12 +65,12 @@ fn same_job(a: &Path, b: &Path) {
     for (name, bytes) in &ours {
         let other = &theirs[name];
         match &name[..] {
-            // Of times alone.
+            // Files that contain times.
             "job.json" | "report.html" => {}
             "image.json" | "autofocus.json" => {
                 assert_eq!(timeless(bytes), timeless(other), "{name}")
             }
-            // They say when they were made, in digits.
+            // Files that contain their time of creation in digits.
             "sicd.nitf" | "sidd.nitf" | "map.json" => {
                 assert_eq!(bytes.len(), other.len(), "{name}");
                 let differing = bytes.iter().zip(other).filter(|(a, b)| a != b);
@@ -84,12 +84,11 @@ fn same_job(a: &Path, b: &Path) {
     }
 }
 
-/// Kills a job in every stage that takes its time, twice in the longest, and where chance will have it; what is there in the end is what a run leaves
-/// that nobody disturbed.
+/// Kill a pipeline in every long stage, twice in the longest, and at random times; the final result equals that of an undisturbed run.
 #[test]
-fn a_job_that_is_killed_goes_on_to_the_same_bits() {
+fn killed_pipeline_resumes_with_same_bits() {
     let place = Place::new();
-    // Minutes of tiles are not needed: some tenths of a second of them.
+    // Tiles of some tenths of a second are long enough.
     let text = JOB.replace("0.2,y=-30:30:0.2\"", "0.1,y=-30:30:0.1\"");
     let whole = place.job("whole", &text);
     let ran = run(&whole, "run job.toml --json");
@@ -109,7 +108,7 @@ fn a_job_that_is_killed_goes_on_to_the_same_bits() {
     let mut random = ChaCha8Rng::seed_from_u64(14);
     let mut part = || f64::from(random.next_u32()) / 2f64.powi(32);
     let mut killed = 0;
-    // Stages that take their time, the longest more than once; a kill that comes too late is not counted.
+    // The long stages, the longest more than once; a kill that comes too late does not count.
     let stages = [
         "autofocus",
         "focus",
@@ -126,7 +125,7 @@ fn a_job_that_is_killed_goes_on_to_the_same_bits() {
             killed += 1;
             println!("killed in {stage} after {after:?}");
         } else if at.join("job/report.html").exists() {
-            // Nothing is left to be killed at.
+            // The run had ended, so that there was nothing to kill.
             fs::remove_dir_all(at.join("job")).unwrap();
         }
         if killed == 8 {
@@ -170,7 +169,7 @@ fn ctrl_c_keeps_finished_stages_and_the_same_command_resumes() {
     let state = record(&at.join("job/job.json"));
     assert_eq!(state["begun"]["stage"], "focus");
     assert!(state["stages"]["autofocus"].is_object() && state["stages"]["focus"].is_null());
-    // What was done stands; another grid is another image.
+    // Finished stages remain; another grid is another image.
     let rest = "run job.toml --json --set grid.pixels=x=-6:12:0.3,y=-6:12:0.3 --set autofocus.grid=x=-4:20:1,y=-4:20:1 --set autofocus.rounds=1 \
                 --set products.formats=kmz --set quality.points=0";
     let ran = run(&at, rest);
@@ -189,7 +188,7 @@ fn full_disk_is_reported_and_leaves_no_partial_file() {
         "run job.toml --set out={}",
         disk.path().join("job").display()
     );
-    // 90 000 pixels take 720 kB.
+    // 90 000 pixels need 720 kB.
     run(&at, &line).failed(1, &["image.zarr", "bytes are needed"]);
     let left = files(&disk.path().join("job"));
     assert!(
@@ -197,7 +196,7 @@ fn full_disk_is_reported_and_leaves_no_partial_file() {
         "{:?}",
         left.keys()
     );
-    // An image that has room there is made; its report has none.
+    // An image that fits is made, but its report does not fit.
     let small = format!(
         "{line} --set grid.pixels=x=-8:8:0.4,y=-8:8:0.4 --set autofocus.grid=x=-8:8:0.4,y=-8:8:0.4"
     );

@@ -1,6 +1,6 @@
-//! Cases whose grid shows little of what the recording holds: bright scatterers just off the grid, in its side lobes, at
-//! distances at which rasters repeat, or far away; grids of a resolution cell or less; grids away from the scene's centre.
-//! Small, some milliseconds a case for all formers.
+//! Random cases whose grid contains little of the recording's energy: bright scatterers just outside the grid, in its side lobes, at
+//! ambiguous distances, or far away; grids of a resolution cell or less; grids away from the scene's centre. Each case takes some
+//! milliseconds for all formers.
 
 use std::f64::consts::PI;
 
@@ -20,13 +20,13 @@ pub(crate) fn draw_dark(seed: u64) -> Case {
     let fraction = r.logarithmic(0.005, 0.4);
     let num_samples = r.count(6, 48);
     let num_pulses = r.count(8, 96);
-    // Some grids are sampled in whole, most are not.
+    // Some images are compared at every pixel, most at a sample.
     let most = r.logarithmic(60.0, 1600.0);
     let stretch = r.logarithmic(0.1, 10.0);
     let counts = [most / stretch, most * stretch].map(|square| (square.sqrt() as usize).max(1));
     let step_hz = centre_hz * fraction / num_samples as f64;
     let resolution_m = LIGHT_M_S / (2.0 * centre_hz * fraction);
-    // Tiny grids are of pixels much finer than the resolution.
+    // Pixels of tiny grids are much finer than the resolution.
     let finer = match r.chance(0.25) {
         true => r.logarithmic(0.003, 0.2),
         false => r.logarithmic(0.2, 1.5),
@@ -75,11 +75,11 @@ pub(crate) fn draw_dark(seed: u64) -> Case {
     };
     let centre_m = match r.chance(0.5) {
         true => DVec3::ZERO,
-        // Where the scene is not, in its plane.
+        // A grid away from the scene, in its plane.
         false => {
-            let way = r.even(0.0, 2.0 * PI);
+            let azimuth_rad = r.even(0.0, 2.0 * PI);
             let away_m = half_m * r.logarithmic(0.5, 30.0);
-            DVec3::new(way.cos(), way.sin(), 0.0) * away_m.min(0.3 * range_m)
+            DVec3::new(azimuth_rad.cos(), azimuth_rad.sin(), 0.0) * away_m.min(0.3 * range_m)
         }
     };
     let turn_deg = match r.chance(0.6) {
@@ -122,12 +122,12 @@ pub(crate) fn draw_dark(seed: u64) -> Case {
     case
 }
 
-/// Bright scatterers off the grid, and weak ones, or none, on it.
+/// Add bright scatterers outside the grid, and weak ones (or no others) in it.
 fn bright_and_weak(r: &mut Random, case: &mut Case, range_m: f64) {
     let plane = case.plane;
     let spans = [0, 1].map(|i| plane.steps[i] * plane.counts[i] as f64);
     let mut add = |r: &mut Random, rows: f64, columns: f64, level_db: f64| {
-        // From the grid's middle, as parts of its sides.
+        // Offset from the grid's middle as a fraction of its sides.
         let middle = plane
             .place_m(0, 0)
             .midpoint(plane.place_m(plane.counts[0] - 1, plane.counts[1] - 1));
@@ -143,12 +143,12 @@ fn bright_and_weak(r: &mut Random, case: &mut Case, range_m: f64) {
     };
     let side = |r: &mut Random| if r.chance(0.5) { 1.0 } else { -1.0 };
     for i in 0..r.count(1, 3) {
-        // By an edge, beyond a corner, or anywhere within some grids' widths.
+        // Near an edge, beyond a corner, or anywhere within some grid widths.
         let far = 0.5 + r.logarithmic(0.003, 30.0);
-        let beside = r.even(-0.5, 0.5);
+        let along = r.even(-0.5, 0.5);
         let [rows, columns] = match r.even(0.0, 4.0) as u32 {
-            0 => [far * side(r), beside],
-            1 => [beside, far * side(r)],
+            0 => [far * side(r), along],
+            1 => [along, far * side(r)],
             2 => [far * side(r), (0.5 + r.logarithmic(0.003, 3.0)) * side(r)],
             _ => [r.normal() * far, r.normal() * far],
         };
@@ -164,7 +164,7 @@ fn bright_and_weak(r: &mut Random, case: &mut Case, range_m: f64) {
     }
 }
 
-/// The unit vector of a row's or column's step.
+/// Unit vector of the step between rows or columns.
 fn direction(plane: &Plane, span_m: f64, [rows, columns]: [usize; 2]) -> DVec3 {
     let wide = Plane {
         counts: [2, 2],

@@ -1,4 +1,4 @@
-//! Cases from seeds: logarithmic in all sizes, from a wavelength's to an orbit's scale.
+//! Random cases from seeds: sizes are uniform in the logarithm, from a wavelength to the scale of an orbit.
 
 use std::f64::consts::{PI, TAU};
 
@@ -9,12 +9,11 @@ use subaperture_tests::random;
 
 use super::{Antennas, Case, LIGHT_M_S, Plane, Point, Shape, Track};
 
-/// Numbers from a seed.
+/// Random numbers from a seed.
 #[derive(Clone, Debug)]
 pub(super) struct Random(random::Random);
 
 impl Random {
-    /// From this seed on.
     pub(super) fn new(seed: u64) -> Self {
         Self(random::Random(seed))
     }
@@ -24,33 +23,33 @@ impl Random {
         self.0.bits()
     }
 
-    /// Evenly in [from, to).
+    /// Uniform in [from, to).
     pub(super) fn even(&mut self, from: f64, to: f64) -> f64 {
         from + (to - from) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Evenly in the logarithm.
+    /// Uniform in the logarithm.
     pub(super) fn logarithmic(&mut self, from: f64, to: f64) -> f64 {
         self.even(from.ln(), to.ln()).exp()
     }
 
-    /// A whole number from `from` to `to`, both included, evenly in the logarithm.
+    /// Integer from `from` to `to`, both included, uniform in the logarithm.
     pub(super) fn count(&mut self, from: usize, to: usize) -> usize {
         (self.logarithmic(from as f64, to as f64 + 1.0) as usize).clamp(from, to)
     }
 
-    /// Whether an event of this probability happened.
+    /// True with this probability.
     pub(super) fn chance(&mut self, probability: f64) -> bool {
         self.even(0.0, 1.0) < probability
     }
 
-    /// Of mean 0 and variance 1 (Box and Muller).
+    /// Normal with mean 0 and variance 1 (Box and Muller).
     pub(super) fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.even(0.0, 1.0)).ln()).sqrt();
         radius * (TAU * self.even(0.0, 1.0)).cos()
     }
 
-    /// A unit vector, evenly over the sphere.
+    /// A unit vector, uniform on the sphere.
     pub(super) fn direction(&mut self) -> DVec3 {
         let z = self.even(-1.0, 1.0);
         let (sin, cos) = self.even(0.0, TAU).sin_cos();
@@ -63,8 +62,7 @@ impl Random {
     }
 }
 
-/// Most terms of the sum over a case's pixels, pulses and samples: some 20 ms; one case in 40 takes ten times
-/// as many.
+/// Maximum of terms of the sum over a case's pixels, pulses and samples: some 20 ms. One case in 40 has ten times as many.
 const MAX_TERMS: f64 = 4e6;
 
 /// The case of a seed.
@@ -99,8 +97,8 @@ pub(crate) fn draw(seed: u64) -> Case {
     let resolution_m = LIGHT_M_S / (2.0 * centre_hz * fraction);
     let sane = r.chance(0.3);
 
-    // The scene's size follows from pixels of about the resolution in range; the way to it is from touching it
-    // to a thousand times it.
+    // The size of the scene follows from pixels of about the range resolution. The distance to it is between its own size and a thousand
+    // times that.
     let finer = r.logarithmic(0.2, 1.5);
     let row_step_m = resolution_m.min(3.0 * wavelength_m * num_pulses as f64) * finer;
     let column_step_m = row_step_m * r.logarithmic(0.3, 3.0);
@@ -112,7 +110,7 @@ pub(crate) fn draw(seed: u64) -> Case {
     let range_m = (half_m * far).max(3.0 * wavelength_m);
     let mut towards = r.direction();
     if r.chance(0.5) {
-        // From the side, like an aircraft.
+        // From the side, as from an aircraft.
         towards.z = r.even(0.05, 0.8);
         towards = towards.normalize();
     }
@@ -125,7 +123,7 @@ pub(crate) fn draw(seed: u64) -> Case {
         }
         false => r.direction(),
     };
-    // From a beam's width to all around; so long that the scene is resolved about as in range, half of the time.
+    // From the width of a beam to a full circle; in half of the cases about as long as azimuth resolution equal to that in range needs.
     let angle = match r.chance(0.5) {
         true => (wavelength_m / (2.0 * resolution_m)).clamp(1e-4, 1.5) * r.logarithmic(0.3, 3.0),
         false => r.logarithmic(1e-3, 2.0),
@@ -259,7 +257,7 @@ pub(super) fn window(r: &mut Random) -> Window {
     }
 }
 
-/// Scatterers on the grid, and off it: alike, or one bright and many weak.
+/// Scatterers on and off the grid: of similar amplitude, or one bright and many weak.
 fn scatter(r: &mut Random, case: &mut Case, half_m: f64) {
     let on = match r.chance(0.9) || case.sane {
         true => r.count(1, 12),
@@ -281,10 +279,10 @@ fn scatter(r: &mut Random, case: &mut Case, half_m: f64) {
         let pick = DVec2::new(r.even(0.0, 1.0), r.even(0.0, 1.0));
         let row = (pick.x * plane.counts[0] as f64) as usize;
         let column = (pick.y * plane.counts[1] as f64) as usize;
-        // A pixel, or beside one.
-        let beside = DVec3::new(r.normal(), r.normal(), 0.1 * r.normal());
+        // At a pixel, or near one.
+        let offset = DVec3::new(r.normal(), r.normal(), 0.1 * r.normal());
         let step_m = plane.steps[0] * if r.chance(0.3) { 0.0 } else { 0.5 };
-        let at_m = plane.place_m(row, column) + beside * step_m;
+        let at_m = plane.place_m(row, column) + offset * step_m;
         add(r, at_m, if i == 0 { 0.0 } else { weak_db });
     }
     if on == 0 || (!case.sane && r.chance(0.3)) {

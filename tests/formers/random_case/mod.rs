@@ -1,9 +1,7 @@
-//! Random cases for image formers: a track, a band, a plane of pixels, scatterers, windows and a bound, drawn
-//! from a seed; the phase history and the matched filter's sum of each written out here in float64, apart from
-//! the library's own paths and phases, so that an error there cannot cancel.
+//! Random cases for image formers: track, band, plane of pixels, scatterers, windows and bound from a seed. The phase history and the
+//! matched-filter sum are written out here in float64 without the library's paths and phases, so that errors cannot cancel.
 //!
-//! A [`Case`] is a description in a few numbers, so that a failing one can be made smaller step by step
-//! ([`shrink`]) and printed.
+//! A [`Case`] consists of a few numbers, so that a failing case can be simplified step by step ([`shrink`]) and printed.
 
 mod dark;
 mod draw;
@@ -30,13 +28,13 @@ pub(crate) const LIGHT_M_S: f64 = 299_792_458.0;
 /// A point scatterer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
-    /// Place, metres in the scene frame.
+    /// Position, metres in the scene frame.
     pub(crate) at_m: DVec3,
     /// Amplitude and phase.
     pub(crate) amplitude: Complex64,
 }
 
-/// Pixels: a Cartesian or a polar grid on a plane turned any way.
+/// Cartesian or polar grid on an arbitrarily rotated plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
     /// Middle of a Cartesian grid, pole of a polar one; metres.
@@ -52,7 +50,7 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// As the library has it.
+    /// The same grid as the library's type.
     pub(crate) fn grid(&self) -> ImageGrid {
         let turn = self.rotation();
         let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
@@ -74,7 +72,7 @@ impl Plane {
         }
     }
 
-    /// A pixel's place, metres, apart from the library's.
+    /// Position of a pixel, metres, independent of the library's.
     pub(crate) fn place_m(&self, row: usize, column: usize) -> DVec3 {
         let turn = self.rotation();
         let of_centre = |i: usize, count: usize| i as f64 - (count as f64 - 1.0) / 2.0;
@@ -101,21 +99,17 @@ impl Plane {
 /// One case.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Case {
-    /// Where it was drawn from.
+    /// Seed that the case was drawn from.
     pub(crate) seed: u64,
     /// Track of the antennas and their arrangement.
     pub(crate) track: Track,
-    /// Pulses.
     pub(crate) num_pulses: usize,
     /// Frequency of sample 0, step and number of samples.
     pub(crate) start_hz: f64,
-    /// Step, hertz.
+    /// Frequency step, hertz.
     pub(crate) step_hz: f64,
-    /// Samples a pulse.
     pub(crate) num_samples: usize,
-    /// Pixels.
     pub(crate) plane: Plane,
-    /// Scatterers.
     pub(crate) points: Vec<Point>,
     /// RMS of noise added to each sample.
     pub(crate) noise: f64,
@@ -123,8 +117,7 @@ pub(crate) struct Case {
     pub(crate) windows: [Window; 2],
     /// Requested error bound, dB, relative.
     pub(crate) bound_db: f64,
-    /// Whether the track is smooth, the scene far from it and in view: what no former should refuse for want of
-    /// accuracy.
+    /// True if the track is smooth and the scene far from it and in view. No former should refuse such a case for lack of accuracy.
     pub(crate) sane: bool,
 }
 

@@ -9,8 +9,7 @@ use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep, Weights};
 use super::draw::Random;
 use super::{Case, LIGHT_M_S};
 
-/// What the radar records: `sum_s A_s exp(-j 2 pi f_k (path_n(s) - reference_n) / c)` and noise, rounded to
-/// float32.
+/// Recorded samples: `sum_s A_s exp(-j 2 pi f_k (path_n(s) - reference_n) / c)` plus noise, rounded to float32.
 pub(crate) fn history(case: &Case) -> InMemory {
     let count = case.num_pulses;
     let mut samples = Vec::with_capacity(count * case.num_samples);
@@ -65,7 +64,7 @@ pub(crate) fn exact_sum(case: &Case, history: &InMemory, weights: &Weights) -> V
     let mut samples = vec![Complex32::ZERO; count * width];
     history
         .read(0..count, &mut samples)
-        .expect("what is in memory can be read");
+        .expect("samples in memory can be read");
     let fast: f64 = weights.fast.iter().sum();
     let slow: f64 = weights.slow.iter().sum();
     let rows: Vec<_> = (0..count)

@@ -1,14 +1,14 @@
-//! A failing case made smaller, a step at a time, for as long as it fails.
+//! Reduction of a failing case, step by step, while it still fails.
 
 use glam::DVec3;
 use subaperture::signal::window::Window;
 
 use super::{Antennas, Case, Shape};
 
-/// Tries at most: a step that does not fail is given up.
+/// Maximum number of tried steps.
 const TRIES: usize = 300;
 
-/// The smallest case found that still `fails`.
+/// The smallest case that still `fails`.
 pub(crate) fn shrink(case: &Case, mut fails: impl FnMut(&Case) -> bool) -> Case {
     let mut best = case.clone();
     let mut tries = 0;
@@ -27,7 +27,7 @@ pub(crate) fn shrink(case: &Case, mut fails: impl FnMut(&Case) -> bool) -> Case 
     }
 }
 
-/// Cases that are a step simpler, the largest steps first.
+/// Cases one step simpler, the largest steps first.
 fn steps(case: &Case) -> Vec<Case> {
     let mut steps = Vec::new();
     let mut with = |change: &dyn Fn(&mut Case)| {
@@ -45,7 +45,7 @@ fn steps(case: &Case) -> Vec<Case> {
     with(&|c| c.plane.turn_deg = [0.0; 3]);
     with(&|c| c.plane.centre_m = DVec3::ZERO);
     with(&|c| c.plane.polar_from_m = None);
-    // Half as many pulses from half the way, or from all of it.
+    // Half of the pulses over half of the track, or over all of it.
     with(&|c| {
         c.num_pulses = half(c.num_pulses);
         c.track.length_m /= 2.0;

@@ -1,4 +1,4 @@
-//! Where the antennas are, pulse by pulse.
+//! Random tracks: antenna positions by pulse.
 
 use std::f64::consts::TAU;
 
@@ -6,60 +6,58 @@ use glam::DVec3;
 
 use super::draw::Random;
 
-/// The way of the phase centre, over `u` from -1 to 1.
+/// Shape of the phase centre's track, over `u` from -1 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Shape {
-    /// Evenly along a line.
+    /// Uniform motion along a line.
     Straight,
-    /// A parabola: sagitta over half the length.
+    /// A parabola: sagitta relative to half the length.
     Curved(f64),
-    /// About the vertical through the scene's origin; degrees from end to end.
+    /// A circle about the vertical through the scene's origin; degrees from end to end.
     Circle(f64),
-    /// A corner at this `u`, by this many degrees.
+    /// A corner at `u`, by an angle in degrees.
     Corner(f64, f64),
-    /// A sway of this many cycles from end to end.
+    /// Sway with this many cycles from end to end.
     Sway(f64),
-    /// Each pulse on its own.
+    /// Independent jitter of each pulse.
     Jitter,
-    /// Jitter on pulses from this `u` on, for a tenth of the track.
+    /// Jitter on a tenth of the track from `u` on.
     RoughStretch(f64),
-    /// Stops: this many pulses from each place.
+    /// Stop and go: this many pulses at each position.
     StopAndGo(usize),
-    /// A gap at this `u`, of half the length.
+    /// A gap of half the length at `u`.
     Gap(f64),
-    /// One pulse far off.
+    /// One pulse far off the track.
     Outlier(f64),
 }
 
-/// Which antennas.
+/// Arrangement of antennas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Antennas {
     /// Monostatic antenna on one track.
     Monostatic,
-    /// A receiver this far from the transmitter.
+    /// A receiver at this offset from the transmitter.
     Apart(DVec3),
-    /// A transmitter that stays here.
+    /// A stationary transmitter at this position.
     Still(DVec3),
-    /// Receivers in turn, this many this far from each other.
+    /// Alternating receivers: their number, and the offset between neighbours.
     InTurn(usize, DVec3),
 }
 
 /// A track: shape, place, antennas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Track {
-    /// What shape it has.
     pub(crate) shape: Shape,
     /// Centre of the track, metres.
     pub(crate) middle_m: DVec3,
-    /// Unit vector of flight.
+    /// Unit vector of the direction of flight.
     pub(crate) along: DVec3,
-    /// From end to end, metres.
+    /// Distance from end to end, metres.
     pub(crate) length_m: f64,
     /// Size of sway, jitter or outlier, metres.
     pub(crate) amplitude_m: f64,
-    /// Antennas.
     pub(crate) antennas: Antennas,
-    /// Reference paths: of the scene's origin, off by this, or zero if it is infinite; metres.
+    /// Offset of reference paths from those of the scene's origin, metres; if infinite, reference paths are zero.
     pub(crate) reference_m: f64,
     /// Seed of the position jitter.
     pub(crate) seed: u64,

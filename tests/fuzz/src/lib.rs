@@ -1,10 +1,10 @@
-//! What the fuzzing programs share: each reads what the fuzzer makes by one of
-//! [`subaperture_tests::fuzz::TARGETS`], and repairs most of it first.
+//! Common code of the fuzzing programs: each reads the fuzzer's input by one of [`subaperture_tests::fuzz::TARGETS`], and repairs most of
+//! it first.
 
 pub use libfuzzer_sys;
 pub use subaperture_tests;
 
-/// A program of the target of this name.
+/// Program of the target with this name.
 #[macro_export]
 macro_rules! program {
     ($name:literal) => {
@@ -22,8 +22,8 @@ macro_rules! program {
     };
 }
 
-/// Has the fuzzer change an input, or this project's own mutator, and three times in four makes lengths and
-/// checksums right again; the new size.
+/// Change an input by the fuzzer or by this project's own mutator, and three times in four correct lengths and checksums; returns the new
+/// size.
 pub fn mutated(name: &str, bytes: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     let target = subaperture_tests::fuzz::target(name);
     let mut input = if seed.is_multiple_of(3) {

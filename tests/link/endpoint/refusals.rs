@@ -1,4 +1,4 @@
-//! Invalid commands are refused, reported once, and change nothing.
+//! Invalid commands are refused, reported once, and have no effect.
 
 use subaperture_core::cfar::{Cfar, TrainingWindow};
 use subaperture_core::link::{ChipGrid, Command, Configuration, Encoding, Refusal, State};
@@ -145,7 +145,7 @@ fn invalid_commands_are_refused_without_effect() {
         assert_eq!(bench.state(), State::Running);
     }
     assert_eq!(bench.status.unwrap().run, 1);
-    // None of these commands changed anything.
+    // None of these commands had an effect.
     assert_eq!(bench.send(&Command::Abort), None);
     bench.run(2, &scene);
     for came in &bench.maps {
@@ -249,9 +249,9 @@ fn chip_of_missing_patch_is_refused_at_start() {
     assert_eq!(bench.chips.len(), 1);
 }
 
-/// Repeated commands are harmless, and an aborted run leaves nothing behind.
+/// Repeated commands are harmless, and an aborted run leaves no data.
 #[test]
-fn repeated_commands_change_nothing() {
+fn repeated_commands_have_no_effect() {
     let scene = scene();
     let mut bench = float();
     bench.configure(&scene);
@@ -286,7 +286,7 @@ fn repeated_commands_change_nothing() {
     assert_eq!(bench.maps.len(), scene.patches.len());
     assert!(bench.chips.is_empty(), "the aborted run's chip is dropped");
     bench.run(3, &scene);
-    assert_eq!(bench.chips, chip, "nothing of the aborted run is in it");
+    assert_eq!(bench.chips, chip, "the chip contains only its own run");
 }
 
 /// Frame written from the description: CRC by another library, byte stuffing by definition.

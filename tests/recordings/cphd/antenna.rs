@@ -1,4 +1,4 @@
-//! Antenna patterns as gain polynomials, in XML made by hand.
+//! Antenna patterns as gain polynomials, in hand-written XML.
 
 use glam::DVec3;
 use subaperture::io::cphd::Cphd;
@@ -7,7 +7,7 @@ use subaperture::phase_history::{BeamSource, NoBeam, PhaseHistory, ReadError};
 use super::by_hand::{ByHand, POSITION, RECORD_WORDS, VECTORS, assemble, cf8};
 use num_complex::Complex32;
 
-/// Earth-centred: the track of [`ByHand`] goes along ECF y.
+/// Antenna elements in Earth-centred coordinates; the track of [`ByHand`] goes along ECF y.
 struct Hand {
     /// Electrical boresight, direction cosines along X (ECF y) and Y (ECF z).
     boresight: [&'static str; 2],
@@ -23,7 +23,7 @@ struct Hand {
     vectors: Option<[[f64; 2]; VECTORS]>,
 }
 
-/// Half the power at 0.05 off, in direction cosines: 10 log10(2) / 0.05^2.
+/// Half power at a direction cosine of 0.05: 10 log10(2) / 0.05^2.
 const GAIN: f64 = -3.010_299_956_639_812 / 0.0025;
 
 const PLAIN: Hand = Hand {
@@ -156,20 +156,20 @@ fn assert_beam(found: [f64; 2], expected: [f64; 2]) {
 fn gain_polynomials_give_width_and_squint() {
     let half = 0.05f64.asin();
     assert_beam(PLAIN.beam(), [2.0 * half, 0.0]);
-    // An isotropic receiver has no share: the transmitter alone is wider by the square root of two.
+    // An isotropic receiver does not narrow the beam: that of the transmitter alone is wider by the square root of two.
     let one = Hand {
         receiver: &[(0, 0, 3.0)],
         ..PLAIN
     };
     assert_beam(one.beam(), [2.0 * half * 2f64.sqrt(), 0.0]);
-    // Steered forward by 0.2: in direction cosines the lobe is as wide. Its cut goes through the boresight.
+    // Steered forward by 0.2, the lobe keeps its width in direction cosines. The cut goes through the boresight.
     let steered = Hand {
         boresight: ["0.2", "0"],
         ..PLAIN
     };
     let [back, forward] = [0.15f64.asin(), 0.25f64.asin()];
     assert_beam(steered.beam(), [forward - back, 0.5 * (back + forward)]);
-    // The element pattern is of direction cosines, not of those off the boresight; both add.
+    // The element pattern is a function of direction cosines, not of offsets from the boresight; gains in dB add.
     let element = Hand {
         boresight: ["0.2", "0"],
         array: &[(0, 0, 0.0)],
@@ -183,8 +183,8 @@ fn gain_polynomials_give_width_and_squint() {
 }
 
 #[test]
-fn frequency_shifts_the_boresight_and_dilates_the_lobe() {
-    // Twice the frequency at which the pattern is given: half the boresight and half the lobe.
+fn frequency_scales_boresight_and_lobe() {
+    // At twice the frequency of the pattern, boresight and lobe width are half as large.
     let scaled = Hand {
         boresight: ["0.2", "0"],
         freq_zero: "4.50075e9",
@@ -202,7 +202,7 @@ fn frequency_shifts_the_boresight_and_dilates_the_lobe() {
 }
 
 #[test]
-fn patterns_without_a_lobe_give_no_beam_and_faults_are_named() {
+fn pattern_without_lobe_gives_no_beam_and_faults_are_named() {
     let flat = Hand {
         array: &[(2, 0, 1.0)],
         receiver: &[(0, 0, 0.0)],
@@ -249,7 +249,7 @@ fn patterns_without_a_lobe_give_no_beam_and_faults_are_named() {
             "{warnings:?}"
         );
     }
-    // A boresight that is no direction.
+    // A boresight beyond the unit circle.
     let beyond = Hand {
         boresight: ["0.9", "0.9"],
         ..PLAIN

@@ -1,4 +1,4 @@
-//! A CPHD file made byte by byte, apart from the writer under test.
+//! A CPHD file assembled byte by byte, independent of the writer under test.
 
 use num_complex::Complex32;
 use subaperture::io::cphd::Cphd;
@@ -6,8 +6,7 @@ use subaperture::phase_history::ReadError;
 
 use super::scene::read_all;
 
-/// A file with one channel of 3 vectors of 4 samples unless said otherwise. The PVP record is in an
-/// order of its own, with a gap before TxPos and padding at the end.
+/// By default one channel of 3 vectors with 4 samples. The PVP record has its own order, a gap before TxPos and padding at the end.
 #[derive(Clone)]
 pub(crate) struct ByHand {
     pub(crate) version: &'static str,
@@ -96,7 +95,7 @@ impl ByHand {
     pub(crate) fn pvp(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         for v in 0..VECTORS {
-            // Bytes that nothing points at are not numbers.
+            // Bytes between the parameters are not valid numbers.
             let mut words = [0x7ff8_dead_beef_0000u64; RECORD_WORDS];
             let mut put = |offset: usize, values: &[f64]| {
                 for (i, value) in values.iter().enumerate() {
@@ -128,7 +127,7 @@ impl ByHand {
     }
 }
 
-/// Header and blocks, the XML at byte 512.
+/// Header and blocks, with the XML at byte 512.
 pub(crate) fn assemble(version: &str, xml: &str, pvp: &[u8], signal: &[u8]) -> Vec<u8> {
     let pvp_offset = 512 + xml.len() + 2 + 5;
     let signal_offset = pvp_offset + pvp.len() + 3;

@@ -1,4 +1,4 @@
-//! Damaged files give errors: cut at any byte, and with bytes changed.
+//! Damaged CPHD files, truncated at any byte or with changed bytes, give errors and never panic.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use subaperture::phase_history::PhaseHistory;
 use super::by_hand::ByHand;
 use super::scene::{Scene, read_all};
 
-/// A file of two channels as the library writes it.
+/// Bytes of a file with two channels by the library's writer.
 fn written(folder: &Path, domain: Domain) -> Vec<u8> {
     let path = folder.join("whole.cphd");
     let scene = |num_pulses, num_samples| Scene {
@@ -30,7 +30,7 @@ fn written(folder: &Path, domain: Domain) -> Vec<u8> {
 }
 
 #[test]
-fn a_file_cut_at_any_byte_is_an_error() {
+fn file_truncated_at_any_byte_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.cphd");
     let whole = written(folder.path(), Domain::Fx);
@@ -51,7 +51,7 @@ fn a_file_cut_at_any_byte_is_an_error() {
 }
 
 #[test]
-fn a_long_signal_cut_anywhere_is_an_error() {
+fn long_signal_truncated_anywhere_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut.cphd");
     let recorded = Scene {
@@ -70,7 +70,7 @@ fn a_long_signal_cut_anywhere_is_an_error() {
     }
 }
 
-/// Opens every channel that it can and reads it all; only a panic fails.
+/// Open every channel and read all of it; errors are accepted, panics are not.
 fn exercise(bytes: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flipped.cphd");
@@ -119,7 +119,7 @@ proptest! {
         flip(FILES[which].clone(), &flips);
     }
 
-    /// Digits of the header and the XML changed into others: sizes, offsets and counts that lie.
+    /// Digits of header and XML replaced by others: wrong sizes, offsets and counts.
     #[test]
     fn changed_digits_never_panic(
         toa in any::<bool>(),

@@ -1,4 +1,4 @@
-//! CPHD files: written and read back, read from bytes made by hand, damaged, and checked by sarkit.
+//! CPHD files: written and read back, read from hand-made bytes, damaged, and checked by sarkit.
 
 mod antenna;
 mod by_hand;

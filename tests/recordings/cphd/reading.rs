@@ -1,4 +1,4 @@
-//! Reading files made by hand: formats, geometry, both domains, and everything that can be wrong.
+//! Reading hand-made CPHD files: formats, geometry, both domains, and every fault.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use super::by_hand::{
 use super::scene::read_all;
 
 #[test]
-fn integer_formats_scale_factors_and_missing_signal() {
+fn integer_formats_are_scaled_and_vectors_without_signal_left_out() {
     let parts = integers();
     let ci2 = parts.iter().map(|&v| v as i8 as u8).collect();
     let ci4 = parts
@@ -55,7 +55,7 @@ fn integer_formats_scale_factors_and_missing_signal() {
             warnings[0].contains("vector 1 (1 of 3) is left out: SIGNAL"),
             "{warnings:?}"
         );
-        // Noise is no signal either.
+        // Vectors of noise count as vectors without signal.
         by_hand.signal_pvp = Some([2, 0, 1]);
         let cphd = open_bytes(&by_hand.bytes()).unwrap();
         assert_eq!(read_all(&cphd).unwrap(), expected[4..]);
@@ -77,11 +77,11 @@ fn integer_formats_scale_factors_and_missing_signal() {
 }
 
 #[test]
-fn geometry_is_in_the_scene_frame() {
+fn geometry_is_converted_to_scene_frame() {
     let by_hand = ByHand::new("CF8", vec![0; 96]);
     let cphd = open_bytes(&by_hand.bytes()).unwrap();
     let pulse = cphd.collection().pulses[1];
-    // x is ECF y, y is ECF z, and so z is ECF x.
+    // x is ECF y, y is ECF z, so z is ECF x.
     assert_eq!(pulse.transmitter_m, DVec3::new(10.0, 4000.0, 3000.0));
     assert_eq!(pulse.receiver_m, DVec3::new(10.0, 5.0, 12.0));
     assert_eq!(pulse.reference_m, DVec3::ZERO);
@@ -96,8 +96,8 @@ fn geometry_is_in_the_scene_frame() {
 #[test]
 fn hae_surface_gives_tangent_axes() {
     let mut by_hand = ByHand::new("CF8", vec![0; 96]);
-    // On the equator the meridian's radius is a (1 - e^2), the parallel's a. One metre along
-    // 30 degrees north of east, and one along the normal to it.
+    // On the equator the meridian's radius is a (1 - e^2), the parallel's a. A displacement of 1 m 30 degrees north of east, and of 1 m
+    // along the normal.
     let (a, e2) = (6_378_137.0f64, 6.694_379_990_14e-3f64);
     let (sin, cos) = 30f64.to_radians().sin_cos();
     let (north, east) = (a * (1.0 - e2), a);
@@ -126,10 +126,9 @@ fn hae_surface_gives_tangent_axes() {
 }
 
 #[test]
-fn toa_follows_the_standard_in_either_sign() {
-    // N delays from an SC0 that is no multiple of SCSS, a band of K bins. One scatterer at dTOA: its
-    // spectrum is exp(SGN j 2 pi f dTOA); by the module's definition
-    // s(toa) = 1/K sum_f S(f) exp(-SGN j 2 pi (f - fx_C) toa), here summed term by term.
+fn toa_domain_follows_standard_for_both_signs() {
+    // N delays from an SC0 that is no multiple of SCSS, and a band of K bins. The spectrum of a scatterer at dTOA is exp(SGN j 2 pi f
+    // dTOA). By the module's definition s(toa) = 1/K sum_f S(f) exp(-SGN j 2 pi (f - fx_C) toa), summed here term by term.
     let (n, scss, sc0, d_toa) = (40, 5e-9, -77.3e-9, 21.7e-9);
     let spacing = 1.0 / (n as f64 * scss);
     for k in [30usize, 31] {
@@ -152,8 +151,8 @@ fn toa_follows_the_standard_in_either_sign() {
             let peak = (0..n)
                 .max_by(|&a, &b| vector[a].norm().total_cmp(&vector[b].norm()))
                 .unwrap();
-            // The peak is at dTOA (sample 19.8), near 1, and has phase SGN fx_C dTOA: the very
-            // statement of the standard. Half a cell of 0.2 from it costs little in phase.
+            // The peak is at dTOA (sample 19.8), near 1, with phase SGN fx_C dTOA as the standard states. At 0.2 samples from the peak the
+            // phase changes little.
             assert_eq!(peak, 20);
             let half = 0.5 * k as f64 * spacing;
             let by_hand = ByHand {
@@ -172,7 +171,7 @@ fn toa_follows_the_standard_in_either_sign() {
                 // 1e-6 Hz: rounding at 9.6e9 Hz.
                 assert!((f - frequencies[i]).abs() < 2e-6);
                 let (im, re) = (-TAU * f * d_toa).sin_cos();
-                // The sum of 40 samples rounded by 2^-25 of at most 1: well below 1e-6.
+                // The sum of 40 samples of at most 1, each rounded by 2^-25: well below 1e-6.
                 let error = (f64::from(z.re) - re).hypot(f64::from(z.im) - im);
                 assert!(error < 1e-6, "{k} {sgn} {i}: {error:e}");
             }
@@ -190,7 +189,7 @@ fn faults_are_named() {
     let good = ByHand::new("CF8", vec![0; 96]);
     open_bytes(&good.bytes()).unwrap();
 
-    // Every element that is needed, by taking it away.
+    // Remove each required element in turn.
     let xml = good.xml();
     for name in [
         "Global",
@@ -312,7 +311,7 @@ fn faults_are_named() {
         "not well formed",
     );
 
-    // Per-vector parameters, of vector 1.
+    // Parameters of vector 1.
     let spoiled = |word: usize, value: f64, part: &str| {
         let mut pvp = good.pvp();
         let at = (RECORD_WORDS + word) * 8;
@@ -326,7 +325,7 @@ fn faults_are_named() {
     spoiled(4, 1e308, "vector 1: its transmitter at (");
     spoiled(7, 2e10, "vector 1: its receiver at (");
     spoiled(2, 1e300, "vector 1: its time 1e300 s");
-    // Each finite, and no radar's.
+    // Finite, but outside the range of any radar.
     spoiled(0, 5e245, "vector 1: expected a frequency from");
     spoiled(1, 5e245, "vector 1: expected a frequency step from");
     spoiled(1, 0.0, "vector 1: SCSS is 0.0; only ascending");
@@ -334,7 +333,7 @@ fn faults_are_named() {
     spoiled(0, 0.0, "vector 1: SC0 is 0.0 Hz");
     spoiled(14, 9e9, "vector 1: FX1 9000000000.0 Hz is not below FX2");
 
-    // A sample that is not a number, by pulse and sample.
+    // A non-finite sample is reported by pulse and sample.
     let mut signal = vec![0; 96];
     signal[(4 + 3) * 8 + 4..(4 + 3) * 8 + 8].copy_from_slice(&f32::NAN.to_be_bytes());
     let cphd = open_bytes(&ByHand::new("CF8", signal).bytes()).unwrap();
@@ -348,7 +347,7 @@ fn faults_are_named() {
 }
 
 #[test]
-fn headers_that_lie_are_named() {
+fn wrong_header_values_are_named() {
     let good = ByHand::new("CF8", vec![0; 96]).bytes();
     let text = |from: &str, to: &str| {
         let from = from.as_bytes();
@@ -377,7 +376,7 @@ fn headers_that_lie_are_named() {
     for size in ["99999999", "18446744073709551615", "4000000000000"] {
         let lie = text("XML_BLOCK_SIZE := ", &format!("XML_BLOCK_SIZE := {size}"));
         let error = open_bytes(&lie).err().unwrap().to_string();
-        // Either past the end, or no number of 64 bits.
+        // Beyond the end of the file, or beyond 64 bits.
         assert!(
             error.contains("cut short") || error.contains("not a number"),
             "{error}"
@@ -386,7 +385,7 @@ fn headers_that_lie_are_named() {
 }
 
 #[test]
-fn a_file_shortened_after_opening_is_an_error() {
+fn file_truncated_after_opening_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.cphd");
     let bytes = ByHand::new("CF8", vec![0; 96]).bytes();
@@ -400,7 +399,7 @@ fn a_file_shortened_after_opening_is_an_error() {
 }
 
 #[test]
-fn comments_and_instructions_are_no_part_of_text() {
+fn xml_comments_and_instructions_are_not_text() {
     let hand = ByHand::new("CF8", vec![0; 96]);
     let mut commented = hand.xml();
     for (from, to) in [
@@ -419,14 +418,14 @@ fn comments_and_instructions_are_no_part_of_text() {
 }
 
 #[test]
-fn an_empty_support_block_is_none() {
+fn empty_support_block_is_accepted() {
     let hand = ByHand::new("CF8", vec![0; 96]);
     let with_support = |size: &str| {
         let mut bytes = hand.bytes();
         let end = bytes.windows(2).position(|w| w == b"\x0c\n").unwrap();
         let lines =
             format!("SUPPORT_BLOCK_SIZE := {size}\nSUPPORT_BLOCK_BYTE_OFFSET := 512\n\x0c\n");
-        // In the padding that follows the header.
+        // In the padding after the header.
         bytes[end..end + lines.len()].copy_from_slice(lines.as_bytes());
         bytes
     };
@@ -436,11 +435,11 @@ fn an_empty_support_block_is_none() {
 }
 
 #[test]
-fn memory_is_refused_before_it_is_taken() {
+fn file_beyond_memory_is_refused_before_allocation() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.cphd");
     let hand = ByHand::new("CF8", vec![0; 96]);
-    // A small file: its XML takes most.
+    // A small file: its XML needs most of the memory.
     std::fs::write(&path, hand.bytes()).unwrap();
     let xml = parsed_bytes(&hand.xml());
     let refusal = |memory_bytes| match Cphd::open(&path, None, memory_bytes) {
@@ -451,8 +450,8 @@ fn memory_is_refused_before_it_is_taken() {
     assert_eq!(refusal(xml), 0);
     assert_eq!(refusal(xml - 1), xml);
 
-    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 240 + 17
-    // bytes are kept of a vector, and records are read 1 MiB at a time.
+    // More than a TiB of zeros: 2^33 records of 160 bytes, with one sample of 2 bytes each. 240 + 17 bytes are kept for each vector, and
+    // records are read 1 MiB at a time.
     let vectors = 1u64 << 33;
     let huge = ByHand {
         num_vectors: vectors.to_string(),
@@ -477,7 +476,7 @@ fn memory_is_refused_before_it_is_taken() {
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(pvp_at + pvp_bytes + 2 * vectors).unwrap();
     assert_eq!(refusal(1 << 30), vectors * (240 + 17) + (1 << 20));
-    // Its metadata are there to be read at once.
+    // Its metadata can still be read.
     let info = CphdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].num_vectors, vectors);
     assert_eq!(cphd_info(&path, 1 << 20).unwrap(), Some(info));
@@ -504,12 +503,12 @@ fn xml_of_more_than_8_mib_is_refused() {
 }
 
 #[test]
-fn parts_of_an_aperture_share_the_memory() {
+fn recordings_of_one_aperture_share_memory_budget() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.cphd");
     let hand = ByHand::new("CF8", vec![0; 96]);
     std::fs::write(&path, hand.bytes()).unwrap();
-    // Of another band: no pulse is in both.
+    // Another band, so that no pulse is in both.
     let mut other = hand.clone();
     other.axis = [9.1e9, 1e6, 9.1e9, 9.103e9];
     let next = folder.path().join("next.cphd");
@@ -521,16 +520,16 @@ fn parts_of_an_aperture_share_the_memory() {
         };
         open_all(&[&path, &next], &options).map(|aperture| aperture.held_bytes())
     };
-    // While the second is opened, the first is held.
+    // While the second file is opened, the first one is in memory.
     let held = 3 * (240 + 17);
     let needed = parsed_bytes(&hand.xml()) + held;
-    // Their times are the same, so pulses take turns: a run of 24 bytes each.
+    // Their times are the same, so pulses alternate: a block of 24 bytes for each.
     assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (240 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 
 #[test]
-fn deeply_nested_xml_is_an_error() {
+fn deeply_nested_xml_is_refused() {
     let xml = "<a>".repeat(300_000);
     assert_refused(
         &assemble("1.1.0", &xml, &[0; 8], &[0; 8]),
@@ -540,7 +539,7 @@ fn deeply_nested_xml_is_an_error() {
     assert_refused(&assemble("1.1.0", &xml, &[0; 8], &[0; 8]), "root element");
 }
 
-/// From the project's folder, where the example may lie.
+/// Path of the example in the project's data folder, which may be missing.
 fn example() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
@@ -549,7 +548,7 @@ fn example() -> PathBuf {
 }
 
 #[test]
-fn the_syntax_example_of_the_standard_parses() {
+fn syntax_example_of_standard_is_parsed() {
     let path = example();
     let Ok(xml) = std::fs::read_to_string(&path) else {
         println!("skipped: {} not found", path.display());

@@ -1,4 +1,4 @@
-//! What is written reads back.
+//! CPHD files by the writer, read back.
 
 use std::ops::Range;
 use std::path::Path;
@@ -28,8 +28,8 @@ fn assert_same_geometry(read: &Collection, written: &Collection, relative_hz: f6
     assert!(read.frame.agrees_with(&written.frame));
     for (a, b) in read.pulses.iter().zip(&written.pulses) {
         assert_eq!(a.time_s, b.time_s);
-        // ECF coordinates of 6.4e6 m round by up to 4.7e-10 m each, twice (the origin is exact in
-        // both directions): 2 sqrt(3) 4.7e-10 = 1.6e-9 m.
+        // ECF coordinates of 6.4e6 m have rounding errors of up to 4.7e-10 m each, twice (the origin is exact in both directions): 2
+        // sqrt(3) 4.7e-10 = 1.6e-9 m.
         for (p, q) in [
             (a.transmitter_m, b.transmitter_m),
             (a.receiver_m, b.receiver_m),
@@ -45,7 +45,7 @@ fn assert_same_geometry(read: &Collection, written: &Collection, relative_hz: f6
 }
 
 #[test]
-fn fx_reads_back_to_the_same_bits() {
+fn fx_samples_are_bit_identical() {
     let folder = tempfile::tempdir().unwrap();
     for sgn in [Sgn::Minus, Sgn::Plus] {
         let recorded = Scene::default().recorded();
@@ -63,7 +63,7 @@ fn fx_reads_back_to_the_same_bits() {
         assert_eq!(cphd.collection().name, "synthetic <&> scene");
         assert_eq!(cphd.collection().extent, recorded.collection().extent);
 
-        // A run of pulses out of the middle is that part of the whole.
+        // A block of pulses from the middle equals that part of the whole.
         let mut some = vec![Complex32::ZERO; 3 * 24];
         cphd.read(7..10, &mut some).unwrap();
         assert_eq!(bits(&some), bits(&written[7 * 24..10 * 24]));
@@ -83,9 +83,9 @@ fn fx_reads_back_to_the_same_bits() {
 }
 
 #[test]
-fn toa_reads_back_to_float32_rounding() {
+fn toa_samples_agree_to_float32_rounding() {
     let folder = tempfile::tempdir().unwrap();
-    // Even and odd counts, and one frequency alone.
+    // Even and odd counts, and a single frequency.
     for num_samples in [24, 25, 1] {
         for sgn in [Sgn::Minus, Sgn::Plus] {
             let recorded = Scene {
@@ -99,11 +99,10 @@ fn toa_reads_back_to_float32_rounding() {
             let cphd = Cphd::open(&path, None, u64::MAX).unwrap();
             assert_eq!(cphd.collection().num_samples, num_samples);
             assert!(cphd.channel().num_samples as usize > num_samples);
-            // Frequencies pass through (FX1 + FX2) / 2 and 1 / (N SCSS): a few roundings of 1.1e-16.
+            // Frequencies are computed from (FX1 + FX2) / 2 and 1 / (N SCSS): a few roundings of 1.1e-16.
             assert_same_geometry(cphd.collection(), recorded.collection(), 1e-15);
-            // K frequencies of rms S make N >= K delays of rms S / sqrt(K) (Parseval, with 1/K in
-            // front), each rounded by at most 2^-24 of itself; K/N times their sum brings back
-            // sqrt(K/N) 2^-24 <= 2^-24 of S. Rounding S itself adds as much: 2 2^-24 = 1.2e-7.
+            // K frequencies of RMS S give N >= K delays of RMS S / sqrt(K) (Parseval, with the factor 1/K), each rounded by at most 2^-24
+            // of itself. K/N times their sum gives sqrt(K/N) 2^-24 <= 2^-24 of S. Rounding S adds as much: 2 2^-24 = 1.2e-7.
             let error = relative_rms(&read_all(&cphd).unwrap(), &read_all(&recorded).unwrap());
             assert!(error < 1.2e-7, "{num_samples} samples: {error:e}");
         }
@@ -111,7 +110,7 @@ fn toa_reads_back_to_float32_rounding() {
 }
 
 #[test]
-fn channels_of_different_sizes_are_chosen_by_name() {
+fn channels_of_different_sizes_are_selected_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.cphd");
     let first = Scene::default().recorded();
@@ -155,10 +154,10 @@ fn channels_of_different_sizes_are_chosen_by_name() {
 }
 
 #[test]
-fn a_reference_path_of_its_own_survives() {
+fn reference_path_other_than_geometry_round_trips() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bias.cphd");
-    // As GOTCHA's, which differ by up to 0.8 mm from the geometry.
+    // As in GOTCHA, where reference paths differ by up to 0.8 mm from the geometry.
     for receiver in [TRACK, |t| TRACK(t) + DVec3::new(900.0, -400.0, 50.0)] {
         let recorded = Scene {
             path_bias_m: 0.8e-3,
@@ -175,7 +174,7 @@ fn a_reference_path_of_its_own_survives() {
     }
 }
 
-/// CRC-32 bit by bit from its polynomial.
+/// CRC-32, bit by bit from its polynomial.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for &byte in bytes {
@@ -188,7 +187,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn inputs_name_the_whole_file() {
+fn inputs_state_checksum_of_whole_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.cphd");
     let recorded = Scene::default().recorded();
@@ -202,7 +201,7 @@ fn inputs_name_the_whole_file() {
     assert_eq!(inputs[0].crc32, format!("{:08x}", crc32(&bytes)));
 }
 
-/// Fails, or asks for cancellation, when the reading is half done.
+/// A history that fails or cancels when half of it has been read.
 struct Interrupting {
     inner: InMemory,
     reads: AtomicUsize,
@@ -237,7 +236,7 @@ fn num_entries(folder: &Path) -> usize {
 }
 
 #[test]
-fn nothing_is_left_behind_and_an_old_file_stays() {
+fn failed_write_leaves_no_file_and_keeps_old_one() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.cphd");
     std::fs::write(&path, "old").unwrap();
@@ -267,11 +266,11 @@ fn nothing_is_left_behind_and_an_old_file_stays() {
     }
     let recorded = Scene::default().recorded();
     let channels = [Channel::new("1", &recorded)];
-    // A file where a folder ought to be.
+    // A file in place of a folder.
     let nowhere = path.join("a.cphd");
     let error = write(&nowhere, &channels, &WriteOptions::default(), &Silent).unwrap_err();
     assert!(error.to_string().contains("a.cphd"), "{error}");
-    // A folder is in the way of the rename.
+    // A folder at the target of the rename.
     let taken = folder.path().join("taken");
     std::fs::create_dir(&taken).unwrap();
     std::fs::write(taken.join("x"), "").unwrap();

@@ -1,4 +1,4 @@
-//! Files of every kind against sarkit: its consistency checks, and its own reading of the samples.
+//! Files of every kind checked by sarkit: its consistency checks, and its reading of the samples.
 //!
 //! Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
 
@@ -19,7 +19,7 @@ use super::scene::{ORIGIN, Scene, TRACK, read_all};
 
 const HINT: &str = "install it with: python3 -m pip install 'sarkit[verification]'";
 
-/// Files written so far, as the script's list.
+/// Files written so far, in the form of the script's list.
 struct Files {
     folder: tempfile::TempDir,
     list: String,
@@ -98,7 +98,7 @@ impl Files {
 }
 
 #[test]
-fn sarkit_finds_every_kind_of_file_consistent() {
+fn sarkit_accepts_every_kind_of_file() {
     let plain = Scene::default();
     let bistatic = Scene {
         receiver: |t| DVec3::new(4000.0, -3500.0 + 60.0 * t, 900.0),
@@ -108,7 +108,7 @@ fn sarkit_finds_every_kind_of_file_consistent() {
         receiver: |_| DVec3::new(30.0, -200.0, 40.0),
         ..plain
     };
-    // The reference point goes along: a strip map.
+    // A moving reference point: a stripmap.
     let strip = Scene {
         reference: |t| DVec3::new(125.0 * t - 3.0, 0.0, 0.0),
         num_samples: 25,
@@ -158,7 +158,7 @@ fn sarkit_finds_every_kind_of_file_consistent() {
     files.check();
 }
 
-/// True positions as added parameters, beside a recorded track that differs.
+/// True positions as added parameters, with a recorded track that differs.
 #[test]
 fn sarkit_accepts_true_positions() {
     let mut array = experiment(IDEAL, five_points());
@@ -209,16 +209,16 @@ fn sarkit_accepts_antenna_patterns() {
     files.check();
 }
 
-/// Geometries whose angles lie at the ends of their ranges, as those of textbook tables do.
+/// Geometries whose angles are at the ends of their ranges, as in textbook tables.
 #[test]
-fn sarkit_accepts_the_limits_of_geometry() {
+fn sarkit_accepts_limits_of_geometry() {
     let plain = Scene {
         num_pulses: 130,
         num_samples: 8,
         ..Scene::default()
     };
     let mut files = Files::new();
-    // Motion exactly along the line of sight spans no slant plane with it; sarkit computes 0 / 0.
+    // Motion exactly along the line of sight defines no slant plane; sarkit computes 0 / 0.
     let no_plane = "TwistAngle,SlopeAngle,LayoverAngle";
     for (name, preset, undefined) in [
         ("table-2-1", Preset::Table21, no_plane),
@@ -237,7 +237,7 @@ fn sarkit_accepts_the_limits_of_geometry() {
         };
         files.add(name, Domain::Fx, Sgn::Minus, &[("1", scene)]);
     };
-    // Graze 0, broadside, along either axis and either way.
+    // Graze 0, broadside, along either axis in both directions.
     add(
         "flat-x",
         |t| DVec3::new(125.0 * t - 30.0, -5000.0, 0.0),

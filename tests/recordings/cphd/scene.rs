@@ -1,5 +1,4 @@
-//! Small collections whose samples are summed in float64 from the phase equation, with no code of the
-//! library.
+//! Small collections whose samples are float64 sums of the phase equation, without code of the library.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -23,7 +22,7 @@ pub(crate) fn frame() -> SceneFrame {
     }
 }
 
-/// What to make.
+/// Parameters of a collection.
 #[derive(Clone, Copy)]
 pub(crate) struct Scene {
     pub(crate) num_pulses: usize,
@@ -127,7 +126,7 @@ impl Scene {
     }
 }
 
-/// All samples of a history.
+/// Read all samples of a history.
 pub(crate) fn read_all(
     history: &dyn subaperture::phase_history::PhaseHistory,
 ) -> Result<Vec<Complex32>, subaperture::phase_history::ReadError> {
@@ -137,7 +136,7 @@ pub(crate) fn read_all(
     Ok(samples)
 }
 
-/// Real and imaginary parts as bits, for equality that tells -0 from 0.
+/// Real and imaginary parts as bits, so that -0 and 0 differ.
 pub(crate) fn bits(samples: &[Complex32]) -> Vec<(u32, u32)> {
     samples
         .iter()

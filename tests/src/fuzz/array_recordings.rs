@@ -1,4 +1,4 @@
-//! Phase history of arrays, in NumPy's archives and in HDF5.
+//! Phase history as arrays, in NumPy archives and in HDF5.
 
 use hdf5_pure::FileBuilder;
 use subaperture::io::open::{Options, open};
@@ -34,7 +34,7 @@ pub(super) const WORDS: &[&str] = &[
 const PULSES: usize = 4;
 const FREQUENCIES: usize = 6;
 
-/// Numbers of an aircraft 5 km away, by name, with their shapes.
+/// Geometry of an aircraft 5 km away: arrays with names and shapes.
 fn numbers() -> Vec<(&'static str, Vec<usize>, Vec<f64>)> {
     let antenna = (0..PULSES).flat_map(|n| [12.0 * n as f64 - 30.0, -4000.0, 3000.0]);
     let times = (0..PULSES).map(|n| 0.1 * n as f64);

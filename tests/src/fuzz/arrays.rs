@@ -1,4 +1,4 @@
-//! NumPy arrays, alone and in archives, and pictures of a scene.
+//! NumPy arrays, single and in archives, and pictures of a scene.
 
 use num_complex::Complex32;
 use subaperture::image::Image;
@@ -31,7 +31,7 @@ pub(super) const WORDS: &[&str] = &[
     ".npy",
 ];
 
-/// An image of 3 x 4.
+/// An image of 3 x 4 pixels.
 pub(super) fn image_bytes() -> Vec<u8> {
     let image = Image {
         rows: 3,
@@ -60,13 +60,13 @@ pub(super) fn npy_seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// A member of the archive of seeds.
+/// Name of the seeds' archive member.
 const MEMBER: &str = "a";
 
 pub(super) fn npz_seeds() -> Vec<Vec<u8>> {
     let one = array("<f8", "(2,)", &[0; 16]);
     let plain = stored(&[("a.npy", &one), ("b.npy", &image_bytes())]);
-    // As `numpy.savez_compressed` has it: the same, deflated.
+    // Compressed, as by `numpy.savez_compressed`.
     let mut deflate = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::best());
     std::io::Write::write_all(&mut deflate, &one).expect("a vector takes every byte");
     let packed = deflate.finish().expect("a vector takes every byte");
@@ -84,7 +84,7 @@ pub(super) fn npz_seeds() -> Vec<Vec<u8>> {
     vec![plain, archive]
 }
 
-/// What an array is, in words; its values are as many as its shape says.
+/// Description of an array; the number of its values agrees with its shape.
 fn describe(array: &Array) -> String {
     let count: usize = array.shape.iter().product();
     let (kind, values) = match &array.values {
@@ -107,7 +107,7 @@ pub(super) fn npy(bytes: &[u8]) -> String {
                 assert_eq!(image.pixels.len(), image.rows * image.columns);
                 let mut again = Vec::new();
                 npy::write_to(&mut again, &image).expect("a vector takes every byte");
-                // The values are the file's end; its header may be written in another way.
+                // The values end the file; the header may be formatted differently.
                 let values = 8 * image.pixels.len();
                 assert_eq!(again[again.len() - values..], bytes[bytes.len() - values..]);
                 "an image".to_owned()
@@ -145,7 +145,7 @@ pub(super) fn picture_seeds() -> Vec<Vec<u8>> {
         .to_vec()
 }
 
-/// A file of deflate holds 1032 times its bytes at most; of each a pixel, its brightness, and room to grow.
+/// Deflate expands at most 1032 times: for each byte a pixel, its brightness, and room to grow.
 pub(super) fn picture_bytes(input_bytes: usize) -> usize {
     (4 << 20) + 8 * 1032 * input_bytes
 }

@@ -1,4 +1,4 @@
-//! Captures of a radio: `.sigmf-meta`, `.sigmf-journal` (none if empty) and `.sigmf-data` in one input.
+//! Captures of a radio: `.sigmf-meta`, `.sigmf-journal` (absent if empty) and `.sigmf-data` in one input.
 
 use subaperture::radio::profile::Sweep;
 use subaperture::radio::sigmf::{Recording, Setup, Step, Writer};
@@ -71,7 +71,7 @@ fn step(index: usize) -> Step {
     }
 }
 
-/// A capture that was closed, and one that was killed.
+/// A closed capture, and a killed one.
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let seed = |finished: bool| {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,11 +126,11 @@ pub(super) fn read(bytes: &[u8]) -> String {
                     .iter()
                     .all(|gap| gap.0 <= gap.1 && gap.1 <= step.samples)
             );
-            // As many as the data have, so steps need not be few to be read in time.
+            // The data can contain many steps; a few are enough to stay within the time.
             if index < 64 {
                 recording
                     .read(index, &mut channels)
-                    .expect("what was opened lies within the data");
+                    .expect("opened steps lie within the data");
                 assert!(channels.iter().all(|channel| channel.len() == step.samples));
             }
         }

@@ -6,7 +6,7 @@ pub(super) fn pack(first: &[u8], second: &[u8]) -> Vec<u8> {
     [&length[..], first, second].concat()
 }
 
-/// Both; of an input of any kind, what there is.
+/// Both files; an input of any form is split as far as possible.
 pub(super) fn unpack(bytes: &[u8]) -> (&[u8], &[u8]) {
     let Some((length, rest)) = bytes.split_first_chunk() else {
         return (bytes, &[]);

@@ -63,7 +63,7 @@ fn words(format: &str) -> usize {
     }
 }
 
-/// The branch of the XML, and the length of a record.
+/// The XML branch, and the length of a record.
 fn branch(name: &str, fields: &[(&str, &str)]) -> (String, usize) {
     let (mut text, mut at) = (String::new(), 0);
     for (field, format) in fields {
@@ -76,7 +76,7 @@ fn branch(name: &str, fields: &[(&str, &str)]) -> (String, usize) {
     (format!("<{name}>{text}</{name}>"), 8 * at)
 }
 
-/// A header of a length that does not depend on the numbers.
+/// A header whose length does not depend on its numbers.
 fn header(first: &str, xml: [usize; 2], blocks: [[usize; 2]; 4]) -> String {
     let mut text = format!("{first}\n");
     let names = ["XML"].into_iter().chain(BLOCKS);
@@ -86,7 +86,7 @@ fn header(first: &str, xml: [usize; 2], blocks: [[usize; 2]; 4]) -> String {
     text + "CLASSIFICATION := U\nRELEASE_INFO := U\n\x0c\n"
 }
 
-/// A whole file of these blocks.
+/// A complete file of these blocks.
 fn file(first: &str, xml: &[u8], blocks: [&[u8]; 4]) -> Vec<u8> {
     let mut at = header(first, [0; 2], [[0; 2]; 4]).len();
     let xml_at = at;
@@ -103,19 +103,23 @@ fn file(first: &str, xml: &[u8], blocks: [&[u8]; 4]) -> Vec<u8> {
     whole
 }
 
-/// A header that points to where the XML and what follows it lie. All blocks but the last keep their sizes.
+/// Set the header to the positions of the XML and the blocks. All blocks except the last keep their sizes.
 pub(super) fn repair(bytes: &mut Vec<u8>) {
-    let find = |what: &[u8]| bytes.windows(what.len()).position(|window| window == what);
+    let find = |pattern: &[u8]| {
+        bytes
+            .windows(pattern.len())
+            .position(|window| window == pattern)
+    };
     let (Some(start), Some(end)) = (find(b"<CRSDsar"), find(b"</CRSDsar>")) else {
         return;
     };
     let Some(xml) = bytes.get(start..end + 10) else {
         return;
     };
-    let told = String::from_utf8_lossy(&bytes[..start]).into_owned();
+    let header = String::from_utf8_lossy(&bytes[..start]).into_owned();
     let size = |name: &str| -> usize {
         let key = format!("{name}_BLOCK_SIZE");
-        let line = told.lines().find_map(|line| line.strip_prefix(&key));
+        let line = header.lines().find_map(|line| line.strip_prefix(&key));
         let number = line.map(|line| line.trim_start_matches([' ', ':', '=']).trim());
         number.and_then(|number| number.parse().ok()).unwrap_or(0)
     };
@@ -129,11 +133,11 @@ pub(super) fn repair(bytes: &mut Vec<u8>) {
         rest = others;
         block
     });
-    let first = told.lines().next().unwrap_or_default();
+    let first = header.lines().next().unwrap_or_default();
     *bytes = file(first, xml, blocks);
 }
 
-/// Four pulses of 20 samples in windows of 32, of which one is noise alone.
+/// Four pulses of 20 samples in windows of 32; one is noise only.
 fn seed(format: &str, sample_bytes: usize) -> Vec<u8> {
     let (count, samples) = (4usize, 32usize);
     let (ppp_xml, ppp_bytes) = branch("PPP", &PULSES);
@@ -199,7 +203,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
 pub(super) fn read(bytes: &[u8]) -> String {
     with_files(&[("input.crsd", bytes)], |folder| {
         let path = folder.join("input.crsd");
-        let told = match CrsdInfo::read(&path) {
+        let info = match CrsdInfo::read(&path) {
             Ok(info) => format!("{} channels", info.channels.len()),
             Err(error) => return error.to_string(),
         };
@@ -215,6 +219,6 @@ pub(super) fn read(bytes: &[u8]) -> String {
             Ok(sum) => examine(&sum, bytes),
             Err(error) => error.to_string(),
         };
-        format!("{told} {opened} {summed}")
+        format!("{info} {opened} {summed}")
     })
 }

@@ -1,4 +1,4 @@
-//! The module's end of the link against a host that sends anything.
+//! The module's end of the link with a host that sends arbitrary bytes.
 
 use std::sync::OnceLock;
 
@@ -20,10 +20,10 @@ use crate::link_scene::{self, Kept, bits};
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
 type Buffers = FloatBuffers<8, 40, 128, 24, 4>;
 
-/// Most samples of a row of a map.
+/// Maximum of samples in a row of a map.
 const ROW: usize = 128;
 
-/// Pieces of work that a few bytes can cause: of some patches, each a pulse's, a row's or a column's.
+/// Maximum of steps that a few bytes can cause: each is that of a pulse, a row or a column, for some patches.
 const MAX_STEPS: usize = 100_000;
 
 /// A module's memory.
@@ -70,7 +70,7 @@ impl Bench {
         endpoint.with_profiler(&mut *self.profiler)
     }
 
-    /// What a module that just started says when it is told this.
+    /// Output of a module that has just started, for this input.
     pub(super) fn hear(&mut self, wire: &[u8]) -> Vec<u8> {
         let mut endpoint = self.endpoint();
         let mut said = settle(&mut endpoint);
@@ -82,7 +82,7 @@ impl Bench {
     }
 }
 
-/// Lets an endpoint do all that it can; what it said.
+/// Let an endpoint complete its work; returns its output.
 fn settle(endpoint: &mut Endpoint<'_, FloatEngine<'_>>) -> Vec<u8> {
     let mut said = Vec::new();
     for _ in 0..MAX_STEPS {
@@ -99,7 +99,7 @@ fn settle(endpoint: &mut Endpoint<'_, FloatEngine<'_>>) -> Vec<u8> {
 
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let all = wire::commands();
-    // Without what chips and detections add.
+    // Without the commands of chips and detections.
     let frames: Vec<&[u8]> = all.split_inclusive(|&byte| byte == 0).collect();
     let plain = [&frames[..5], &frames[7..]].concat().concat();
     vec![
@@ -111,13 +111,13 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// What a host hears.
+/// Receiver of the host.
 struct Ear {
     received: Vec<u8>,
     room: Vec<u8>,
 }
 
-/// The last status, the words' kinds, and maps that came whole.
+/// The last status, kinds of messages, and complete maps.
 #[derive(Default)]
 struct Heard {
     status: Option<Status>,
@@ -133,7 +133,7 @@ impl Ear {
         }
     }
 
-    /// Everything that an endpoint said; each frame of it is whole.
+    /// Receive all output of an endpoint; asserts that each frame is complete.
     fn hear(&mut self, mut said: &[u8]) -> Heard {
         let mut receiver = Receiver::new(&mut self.received);
         let mut assembly = MapAssembly::new(&mut self.room);
@@ -181,21 +181,21 @@ pub(super) fn read(bytes: &[u8]) -> String {
     let mut kinds = ear.hear(&said).kinds;
     kinds.dedup();
     kinds.truncate(12);
-    // Whatever it was told, it serves the next host as if nothing had been. A run takes a while: one in four.
+    // After any input the module serves the next host normally. A run takes time, so only one input in four is followed by one.
     if choice(bytes, 4) == 0 {
         serves(&mut endpoint, &mut ear);
     }
     kinds.join(" ")
 }
 
-/// A whole run, whose maps are the core's own to the bit.
+/// A complete run; asserts that its maps are bit-identical to the core's.
 fn serves(endpoint: &mut Endpoint<'_, FloatEngine<'_>>, ear: &mut Ear) {
     static EXPECTED: OnceLock<Kept> = OnceLock::new();
     let scene = link_scene::scene();
     let expected = EXPECTED.get_or_init(|| link_scene::expected(&scene));
     let mut encoder = Encoder::new();
     let mut buffer = vec![0; max_frame_bytes(ROW)];
-    // A zero ends whatever came before.
+    // A zero ends any unfinished frame.
     endpoint.receive(&[0]);
     let mut said = settle(endpoint);
     let mut ask = |said: &mut Vec<u8>, command: &Command<'_>| {

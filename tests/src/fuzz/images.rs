@@ -1,4 +1,4 @@
-//! Images of anybody by the one opener: SIDD in NITF, GeoTIFF, Zarr.
+//! Images of any origin by the common opener: SIDD in NITF, GeoTIFF, Zarr.
 
 use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
 use subaperture::image::{Image, ImageSource};
@@ -42,7 +42,7 @@ const ARRAY: &str = r#"{"zarr_format":3,"node_type":"array","shape":[3,5],"data_
 "chunk_key_encoding":{"name":"default","configuration":{"separator":"/"}},
 "fill_value":[0.0,0.0],"codecs":[{"name":"bytes","configuration":{"endian":"little"}}],"attributes":{}}"#;
 
-/// A detected image of a few pixels, a map of numbers, and an array of which no chunk is there.
+/// A detected image of a few pixels, a map of numbers, and an array without chunks.
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let track = |n: i32| [f64::from(n) * 20.0, -4000.0, 3000.0];
     let antennas: Vec<[f64; 3]> = (-4..=4).map(track).collect();
@@ -90,7 +90,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     };
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("seed.nitf");
-    let sidd = Sidd::new(&formed, &placing, &greys, 0).expect("what a SIDD holds");
+    let sidd = Sidd::new(&formed, &placing, &greys, 0).expect("a valid SIDD");
     sidd.write(&path, &image, &greys, &Silent)
         .expect("a file is written");
     let map = GeoTiff {
@@ -111,7 +111,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// Pixels up to which an image is read whole.
+/// Maximum of pixels for which an image is read completely.
 const MAX_PIXELS: usize = 1 << 18;
 
 pub(super) fn read(bytes: &[u8]) -> String {

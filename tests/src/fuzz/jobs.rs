@@ -1,4 +1,4 @@
-//! Jobs: their texts, and the states of their folders.
+//! Pipelines: their TOML, and the state files of their folders.
 
 use std::collections::BTreeMap;
 
@@ -147,10 +147,10 @@ pub(super) fn job(bytes: &[u8]) -> String {
     let state = match State::of_text(bytes) {
         Ok(state) => {
             let again = State::of_text(state.to_text().as_bytes());
-            assert_eq!(again.expect("what was written"), state);
+            assert_eq!(again.expect("written state is read"), state);
             "a state".to_owned()
         }
-        Err(what) => what,
+        Err(message) => message,
     };
     let Ok(text) = std::str::from_utf8(bytes) else {
         return state;
@@ -158,10 +158,10 @@ pub(super) fn job(bytes: &[u8]) -> String {
     match JobText::new(Description::new("input.toml", text, "/nowhere"), &SCHEMA) {
         Ok(job) => {
             let settings = job.settings(&SECTIONS);
-            // All are numbers, texts and flags that JSON has.
+            // All are numbers, strings and flags that JSON supports.
             let text = serde_json::to_string(&settings).expect("settings are JSON");
             let again: serde_json::Map<_, _> =
-                serde_json::from_str(&text).expect("what was written");
+                serde_json::from_str(&text).expect("written settings are read");
             assert_eq!(again, settings);
             format!("a job of {} settings", settings.len())
         }

@@ -1,4 +1,4 @@
-//! Files of maps, and an image of what is in them.
+//! Files of maps, and images from them.
 
 use num_complex::Complex32;
 use serde_json::json;
@@ -14,7 +14,7 @@ use super::MEMORY_BYTES;
 use super::scratch::with_files;
 use crate::{link_scene, maps};
 
-/// Maps that are read of a file; it may hold many without being large.
+/// Maximum of maps read from a file; it may contain many without being large.
 const MAX_READ: usize = 64;
 
 /// Setup and maps of two patches, three sub-CPIs, seen from 850 m.
@@ -64,7 +64,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("seed.maps");
     let mut seeds = Vec::new();
-    // The last one's patches are apart, in the mean where no pixels may be.
+    // The last seed's patches are so far apart that their mean position is outside all of them.
     for (arithmetic, apart_m) in [
         (Arithmetic::Float, [0.0, 0.0]),
         (Arithmetic::Fixed, [0.0, 0.0]),
@@ -88,7 +88,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
             },
         );
         let whole = std::fs::read(&path).expect("a file is read");
-        // One that lost its end is read map by map.
+        // A truncated file is read map by map.
         seeds.push(whole[..whole.len() - 16].to_vec());
         seeds.push(whole);
     }
@@ -125,7 +125,7 @@ pub(super) fn read(bytes: &[u8]) -> String {
         {
             let path = folder.join("again.maps");
             write(&path, file.run(), &maps, closing);
-            let again = MapFile::open(&path).expect("what was written is read");
+            let again = MapFile::open(&path).expect("written maps are read");
             assert_eq!((again.run(), again.closing()), (file.run(), Some(closing)));
             for (n, map) in maps.iter().enumerate() {
                 assert_eq!(
@@ -138,7 +138,7 @@ pub(super) fn read(bytes: &[u8]) -> String {
     })
 }
 
-/// Headers and bits of samples, in which a NaN is itself.
+/// Headers and bits of samples, so that NaN equals itself.
 fn bits(map: &OwnedMap) -> String {
     let samples: Vec<[u32; 2]> = map
         .clone()
@@ -151,7 +151,7 @@ fn bits(map: &OwnedMap) -> String {
 
 /// An image of a few pixels: finite, or an error.
 fn image(file: &MapFile) -> String {
-    // Few pulses of small patches have no grid of their own; then one about the seeds' first patch.
+    // Few pulses of small patches have no default grid; then one around the seeds' first patch is used.
     let (wide, found) = match default_grid(file, -50.0) {
         Ok(grid) => (grid, "a grid".to_owned()),
         Err(error) => (

@@ -1,15 +1,15 @@
-//! Every reader of bytes, given bytes of any kind.
+//! Fuzz targets: every reader of bytes on arbitrary input.
 //!
-//! A [`Target`] reads bytes that anybody may have made and asserts what is promised of any: it returns (no
-//! panic), in two seconds, within its bytes of memory; what it accepts is finite and physical; an image that is
-//! formed of it is finite; and where there is a writer, what was read and written again reads the same.
+//! A [`Target`] reads arbitrary bytes and asserts the promises for any input: it returns without panic, within two seconds and its memory;
+//! accepted values are finite and physical; an image formed from them is finite; and where there is a writer, written values are read
+//! unchanged.
 //!
-//! The same targets are run in two ways:
-//! - `tests/damage/fuzz_targets.rs` on the seeds and for some seconds of mutation ([`Mutator`]), with every test run;
+//! The same targets are run by
+//! - `tests/damage/fuzz_targets.rs` on the seeds and some seconds of mutations ([`Mutator`]), with every test run;
 //! - `tests/fuzz` by cargo-fuzz, guided by coverage, for hours: `cargo xtask fuzz TARGET SECONDS`.
 //!
-//! Seeds are made by the project's own writers, or by hand where it has none. After a mutation
-//! [`Target::repair`] makes lengths and checksums right again, so that it gets past the door.
+//! Seeds are made by the project's own writers, or by hand where there is none. After a mutation [`Target::repair`] corrects lengths and
+//! checksums, so that the input passes the first checks.
 
 mod array_recordings;
 mod arrays;
@@ -38,50 +38,50 @@ mod wire;
 
 pub use mutate::Mutator;
 
-/// Bytes that readers are allowed.
+/// Memory budget of readers, bytes.
 pub const MEMORY_BYTES: u64 = 16 << 20;
 
-/// A reader, and what is promised of it.
+/// A reader and its promises.
 pub struct Target {
-    /// Its name, which is that of its fuzzing program too.
+    /// Name, also that of its fuzzing program.
     pub name: &'static str,
-    /// Reads bytes; what came of it, in words. Panics where a promise is broken.
+    /// Read bytes; returns a description of the outcome. Panics where a promise is broken.
     pub read: fn(&[u8]) -> String,
-    /// Small inputs that are sound.
+    /// Small valid inputs.
     pub seeds: fn() -> Vec<Vec<u8>>,
-    /// Makes lengths and checksums right, as far as there is anything to be recognised.
+    /// Correct lengths and checksums, as far as the format is recognised.
     pub repair: fn(&mut Vec<u8>),
     /// Words of the format.
     pub words: &'static [&'static str],
-    /// Bytes that may be allocated at once for an input of this length.
+    /// Maximum of simultaneously allocated bytes for an input of this length.
     pub most_bytes: fn(usize) -> usize,
 }
 
-/// Nothing to repair.
-fn as_it_is(_bytes: &mut Vec<u8>) {}
+/// Repair of formats without lengths and checksums: no change.
+fn unchanged(_bytes: &mut Vec<u8>) {}
 
-/// Of readers with a budget: that, what an image of a few pixels takes, and copies of a small input.
+/// Limit of readers with a budget: the budget, an image of a few pixels, and copies of a small input.
 fn budgeted(input_bytes: usize) -> usize {
     MEMORY_BYTES as usize + (4 << 20) + 8 * input_bytes
 }
 
-/// Of texts: what they describe within the budget, and a tree of values for each few bytes of them.
+/// Limit of descriptions: content within the budget, and a tree of values for each few bytes of text.
 fn described(input_bytes: usize) -> usize {
     budgeted(input_bytes) + 100 * input_bytes
 }
 
-/// Of readers of text without one: a tree of values for each byte or two of it.
+/// Limit of text readers without a budget: a tree of values for each byte or two of text.
 fn in_proportion(input_bytes: usize) -> usize {
     (2 << 20) + 400 * input_bytes
 }
 
-/// All of them.
+/// All targets.
 pub static TARGETS: [Target; 28] = [
     Target {
         name: "job",
         read: jobs::job,
         seeds: jobs::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: jobs::WORDS,
         most_bytes: in_proportion,
     },
@@ -89,7 +89,7 @@ pub static TARGETS: [Target; 28] = [
         name: "plan",
         read: plans::plan,
         seeds: plans::plan_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: plans::WORDS,
         most_bytes: described,
     },
@@ -129,7 +129,7 @@ pub static TARGETS: [Target; 28] = [
         name: "npy",
         read: arrays::npy,
         seeds: arrays::npy_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: arrays::WORDS,
         most_bytes: budgeted,
     },
@@ -179,7 +179,7 @@ pub static TARGETS: [Target; 28] = [
         name: "scenario",
         read: texts::scenario,
         seeds: texts::scenario_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: texts::SCENARIO_WORDS,
         most_bytes: described,
     },
@@ -187,7 +187,7 @@ pub static TARGETS: [Target; 28] = [
         name: "recording",
         read: texts::recording,
         seeds: texts::recording_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: texts::RECORDING_WORDS,
         most_bytes: described,
     },
@@ -195,7 +195,7 @@ pub static TARGETS: [Target; 28] = [
         name: "arguments",
         read: texts::arguments,
         seeds: texts::argument_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: texts::ARGUMENT_WORDS,
         most_bytes: in_proportion,
     },
@@ -219,7 +219,7 @@ pub static TARGETS: [Target; 28] = [
         name: "track_csv",
         read: tracks::csv,
         seeds: tracks::csv_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: tracks::CSV_WORDS,
         most_bytes: in_proportion,
     },
@@ -227,7 +227,7 @@ pub static TARGETS: [Target; 28] = [
         name: "phase_csv",
         read: tracks::phases,
         seeds: tracks::phase_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: tracks::PHASE_WORDS,
         most_bytes: in_proportion,
     },
@@ -235,7 +235,7 @@ pub static TARGETS: [Target; 28] = [
         name: "motive",
         read: tracks::motive,
         seeds: tracks::motive_seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: tracks::MOTIVE_WORDS,
         most_bytes: in_proportion,
     },
@@ -259,7 +259,7 @@ pub static TARGETS: [Target; 28] = [
         name: "session",
         read: session::read,
         seeds: session::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: &[],
         most_bytes: in_proportion,
     },
@@ -267,7 +267,7 @@ pub static TARGETS: [Target; 28] = [
         name: "sigmf",
         read: captures::read,
         seeds: captures::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: captures::WORDS,
         most_bytes: described,
     },
@@ -275,7 +275,7 @@ pub static TARGETS: [Target; 28] = [
         name: "sicd",
         read: sicd::read,
         seeds: sicd::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: sicd::WORDS,
         most_bytes: described,
     },
@@ -283,7 +283,7 @@ pub static TARGETS: [Target; 28] = [
         name: "images",
         read: images::read,
         seeds: images::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: images::WORDS,
         most_bytes: described,
     },
@@ -291,7 +291,7 @@ pub static TARGETS: [Target; 28] = [
         name: "terrain",
         read: terrain::read,
         seeds: terrain::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: terrain::WORDS,
         most_bytes: budgeted,
     },
@@ -299,7 +299,7 @@ pub static TARGETS: [Target; 28] = [
         name: "geojson",
         read: shapes::geojson,
         seeds: shapes::seeds,
-        repair: as_it_is,
+        repair: unchanged,
         words: shapes::WORDS,
         most_bytes: in_proportion,
     },
@@ -308,13 +308,13 @@ pub static TARGETS: [Target; 28] = [
 /// The target of this name.
 ///
 /// # Panics
-/// If there is none.
+/// If there is no such target.
 pub fn target(name: &str) -> &'static Target {
     let found = TARGETS.iter().find(|target| target.name == name);
     found.unwrap_or_else(|| panic!("there is no fuzz target '{name}'"))
 }
 
-/// A number that depends on every byte, for choices that an input makes.
+/// A number from 0 to `of - 1` that depends on every byte, for choices by the input.
 fn choice(bytes: &[u8], of: u32) -> u32 {
     crc32fast::hash(bytes) % of
 }

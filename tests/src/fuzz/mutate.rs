@@ -1,14 +1,14 @@
-//! Random changes of bytes, the same for the same seed.
+//! Random changes of bytes, reproducible by seed.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::Target;
 
-/// Longest input that is made.
+/// Maximum length of an input.
 const LONGEST: usize = 1 << 16;
 
-/// Numbers at which things go wrong.
+/// Numbers at the limits of types and formats.
 const NUMBERS: [u64; 18] = [
     0,
     1,
@@ -74,11 +74,11 @@ const TEXTS: [&str; 22] = [
     "1e999999999",
 ];
 
-/// Changes inputs at random.
+/// Random changes of inputs.
 pub struct Mutator(ChaCha8Rng);
 
 impl Mutator {
-    /// A mutator; those of one seed make the same of the same.
+    /// A mutator; the same seed makes the same changes.
     pub fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))
     }
@@ -95,7 +95,7 @@ impl Mutator {
         list[self.below(list.len())]
     }
 
-    /// A new input from one of `pool`, with parts of others of it; three in four are repaired.
+    /// A new input from one of `pool`, with parts of others; three in four are repaired.
     pub fn make(&mut self, target: &Target, pool: &[Vec<u8>]) -> Vec<u8> {
         let mut bytes = pool[self.below(pool.len())].clone();
         let other = self.below(pool.len());
@@ -145,7 +145,7 @@ impl Mutator {
             }
             7 => bytes.truncate(at),
             8 => {
-                // A part of another input, in place of or between.
+                // Part of another input, replacing bytes or inserted.
                 let from = self.below(other.len());
                 let to = (from + length).min(other.len());
                 let gone = if self.one_in(2) { end } else { at };
@@ -160,7 +160,7 @@ impl Mutator {
         }
     }
 
-    /// Writes over what is there, in either order of bytes.
+    /// Overwrite bytes with `value`, in either byte order.
     fn put(&mut self, bytes: &mut [u8], at: usize, value: &[u8]) {
         let swapped = self.one_in(2);
         // Most formats align their numbers.
@@ -170,7 +170,7 @@ impl Mutator {
         }
     }
 
-    /// The number in digits next after `at` becomes another.
+    /// Replace the next decimal number after `at` by another.
     fn change_number(&mut self, bytes: &mut Vec<u8>, at: usize) {
         let digit = |byte: &u8| byte.is_ascii_digit();
         let Some(start) = bytes.iter().skip(at).position(digit) else {
@@ -195,7 +195,7 @@ impl Mutator {
         bytes.splice(start..start + length, text.bytes());
     }
 
-    /// A line goes, comes twice, or elsewhere.
+    /// Delete, repeat or move a line.
     fn change_line(&mut self, bytes: &mut Vec<u8>) {
         let mut lines: Vec<&[u8]> = bytes.split_inclusive(|&byte| byte == b'\n').collect();
         let (from, to) = (self.below(lines.len()), self.below(lines.len()));

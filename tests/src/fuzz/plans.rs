@@ -1,4 +1,4 @@
-//! Plans of images, which travel from machine to machine.
+//! Plans of images, which are copied between machines.
 
 use std::sync::OnceLock;
 
@@ -46,7 +46,7 @@ pub(super) const WORDS: &[&str] = &[
     "null",
 ];
 
-/// A short and narrow piece of the thesis's collection.
+/// A short and narrow part of the thesis's collection.
 fn history() -> &'static Samples {
     static HISTORY: OnceLock<Samples> = OnceLock::new();
     HISTORY.get_or_init(|| {
@@ -61,7 +61,7 @@ fn history() -> &'static Samples {
     })
 }
 
-/// Reads a plan, and carries out its first tile, if that is small.
+/// Read a plan and, if it is small, execute its first tile.
 pub(super) fn plan(bytes: &[u8]) -> String {
     let plan = match Plan::from_text(&String::from_utf8_lossy(bytes)) {
         Ok(plan) => plan,

@@ -68,7 +68,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         .to_vec()
 }
 
-/// The size and checksum in the metadata are the image's.
+/// Set size and checksum in the metadata to those of the image.
 pub(super) fn repair(bytes: &mut Vec<u8>) {
     let (text, array) = unpack(bytes);
     let Ok(mut metadata) = serde_json::from_slice::<Value>(text) else {
@@ -93,7 +93,7 @@ pub(super) fn read(bytes: &[u8]) -> String {
             Err(error) => return error.to_string(),
         };
         let grid = &stored.grid;
-        // Apart from the library's own check of a grid.
+        // Independent of the library's check of a grid.
         let off = (grid.x_axis.length() - 1.0).abs() + (grid.y_axis.length() - 1.0).abs();
         assert!(
             off < 1e-5 && grid.x_axis.dot(grid.y_axis).abs() < 1e-5,

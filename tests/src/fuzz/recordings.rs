@@ -1,4 +1,4 @@
-//! Recordings: CPHD and MATLAB files, and an image of what is in them.
+//! Recordings: CPHD and MATLAB files, and images from them.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -23,10 +23,10 @@ use super::scratch::with_files;
 use super::{MEMORY_BYTES, choice};
 use crate::matlab::{self, compressed, gotcha_fields};
 
-/// Samples that are read of a recording; a file may hold many without being large.
+/// Maximum of samples read from a recording; a file may contain many without being large.
 const MAX_SAMPLES: usize = 1 << 16;
 
-/// Samples of which an image is formed.
+/// Maximum of samples for which an image is formed.
 const MAX_FORMED: usize = 4096;
 
 pub(super) const CPHD_WORDS: &[&str] = &[
@@ -78,7 +78,7 @@ fn scene(num_pulses: usize, num_samples: usize) -> InMemory {
     scene_apart(num_pulses, num_samples, 0.0)
 }
 
-/// The same, the receiver apart from the transmitter.
+/// The same with the receiver separate from the transmitter.
 fn scene_apart(num_pulses: usize, num_samples: usize, apart_m: f64) -> InMemory {
     let pulse = |n: usize| {
         let antenna = DVec3::new(12.0 * n as f64 - 30.0, -4000.0, 3000.0);
@@ -117,10 +117,10 @@ pub(super) fn cphd_seeds() -> Vec<Vec<u8>> {
     let one = [Channel::new("A", &first)];
     let two = [Channel::new("A", &first), Channel::new("B", &second)];
     let apart = scene_apart(4, 6, 3.0);
-    let beside = [Channel::new("A", &first), Channel::new("B", &apart)];
+    let both = [Channel::new("A", &first), Channel::new("B", &apart)];
     let (minus, plus) = (Sgn::Minus, Sgn::Plus);
     let files: [(&[Channel], Domain, Sgn); 5] = [
-        (&beside, Domain::Fx, minus),
+        (&both, Domain::Fx, minus),
         (&one, Domain::Fx, minus),
         (&one, Domain::Toa, plus),
         (&two, Domain::Fx, plus),
@@ -137,7 +137,7 @@ pub(super) fn cphd_seeds() -> Vec<Vec<u8>> {
         };
         write(&path, channels, &options, &Silent).expect("a file is written");
         let bytes = std::fs::read(&path).expect("a file is read");
-        // The same samples, taken for integers.
+        // The same samples declared as integers.
         let text = String::from_utf8_lossy(&bytes);
         if domain == Domain::Fx && text.contains(">CF8<") {
             let at = bytes.windows(5).position(|w| w == b">CF8<");
@@ -207,13 +207,13 @@ pub(super) fn matlab(bytes: &[u8]) -> String {
     })
 }
 
-/// What follows the header, packed: so that what is within is changed and not the packing.
+/// The data after the header are compressed here, so that mutations change the content and not the compression.
 pub(super) fn matlab_packed(bytes: &[u8]) -> String {
     let (header, element) = bytes.split_at(bytes.len().min(128));
     matlab(&[header, &compressed(element)].concat())
 }
 
-/// The samples that are read of a history, every one finite.
+/// Samples read from a history; asserts that each is finite.
 fn samples(history: &dyn PhaseHistory) -> Result<Vec<Complex32>, String> {
     let collection = history.collection();
     let width = collection.num_samples;
@@ -229,7 +229,7 @@ fn samples(history: &dyn PhaseHistory) -> Result<Vec<Complex32>, String> {
     Ok(samples)
 }
 
-/// Reads a history and forms an image of a few pixels: finite, or an error that says why not.
+/// Read a history and form an image of a few pixels; it is finite, or an error with a reason.
 pub(super) fn examine(history: &dyn PhaseHistory, bytes: &[u8]) -> String {
     let collection = history.collection();
     assert!(
@@ -308,8 +308,8 @@ fn image(history: &dyn PhaseHistory, grid: &ImageGrid, bytes: &[u8]) -> String {
     }
 }
 
-/// Writes what was read and reads it again: the same samples, frequencies and times to the bit. One input in four,
-/// for files cost.
+/// Write the recording and read it again: the samples, frequencies and times are the same bits. Only for one input in four, because files
+/// are slow.
 fn written_again(history: &dyn PhaseHistory, path: &std::path::Path, bytes: &[u8]) -> String {
     if choice(bytes, 4) > 0 {
         return String::new();
@@ -321,7 +321,7 @@ fn written_again(history: &dyn PhaseHistory, path: &std::path::Path, bytes: &[u8
     if let Err(error) = write(path, &[channel], &WriteOptions::default(), &Silent) {
         return error.to_string();
     }
-    let again = Cphd::open(path, None, u64::MAX).expect("what was written is read");
+    let again = Cphd::open(path, None, u64::MAX).expect("written recordings are read");
     let (one, two) = (history.collection(), again.collection());
     assert_eq!(one.pulses.len(), two.pulses.len());
     let bits = |samples: &[Complex32]| -> Vec<_> {

@@ -1,9 +1,11 @@
-//! Lengths and checksums made right again after a mutation.
+//! Correction of lengths and checksums after a mutation.
 
 use super::stuffing;
 
-fn find(bytes: &[u8], what: &[u8]) -> Option<usize> {
-    bytes.windows(what.len()).position(|window| window == what)
+fn find(bytes: &[u8], pattern: &[u8]) -> Option<usize> {
+    bytes
+        .windows(pattern.len())
+        .position(|window| window == pattern)
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
@@ -20,8 +22,7 @@ fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
     }
 }
 
-/// A header that points to where the XML and what follows it lie. The PVP block keeps its size, and the
-/// samples are the rest.
+/// Set the header to the positions of the XML and the blocks. The PVP block keeps its size, and the samples are the rest.
 pub(super) fn cphd(bytes: &mut Vec<u8>) {
     let Some(start) = find(bytes, b"<?xml").or_else(|| find(bytes, b"<CPHD")) else {
         return;
@@ -44,7 +45,7 @@ pub(super) fn cphd(bytes: &mut Vec<u8>) {
     };
     let pvp = value("PVP_BLOCK_SIZE").unwrap_or(0).min(rest.len());
     let first = header.lines().next().unwrap_or_default();
-    // Of a length that does not depend on the numbers.
+    // The length does not depend on the numbers.
     let render = |xml_at: usize, pvp_at: usize, signal_at: usize| {
         format!(
             "{first}\nXML_BLOCK_SIZE := {:012}\nXML_BLOCK_BYTE_OFFSET := {xml_at:012}\n\
@@ -64,13 +65,13 @@ pub(super) fn cphd(bytes: &mut Vec<u8>) {
     *bytes = whole;
 }
 
-/// The first element reaches to the file's end, a packed one too.
+/// Extend the first element, also a compressed one, to the end of the file.
 pub(super) fn matlab(bytes: &mut [u8]) {
     let length = bytes.len().saturating_sub(136) as u32;
     put(bytes, 132, &length.to_le_bytes());
 }
 
-/// CRCs of members that are stored, in their own header and in the directory.
+/// CRCs of uncompressed members, in their headers and in the directory.
 pub(super) fn zip(bytes: &mut [u8]) {
     let mut at = 0;
     while let Some(found) = find(bytes.get(at..).unwrap_or_default(), b"PK\x03\x04") {
@@ -116,7 +117,7 @@ pub(super) fn png(bytes: &mut [u8]) {
     }
 }
 
-/// CRCs of the preamble and of sections; one that reaches beyond the end is shortened to it.
+/// CRCs of preamble and sections; a section beyond the end is shortened to it.
 pub(super) fn maps(bytes: &mut [u8]) {
     if bytes.len() < 16 {
         return;
@@ -142,7 +143,7 @@ pub(super) fn maps(bytes: &mut [u8]) {
     }
 }
 
-/// CRCs of lines, checksums of sentences, and CRCs of binary messages that are whole by their length.
+/// CRCs of lines, checksums of sentences, and CRCs of binary messages with a consistent length.
 pub(super) fn novatel(bytes: &mut Vec<u8>) {
     let mut out = Vec::new();
     for line in bytes.split_inclusive(|&byte| byte == b'\n') {
@@ -181,20 +182,20 @@ pub(super) fn novatel(bytes: &mut Vec<u8>) {
     *bytes = out;
 }
 
-/// From 0, without a complement at either end.
+/// NovAtel's CRC-32: from 0, without complement at either end.
 fn novatel_crc(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new_with_initial(!0);
     hasher.update(bytes);
     !hasher.finalize()
 }
 
-/// Version, numbers and CRCs of frames, and their stuffing: what is changed is their messages.
+/// Version, numbers, CRCs and stuffing of frames, so that mutations change the messages.
 pub(super) fn frames(bytes: &mut Vec<u8>) {
     let mut out = Vec::new();
     let mut next = 0;
     for piece in stuffing::pieces(bytes) {
         let message = stuffing::message(&piece);
-        // Those that open a conversation have number 0.
+        // Frames that open a session have number 0.
         if message == [0] || piece.get(1..5) == Some(&[0; 4]) {
             next = 0;
         }

@@ -1,4 +1,4 @@
-//! Files for readers that want a path: in memory where the system has that, a folder a thread.
+//! Files for readers that need a path: in memory where the system supports it, one folder per thread.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ fn folder() -> std::io::Result<TempDir> {
     }
 }
 
-/// Has `read` read files of these names and bytes, in a folder of their own.
+/// Call `read` with a folder that contains files of these names and bytes.
 pub(super) fn with_files<T>(files: &[(&str, &[u8])], read: impl FnOnce(&Path) -> T) -> T {
     FOLDER.with(|folder| {
         for (name, bytes) in files {

@@ -1,8 +1,7 @@
-//! The host's session against a module that says anything.
+//! The host's session with a module that sends arbitrary messages.
 //!
-//! A true endpoint answers, and the input says what becomes of each of its frames on the way: it is dropped,
-//! comes twice or late, is changed and given a true checksum, or another one is made up. The line is free of
-//! damage: everything gets past the checks of frames.
+//! A real endpoint answers, and the input determines the fate of each of its frames: dropped, repeated, delayed, changed with a valid
+//! checksum, or preceded by an invented one. The line itself is lossless, so that all frames pass the frame checks.
 
 use std::collections::VecDeque;
 use std::io;
@@ -17,10 +16,10 @@ use super::endpoint::Bench;
 use super::stuffing;
 use crate::link_scene::{Keep, MAPS, job, recorded, scene};
 
-/// Frames that an input may change; each may cost a wait for an answer.
+/// Maximum of frames that an input changes; each may cause a timeout.
 const MAX_EDITS: usize = 120;
 
-/// Pieces of work between two readings of the line.
+/// Steps of the module between two reads of the line.
 const STEPS: usize = 256;
 
 pub(super) fn seeds() -> Vec<Vec<u8>> {
@@ -29,7 +28,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     vec![vec![], vec![0; 100], (0..=40).collect(), changes, made_up]
 }
 
-/// A module whose words are changed on the way.
+/// A module whose messages are changed on the line.
 struct Hostile<'a> {
     endpoint: Endpoint<'a, FloatEngine<'a>>,
     edits: &'a [u8],
@@ -46,7 +45,7 @@ impl Hostile<'_> {
     }
 
     fn number(&mut self) -> u32 {
-        // Small, near what is true, or any.
+        // Small, close to the true value, or arbitrary.
         match self.next() % 3 {
             0 => u32::from(self.next()),
             1 => u32::MAX - u32::from(self.next()),
@@ -54,7 +53,7 @@ impl Hostile<'_> {
         }
     }
 
-    /// Puts on the line what becomes of a frame.
+    /// Put a frame on the line after its change.
     fn pass(&mut self, frame: &[u8]) {
         let kind = match self.count < MAX_EDITS && !self.edits.is_empty() {
             true => self.next() % 16,
@@ -178,7 +177,7 @@ impl Transport for Hostile<'_> {
     }
 }
 
-/// What is shown of what the module says has no control characters: they would reach a terminal.
+/// Texts from the module are shown without control characters, which would reach a terminal.
 struct Listener;
 
 impl SessionObserver for Listener {

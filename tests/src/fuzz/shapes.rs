@@ -35,7 +35,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     texts.map(<[u8]>::to_vec).to_vec()
 }
 
-/// What is accepted is finite, near, and has as many positions as its kind takes.
+/// Accepted shapes are finite, within limits, and have as many positions as their kind needs.
 pub(super) fn geojson(bytes: &[u8]) -> String {
     let features = match geojson::parse(bytes) {
         Ok(features) => features,

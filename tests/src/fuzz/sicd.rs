@@ -1,4 +1,4 @@
-//! Complex images of anybody: SICD in NITF.
+//! Complex images of any origin: SICD in NITF.
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -39,7 +39,7 @@ pub(super) const WORDS: &[&str] = &[
     "9999999999",
 ];
 
-/// An image of a few pixels seen from 5 km, as our writer writes it.
+/// An image of a few pixels seen from 5 km, by our writer.
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let track = |n: i32| DVec3::new(f64::from(n) * 20.0, -4000.0, 3000.0);
     let antennas: Vec<DVec3> = (-4..=4).map(track).collect();
@@ -73,7 +73,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         }),
         ..Georeference::default()
     };
-    let sicd = Sicd::new(&formed, &placing, 0).expect("what a SICD can tell");
+    let sicd = Sicd::new(&formed, &placing, 0).expect("a valid SICD");
     let image = Image {
         rows: formed.grid.rows.count,
         columns: formed.grid.columns.count,
@@ -120,7 +120,9 @@ pub(super) fn read(bytes: &[u8]) -> String {
         let _ = (file.name(), file.start());
         let mut count = 0;
         for place in file.places() {
-            let part = file.window(&place).expect("what was there is there");
+            let part = file
+                .window(&place)
+                .expect("a window of an opened file is read");
             assert_eq!(part.pixels.len(), part.rows * part.columns);
             count += part.pixels.len();
         }

@@ -1,6 +1,6 @@
 //! Frames of the link by their description: stuffing, numbers and checksums.
 
-/// The pieces between zeros, without their stuffing; what is wrong with it is passed over.
+/// Bytes between zeros without stuffing; invalid stuffing is ignored.
 pub fn pieces(wire: &[u8]) -> Vec<Vec<u8>> {
     let pieces = wire
         .split(|&byte| byte == 0)
@@ -33,7 +33,7 @@ fn stuffed(body: &[u8]) -> Vec<u8> {
         while let Some(chunk) = chunks.next() {
             out.push(chunk.len() as u8 + 1);
             out.extend(chunk);
-            // A full piece goes on without a zero: one that follows needs a code of its own.
+            // A chunk of 254 bytes has no zero after it: a following one needs its own code.
             if chunk.len() == 254 && chunks.peek().is_none() && runs.peek().is_some() {
                 out.push(1);
             }
@@ -42,7 +42,7 @@ fn stuffed(body: &[u8]) -> Vec<u8> {
     out
 }
 
-/// The frame of a message, numbered.
+/// The numbered frame of a message.
 pub fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
     let mut body = vec![1];
     body.extend(sequence.to_le_bytes());
@@ -53,7 +53,7 @@ pub fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
     wire
 }
 
-/// The message of an unstuffed piece, as far as there is one.
+/// The message of an unstuffed frame, as far as it is complete.
 pub fn message(body: &[u8]) -> &[u8] {
     body.get(5..body.len().saturating_sub(4)).unwrap_or(&[])
 }

@@ -1,4 +1,4 @@
-//! Elevation models of anybody: GeoTIFF and HGT.
+//! Elevation models of any origin: GeoTIFF and HGT.
 
 use glam::DVec3;
 use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
@@ -29,7 +29,7 @@ fn grid() -> ImageGrid {
     "x=-40:40:5,y=-30:30:5,z=0".parse().expect("a grid")
 }
 
-/// Strips and tiles, plain and packed, of points and areas; and a file that is too short.
+/// Strips and tiles, uncompressed and compressed, with pixels as points and areas; and a truncated file.
 pub(super) fn seeds() -> Vec<Vec<u8>> {
     let points = GeoTiff {
         size: [24, 20],
@@ -51,7 +51,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     };
     let utm = GeoTiff {
         epsg: 32631,
-        // Of the place: 221 km east of the zone's first degree and 55 km north.
+        // Position of the scene: 221 km east of the zone's first degree and 55 km north.
         origin: [221_600.0, 55_400.0],
         steps: [20.0; 2],
         ..points.clone()

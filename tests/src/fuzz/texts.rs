@@ -1,4 +1,4 @@
-//! Texts: scenarios, descriptions of recordings with their samples, and what is typed after options.
+//! Texts: scenarios, descriptions of recordings with their samples, and option values.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use super::scratch::with_files;
 use super::{MEMORY_BYTES, arrays};
 use crate::numpy::stored;
 
-/// Points, pulses and samples of the experiments that are recorded.
+/// Maximum of points, pulses and samples in simulated experiments.
 const MAX_POINTS: usize = 300;
 const MAX_PULSES: usize = 4000;
 const MAX_SAMPLES: usize = 2048;
@@ -95,7 +95,7 @@ pub(super) const ARGUMENT_WORDS: &[&str] = &[
     "serial:", "emulate:", "@", "[::1]", "float", "fixed", "1e9", "-", "0.1",
 ];
 
-/// The examples, and one of points alone.
+/// The examples, and one with only points.
 pub(super) fn scenario_seeds() -> Vec<Vec<u8>> {
     let small = "[radar]\nkind = \"ideal\"\npulses = 8\npri = \"1 ms\"\ncentre = \"10 GHz\"\nbandwidth = \"200 MHz\"\n\
                  samples = 16\n\n[platform]\nkind = \"linear\"\nposition = \"0, -5, 3 km\"\nvelocity = \"100, 0, 0 m/s\"\n\n\
@@ -122,7 +122,7 @@ pub(super) fn scenario(bytes: &[u8]) -> String {
     }
 }
 
-/// The first and the last pulse of an experiment: finite, or an error.
+/// Simulate the first and the last pulse: finite, or an error.
 fn record(experiment: &Experiment) -> String {
     let points = experiment.scene.points.len() + experiment.scene.movers.len();
     let samples = experiment.radar.waveform.num_samples();
@@ -153,7 +153,7 @@ fn record(experiment: &Experiment) -> String {
     )
 }
 
-/// A description of each kind of radar, with samples that suit it.
+/// A description of each kind of radar with suitable samples.
 pub(super) fn recording_seeds() -> Vec<Vec<u8>> {
     let platform =
         "[platform]\nkind = \"linear\"\nposition = \"0, -50, 10 m\"\nvelocity = \"1, 0, 0 m/s\"\n";
@@ -193,7 +193,7 @@ pub(super) fn recording_seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// What `str::replace` does, of bytes.
+/// `str::replace` for bytes.
 trait ReplaceBytes {
     fn replace_bytes(&self, from: &[u8], to: &[u8]) -> Vec<u8>;
 }
@@ -213,7 +213,7 @@ pub(super) fn recording(bytes: &[u8]) -> String {
     let Ok(text) = std::str::from_utf8(text) else {
         return "not text".to_owned();
     };
-    // No other file than those written here is read, whatever the text names.
+    // Only the files written here are read, whatever files the text names.
     let names = ["samples.npy", "samples.npz", "samples.bin"];
     if text.lines().any(|line| {
         line.trim_start().starts_with("file") && !names.iter().any(|name| line.contains(name))
@@ -227,7 +227,7 @@ pub(super) fn recording(bytes: &[u8]) -> String {
             Ok(history) => examine(&history, bytes),
             Err(ReadError::Description(error)) => {
                 let error = error.downcast_ref::<DescriptionError>();
-                let faults = &error.expect("what is wrong with the text").faults;
+                let faults = &error.expect("the faults of the text").faults;
                 faults.iter().map(|fault| fault.message.as_str()).collect()
             }
             Err(other) => other.to_string(),

@@ -1,4 +1,4 @@
-//! Tracks: logs of navigation, comma-separated values and Motive's takes.
+//! Tracks: navigation logs, comma-separated values and Motive's takes.
 
 use std::path::Path;
 
@@ -187,7 +187,7 @@ pub(super) fn novatel_seeds() -> Vec<Vec<u8>> {
     .collect()
 }
 
-/// A NovAtel binary message whose body begins with numbers of 4 (whole) or 8 bytes, its CRC left open.
+/// A NovAtel binary message whose body begins with integers of 4 or 8 bytes; the CRC is not set.
 fn message(id: u16, sync: u8, numbers: &[(usize, i32)], length: usize) -> Vec<u8> {
     let week_and_ms = [0xa1, 8, 0xa0, 0x86, 1, 0];
     let id = id.to_le_bytes();
@@ -219,7 +219,7 @@ fn message(id: u16, sync: u8, numbers: &[(usize, i32)], length: usize) -> Vec<u8
             _ => bytes.extend(f64::from(number).to_le_bytes()),
         }
     }
-    // What is left is 0, but for the status at the end of INSPVA.
+    // The rest is 0, except for the status at the end of INSPVA.
     bytes.resize(header + length - 4, 0);
     bytes.extend(3u32.to_le_bytes());
     bytes.extend([0; 4]);
@@ -260,7 +260,7 @@ pub(super) fn csv_seeds() -> Vec<Vec<u8>> {
     .to_vec()
 }
 
-/// A track through fixes is finite wherever it is asked.
+/// Assert that a track through fixes is finite at any time.
 fn follow(fixes: &[Fix]) -> String {
     let places = fixes
         .iter()
@@ -280,7 +280,7 @@ fn follow(fixes: &[Fix]) -> String {
     "a track".to_owned()
 }
 
-/// A log of any format: what is read of it is sound, in order, and accounted for.
+/// A log of any format: its records are valid, ordered and accounted for.
 pub(super) fn log(bytes: &[u8]) -> String {
     let options = Options {
         week: (super::choice(bytes, 2) == 0).then_some(2209),
@@ -357,14 +357,14 @@ pub(super) fn phase_seeds() -> Vec<Vec<u8>> {
     .to_vec()
 }
 
-/// What is read is finite, and is written and read again as it is.
+/// Phases are finite, and are read unchanged after writing.
 pub(super) fn phases(bytes: &[u8]) -> String {
     let path = Path::new("input.csv");
     match phase_csv::read_from(bytes, path) {
         Ok(phases) => {
             assert!(phases.iter().all(|phase| phase.is_finite()));
             let again = phase_csv::read_from(phase_csv::text(&phases).as_bytes(), path);
-            assert_eq!(again.expect("what was written"), phases);
+            assert_eq!(again.expect("written phases are read"), phases);
             format!("{} phases", phases.len())
         }
         Err(error) => error.to_string(),

@@ -1,4 +1,4 @@
-//! Trying a target: what is promised of memory and time, and where an input that breaks a promise is kept.
+//! Trial of a target: limits of memory and time, and storage of failing inputs.
 
 use std::collections::HashSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,13 +11,13 @@ use peak_alloc::PeakAlloc;
 use super::{Mutator, Target};
 use crate::subap::root;
 
-/// Longest that reading an input may take, of the processors' time where that is known.
+/// Time limit for reading an input, in processor time where available.
 pub const LIMIT: Duration = Duration::from_secs(2);
 
-/// An input that is read for so long never ends; a busy machine may take a few seconds for one that does.
+/// Time after which reading an input counts as endless; a busy machine may need a few seconds for a valid one.
 const ENDLESS: Duration = Duration::from_secs(60);
 
-/// Inputs that are kept, at most.
+/// Maximum of inputs that are kept.
 const POOL: usize = 4096;
 
 /// Statistics of a fuzzing trial.
@@ -25,11 +25,11 @@ const POOL: usize = 4096;
 pub struct Tried {
     /// Number of inputs read without error.
     pub executions: u64,
-    /// Inputs from which others were made.
+    /// Number of inputs from which others were made.
     pub pool: usize,
-    /// The longest that one took.
+    /// Longest time of an input.
     pub longest: Duration,
-    /// The most bytes allocated at once for one.
+    /// Maximum of bytes allocated at once for an input.
     pub most_bytes: usize,
 }
 
@@ -42,7 +42,7 @@ pub struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    /// A trial in a process whose allocator is `memory`; nothing else may be running in it.
+    /// A trial in a process whose allocator is `memory`; no other code may run in it.
     pub fn new(target: &'a Target, memory: &'a PeakAlloc) -> Self {
         let (watch, inputs) = mpsc::channel();
         let name = target.name;
@@ -55,10 +55,10 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Reads the seeds, then what mutation makes of them, for `time`.
+    /// Read the seeds, then mutations of them for `time`.
     ///
     /// # Panics
-    /// If a promise is broken; the message says where the input lies.
+    /// If a promise is broken; the message contains the path of the input.
     pub fn run(mut self, seed: u64, time: Duration) -> Tried {
         let mut pool = (self.target.seeds)();
         let mut seen = HashSet::new();
@@ -69,7 +69,7 @@ impl<'a> Trial<'a> {
         let start = Instant::now();
         while start.elapsed() < time {
             let input = mutator.make(self.target, &pool);
-            // What is answered in words that were not heard before got somewhere new.
+            // An outcome with new words shows that new code was reached.
             let outcome = self.read(&input);
             if seen.insert(outcome) && pool.len() < POOL {
                 pool.push(input);
@@ -79,13 +79,13 @@ impl<'a> Trial<'a> {
         self.tried
     }
 
-    /// Reads one input; what came of it, without its numbers.
+    /// Read one input; returns the outcome without its numbers.
     ///
     /// # Panics
     /// If a promise is broken.
     pub fn read(&mut self, input: &[u8]) -> String {
         let most_bytes = (self.target.most_bytes)(input.len());
-        // A second time, for the first may have made what stays, and another program may have been at work.
+        // A second time, because the first may have allocated memory that stays, and another program may have been busy.
         for last in [false, true] {
             let (outcome, took, bytes) = self.measure(input);
             if took <= LIMIT && bytes <= most_bytes {
@@ -95,10 +95,10 @@ impl<'a> Trial<'a> {
                 return outcome;
             }
             if last {
-                let what = format!(
+                let fault = format!(
                     "took {took:?} (at most {LIMIT:?}) and {bytes} bytes (at most {most_bytes})"
                 );
-                broken(self.target.name, input, &what);
+                broken(self.target.name, input, &fault);
             }
         }
         unreachable!("the second time is the last")
@@ -111,7 +111,7 @@ impl<'a> Trial<'a> {
         let (start, worked) = (Instant::now(), processor_time());
         let outcome = catch_unwind(AssertUnwindSafe(|| (self.target.read)(input)));
         let mut took = start.elapsed();
-        // On a busy machine most of the time is others'.
+        // On a busy machine most of the time belongs to other programs.
         if let (Some(before), Some(after)) = (worked, processor_time()) {
             took = took.min(after.saturating_sub(before));
         }
@@ -124,7 +124,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// What this process has taken of the processors so far, where Linux tells.
+/// Processor time of this process so far, on Linux.
 fn processor_time() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The name may hold anything but the last parenthesis; user and system time are the 12th and 13th field after
@@ -135,7 +135,7 @@ fn processor_time() -> Option<Duration> {
     Some(Duration::from_millis(10 * (hundredths()? + hundredths()?)))
 }
 
-/// Ends the process if an input is read for ever; its end, if the trial has ended.
+/// End the process if reading an input never returns; the thread ends with the trial.
 fn guard(name: &str, inputs: &Receiver<Option<Vec<u8>>>) {
     let mut reading = None;
     loop {
@@ -153,11 +153,11 @@ fn guard(name: &str, inputs: &Receiver<Option<Vec<u8>>>) {
     }
 }
 
-/// Keeps the input and fails.
-fn broken(name: &str, input: &[u8], what: &str) -> ! {
+/// Keep the input and fail.
+fn broken(name: &str, input: &[u8], fault: &str) -> ! {
     let path = keep(name, input);
     panic!(
-        "{name}: {} bytes, kept in {}: {what}",
+        "{name}: {} bytes, kept in {}: {fault}",
         input.len(),
         path.display()
     )
@@ -173,7 +173,7 @@ fn keep(name: &str, input: &[u8]) -> PathBuf {
     path
 }
 
-/// The first words of an outcome, all numbers alike and without what is quoted of the input.
+/// First words of an outcome with all numbers replaced and without quotes from the input.
 fn without_numbers(text: &str) -> String {
     let mut out = String::new();
     for piece in text.split('\'').step_by(2) {

@@ -1,4 +1,4 @@
-//! Frames of the link, in both directions, and maps, chips and profiles put together of them.
+//! Frames of the link in both directions, and maps, chips and profiles reassembled from them.
 
 use num_complex::Complex;
 use subaperture_core::cfar::{Cfar, TrainingWindow};
@@ -12,10 +12,10 @@ use subaperture_core::{Complex32, motion, sweep};
 
 use crate::link_scene;
 
-/// Most samples of a message here.
+/// Maximum of samples in a message here.
 const SAMPLES: usize = 40;
 
-/// Messages as they go over the line, one after another.
+/// Messages on the line, one after another.
 struct Wire {
     encoder: Encoder,
     buffer: Vec<u8>,
@@ -37,7 +37,7 @@ impl Wire {
     }
 }
 
-/// Commands of a whole conversation, with everything that there is to say.
+/// Commands of a complete session with every kind of message.
 pub(super) fn commands() -> Vec<u8> {
     let scene = link_scene::scene();
     let mut wire = Wire::new();
@@ -87,7 +87,7 @@ pub(super) fn commands() -> Vec<u8> {
     wire.bytes
 }
 
-/// Commands of a conversation about increments.
+/// Commands of a session about increments.
 pub(super) fn increments() -> Vec<u8> {
     const FREQUENCIES: u16 = 32;
     let mut wire = Wire::new();
@@ -123,7 +123,7 @@ pub(super) fn increments() -> Vec<u8> {
     });
     say(&Command::Start { run: 4, first: 0 });
     for (pulse, channel) in (0..4).flat_map(|pulse| [(pulse, 0), (pulse, 1)]) {
-        // Two echoes that come nearer.
+        // Two approaching echoes.
         let sample = |k: u16| {
             let turns = |path: f32| std::f32::consts::TAU * path * f32::from(k) / 32.0;
             let near = Complex32::cis(-turns(8.0) + 0.3 * pulse as f32);
@@ -145,7 +145,7 @@ pub(super) fn increments() -> Vec<u8> {
     wire.bytes
 }
 
-/// Commands of a conversation about range profiles.
+/// Commands of a session about range profiles.
 pub(super) fn profiles() -> Vec<u8> {
     let mut wire = Wire::new();
     let mut say = |command: &Command<'_>| wire.say(command);
@@ -166,7 +166,7 @@ pub(super) fn profiles() -> Vec<u8> {
     say(&Command::Weights { first: 0, weights });
     say(&Command::Start { run: 5, first: 0 });
     for (carrier, first) in (0..6).flat_map(|carrier| [(carrier, 0), (carrier, 20)]) {
-        // A tone of four samples a period, and an echo of it.
+        // A tone of four samples per period, and its echo.
         let pair = |i: u32| {
             let sent = Complex::new(0i16, 400) * [1, -1][(i / 2 % 2) as usize];
             [sent, Complex::new(sent.im, carrier as i16)]
@@ -191,7 +191,7 @@ pub(super) fn profiles() -> Vec<u8> {
     wire.bytes
 }
 
-/// What a module says to them.
+/// Output of a module for these commands.
 fn reports() -> Vec<u8> {
     super::endpoint::Bench::new().hear(&commands())
 }
@@ -221,13 +221,13 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     ] {
         rare.say(&report);
     }
-    let told = super::endpoint::Bench::new().hear(&increments());
+    let answers = super::endpoint::Bench::new().hear(&increments());
     let shown = super::endpoint::Bench::new().hear(&profiles());
-    let talks = [commands(), reports(), rare.bytes, increments(), told];
+    let talks = [commands(), reports(), rare.bytes, increments(), answers];
     [&talks[..], &[profiles(), shown]].concat()
 }
 
-/// What comes of one frame, in words that do not depend on how its bytes were split.
+/// Read one frame; pushes a description that does not depend on how its bytes were split.
 fn heard(words: &mut Vec<String>, received: Result<(u32, String), Damage>) {
     words.push(match received {
         Ok((sequence, message)) => format!("{sequence} {message}"),
@@ -235,7 +235,7 @@ fn heard(words: &mut Vec<String>, received: Result<(u32, String), Damage>) {
     });
 }
 
-/// What was read and written again is read the same: a frame of it, by the core's own writer.
+/// Assert that a message is read unchanged after the core's writer wrote it.
 macro_rules! again {
     ($kind:ty, $message:expr) => {{
         let mut wire = vec![0; max_frame_bytes(8 * SAMPLES)];
@@ -246,13 +246,13 @@ macro_rules! again {
         let mut buffer = vec![0; max_received_bytes(8 * SAMPLES)];
         let mut receiver = Receiver::new(&mut buffer);
         let frame = receiver.receive::<$kind>(&mut bytes).expect("a frame");
-        // By what it prints: a NaN is no other NaN's equal.
+        // Compared as text, because NaN does not equal NaN.
         let read = format!("{:?}", frame.expect("it is whole").message);
         assert_eq!(read, format!("{:?}", $message));
     }};
 }
 
-/// Reads commands in pieces of this length.
+/// Read commands in pieces of this length.
 fn hear_commands(wire: &[u8], piece: usize) -> Vec<String> {
     let mut buffer = vec![0; max_received_bytes(SAMPLES)];
     let mut receiver = Receiver::new(&mut buffer);
@@ -271,7 +271,7 @@ fn hear_commands(wire: &[u8], piece: usize) -> Vec<String> {
     words
 }
 
-/// Reads reports in pieces of this length, and puts maps and chips together.
+/// Read reports in pieces of this length, and reassemble maps and chips.
 fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
     let mut buffer = vec![0; max_received_bytes(SAMPLES)];
     let mut receiver = Receiver::new(&mut buffer);
@@ -322,7 +322,7 @@ fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
     words
 }
 
-/// The names of what came, for telling inputs apart.
+/// Kinds of the messages, which distinguish inputs.
 fn names(words: &[String]) -> String {
     let name = |word: &String| -> String {
         let word = word.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ');

@@ -1,4 +1,4 @@
-//! The device: a simulated radio that is told one thing at a time, as UHD does, and whose samples come by packets.
+//! The device: a simulated radio with UHD's interface of separate settings, and with samples in packets.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -9,7 +9,7 @@ use subaperture_radio::{
     Transceiver,
 };
 
-/// An error's code and its text.
+/// UHD's error code and text.
 pub(crate) type Fault = (u32, String);
 
 pub(crate) const ERROR_INDEX: u32 = 10;
@@ -17,12 +17,12 @@ pub(crate) const ERROR_USB: u32 = 21;
 pub(crate) const ERROR_VALUE: u32 = 43;
 pub(crate) const ERROR_RUNTIME: u32 = 44;
 
-/// Samples of a packet; few, so that there are many.
+/// Samples of a packet; few, so that there are many packets.
 pub(crate) const PACKET: usize = 200;
-/// Packets that find room until samples are taken.
+/// Number of packets that are buffered until samples are read.
 const ROOM: usize = 3;
 
-/// As UHD throws it.
+/// The error as UHD reports it.
 fn thrown(error: RadioError) -> Fault {
     match error {
         RadioError::Gone(_) => (ERROR_USB, "USBError: LIBUSB_TRANSFER_NO_DEVICE".to_owned()),
@@ -30,14 +30,14 @@ fn thrown(error: RadioError) -> Fault {
     }
 }
 
-pub(crate) fn wrong(what: &str) -> Fault {
-    (ERROR_VALUE, format!("ValueError: {what}"))
+pub(crate) fn wrong(text: &str) -> Fault {
+    (ERROR_VALUE, format!("ValueError: {text}"))
 }
 
-/// What waits to be received.
+/// A packet or an error waiting to be received.
 #[derive(Clone, Debug)]
 pub(crate) enum Waiting {
-    /// An error's code, and whether it is of the sequence.
+    /// UHD's error code, and whether it is a sequence error.
     Error(u32, bool),
     Samples(Range<usize>),
 }
@@ -47,11 +47,11 @@ pub(crate) struct Device {
     asked: Configuration,
     set: Option<Configuration>,
     pub(crate) subdevices: bool,
-    /// How often the reference clock was looked at.
+    /// Number of times that the state of the reference clock was read.
     pub(crate) reference: u32,
-    /// Of the transmitter and both receivers.
+    /// Tuned frequencies of the transmitter and both receivers, hertz.
     pub(crate) tuned_hz: [f64; 3],
-    /// Samples asked for, and from when.
+    /// Number of requested samples and their start time, seconds.
     command: Option<(usize, f64)>,
     sending: Vec<Complex32>,
     sending_at_s: Option<f64>,
@@ -66,7 +66,7 @@ impl Device {
     pub(crate) fn new(radio: Box<dyn Transceiver>) -> Self {
         Self {
             radio,
-            // What a B210 wakes up with is nothing that a program may rely on.
+            // A program must not rely on the initial settings of a B210.
             asked: Configuration {
                 master_clock_hz: 30.72e6,
                 sample_rate_hz: 1e6,
@@ -97,7 +97,7 @@ impl Device {
         &self.radio.about().ranges
     }
 
-    /// Refuses a channel that there is not.
+    /// Refuse a channel that does not exist.
     pub(crate) fn channel(&self, channel: usize, of: usize) -> Result<usize, Fault> {
         let there = if self.subdevices { of } else { 1 };
         match channel < there {
@@ -106,13 +106,13 @@ impl Device {
         }
     }
 
-    /// Something that takes effect when the device is next looked at.
+    /// Change a setting; it takes effect at the next access to the device.
     pub(crate) fn ask(&mut self, change: impl FnOnce(&mut Configuration)) {
         change(&mut self.asked);
         self.set = None;
     }
 
-    /// What it is set to.
+    /// Settings in effect.
     pub(crate) fn set(&mut self) -> Result<&Configuration, Fault> {
         if self.set.is_none() {
             self.set = Some(self.radio.configure(&self.asked).map_err(thrown)?);
@@ -135,7 +135,7 @@ impl Device {
         Ok(set)
     }
 
-    /// The receivers have one synthesiser: told the same again, it stays as it is.
+    /// The receivers have one synthesiser: the same frequency again changes nothing.
     pub(crate) fn tune_rx(&mut self, hz: f64, channel: usize) -> Result<f64, Fault> {
         self.set()?;
         if channel == 1 {
@@ -157,7 +157,7 @@ impl Device {
         Ok(())
     }
 
-    /// How many samples found room.
+    /// Number of accepted samples.
     pub(crate) fn send(
         &mut self,
         samples: &[Complex32],
@@ -187,7 +187,7 @@ impl Device {
         Ok(samples.len())
     }
 
-    /// The next of what waits, and the time of its first sample.
+    /// Next waiting packet or error, and the time of its first sample.
     pub(crate) fn receive(&mut self) -> Option<(Waiting, f64)> {
         self.room = ROOM;
         let next = self.waiting.pop_front()?;
@@ -205,12 +205,12 @@ impl Device {
 
     fn burst(&mut self, sent: &[Complex32], at_s: f64) -> Result<(), Fault> {
         let Some((samples, from_s)) = self.command.take() else {
-            return Err(wrong("sent, and nothing asked for"));
+            return Err(wrong("samples sent without a request"));
         };
         if samples != sent.len() || from_s.to_bits() != at_s.to_bits() {
-            return Err(wrong("sent other than what was asked for"));
+            return Err(wrong("samples sent differ from the request"));
         }
-        // The simulated radio is told one period.
+        // The simulated radio needs a single period.
         let repeats = |period: &usize| sent[*period..] == sent[..sent.len() - period];
         let period = (1..sent.len()).find(repeats).unwrap_or(sent.len());
         self.buffers = [0, 1].map(|_| vec![Sample::ZERO; samples]);
@@ -225,7 +225,7 @@ impl Device {
         Ok(())
     }
 
-    /// What goes wrong first, then the packets that are not lost.
+    /// Queue errors first, then the packets that are not lost.
     fn queue(&mut self, received: &Received, samples: usize) {
         let mut events = Vec::new();
         self.radio.events(&mut events);

@@ -1,4 +1,4 @@
-//! The functions, as `uhd.h` has them.
+//! The functions of `uhd.h`.
 
 use std::ffi::{CStr, c_char, c_int, c_uint};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,7 +9,7 @@ use subaperture_radio::{Range, Sample};
 use crate::device::{Device, ERROR_INDEX, ERROR_RUNTIME, Fault, PACKET, Waiting, wrong};
 use crate::scene;
 
-/// Whether the device has a GPS-disciplined oscillator: told by `gpsdo` in place of faults.
+/// Whether the device has a GPS-disciplined oscillator: `gpsdo` in the variable of faults.
 fn has_gpsdo() -> bool {
     std::env::var(scene::FAULTS).is_ok_and(|word| word == "gpsdo")
 }
@@ -17,7 +17,7 @@ fn has_gpsdo() -> bool {
 type Shared = Arc<Mutex<Device>>;
 type Streamer = Option<Shared>;
 
-/// What went wrong last.
+/// Text of the last error.
 static LAST: Mutex<String> = Mutex::new(String::new());
 
 #[derive(Default)]
@@ -74,7 +74,7 @@ fn answer(result: Result<(), Fault>) -> c_uint {
     }
 }
 
-/// What is always refused.
+/// Errors that are always returned.
 fn refuse(fault: Fault) -> Result<(), Fault> {
     Err(fault)
 }
@@ -91,13 +91,13 @@ unsafe fn text<'a>(pointer: *const c_char) -> Result<&'a str, Fault> {
     // SAFETY: texts end in zero.
     unsafe { CStr::from_ptr(pointer) }
         .to_str()
-        .map_err(|_| wrong("a text that is none"))
+        .map_err(|_| wrong("expected a text in UTF-8"))
 }
 
 unsafe fn put(value: &str, out: *mut c_char, len: usize) -> Result<(), Fault> {
-    // SAFETY: as long as it is said to be.
+    // SAFETY: the caller states the length.
     let out = unsafe { std::slice::from_raw_parts_mut(at(out)?, len) };
-    // Cut as `strncpy` cuts, which may leave out the zero.
+    // Truncated like `strncpy`, which may omit the zero.
     let bytes = value.bytes().chain(std::iter::repeat(0));
     for (c, byte) in out.iter_mut().zip(bytes) {
         *c = byte as c_char;
@@ -135,7 +135,7 @@ unsafe fn stream<'a>(h: *mut Streamer) -> Result<MutexGuard<'a, Device>, Fault> 
         .ok_or_else(|| wrong("a streamer of no device"))
 }
 
-/// Refuses a streamer that a device does not make.
+/// Refuse settings of a streamer that a device does not support.
 unsafe fn check_stream(args: *mut StreamArgs, cpu: &str, channels: &[usize]) -> Result<(), Fault> {
     // SAFETY: texts and channels are the caller's.
     unsafe {
@@ -151,14 +151,14 @@ unsafe fn check_stream(args: *mut StreamArgs, cpu: &str, channels: &[usize]) -> 
     }
 }
 
-/// Exports functions whose bodies give a result.
+/// Export functions whose bodies return a result.
 macro_rules! export {
     ($(fn $name:ident($($argument:ident: $type:ty),* $(,)?) $body:block)*) => {
         $(
             #[doc = "As in `uhd.h`."]
             #[unsafe(no_mangle)]
             unsafe extern "C" fn $name($($argument: $type),*) -> c_uint {
-                // SAFETY: callers keep to the header: handles were made here, pointers are to what their types say.
+                // SAFETY: callers follow the header: handles were made here, and pointers have their declared types.
                 let result: Result<(), Fault> = unsafe { (|| { $body Ok(()) })() };
                 answer(result)
             }
@@ -208,11 +208,11 @@ export! {
         }
         let faults = std::env::var(scene::FAULTS).unwrap_or_default();
         if faults == "images" {
-            // Of UHD, by error::IO.
+            // Text and code (error::IO) of UHD itself.
             let said = "RuntimeError: Could not find path for image: usrp_b200_fw.hex\n\nUsing images directory: <no images directory located>";
             return Err((30, said.to_owned()));
         }
-        // A process has one.
+        // A process has one radio.
         let experiment = Box::leak(Box::new(scene::experiment()));
         let radio = Box::new(scene::radio(experiment, &faults));
         make(h, Arc::new(Mutex::new(Device::new(radio))))?;
@@ -268,7 +268,7 @@ export! {
         if text(name)? != "ref_locked" {
             return Err((41, "LookupError: no such sensor".to_owned()));
         }
-        // It locks while one waits.
+        // The reference clock locks after some reads.
         let mut device = device(h)?;
         device.reference += 1;
         *at(*at(value)?)? = f64::from(u8::from(device.reference > 2));
@@ -423,7 +423,7 @@ export! {
         }
         *received = 0;
         *metadata = match device.receive() {
-            // It has waited.
+            // The time limit is over.
             None => RxMetadata { code: 1, ..RxMetadata::default() },
             Some((Waiting::Error(code, out_of_sequence), time_s)) => RxMetadata { code, out_of_sequence, time_s },
             Some((Waiting::Samples(range), time_s)) => {

@@ -1,11 +1,11 @@
-//! The radio behind the interface, which tests ask directly too.
+//! The radio behind the interface, which tests also use directly.
 
 use subaperture_radio::fault::{Faults, Faulty};
 use subaperture_radio::simulated::{Analogue, Coupled, SimulatedRadio, Wiring};
 use subaperture_simulate::Experiment;
 use subaperture_simulate::scenario::Scenario;
 
-/// Names what goes wrong: see [`radio`].
+/// Variable that selects faults: see [`radio`].
 pub(crate) const FAULTS: &str = "SUBAPERTURE_STAND_IN_FAULTS";
 
 pub(crate) const SCENE: &str = r#"
@@ -42,7 +42,8 @@ pub(crate) fn experiment() -> Experiment {
         .expect("the scene is right")
 }
 
-/// A radio with an AD9361's faults, and those of its cable: `faults` for some of each, `unplug` at the 20th burst, else none.
+/// A radio with the impairments of an AD9361 and faults of its cable: `faults` for some of each, `unplug` at the 20th burst, otherwise
+/// none.
 pub(crate) fn radio<'a>(experiment: &'a Experiment, faults: &str) -> Faulty<SimulatedRadio<'a>> {
     let leakage = Coupled {
         delay_s: 0.5e-9,

@@ -1,4 +1,4 @@
-//! A program that loads the stand-in where it asks for UHD.
+//! Start programs with the stand-in in place of UHD.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Command;
 
 use crate::scene;
 
-/// The name by which this executable, and so any of the same build, asks for UHD.
+/// File name under which this executable, and any of the same build, looks for UHD.
 fn library() -> String {
     let output = Command::new("ldd")
         .arg(std::env::current_exe().unwrap())
@@ -21,7 +21,7 @@ fn library() -> String {
         .to_owned()
 }
 
-/// A run of `program` that loads the stand-in from `libraries`, which is made if need be, with these faults of its radio.
+/// A run of `program` that loads the stand-in from the folder `libraries`, which is made if necessary, with these faults of its radio.
 pub(crate) fn with_stand_in_loaded(program: &Path, libraries: &Path, faults: &str) -> Command {
     let name = format!(
         "{}uhd_stand_in{}",

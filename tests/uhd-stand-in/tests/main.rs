@@ -1,5 +1,5 @@
-//! The binding to UHD, and the command that is built with it, against a library that answers from the simulated radio, and against
-//! UHD itself without a device.
+//! The binding to UHD, and the command built with it, on the stand-in library backed by the simulated radio, and on UHD itself without a
+//! device.
 
 mod loading;
 #[path = "../src/scene.rs"]

@@ -1,7 +1,7 @@
-//! The binding's whole capture against a library that answers from the simulated radio, and against UHD itself without a device.
+//! Complete captures by the binding on the stand-in library backed by the simulated radio, and on UHD itself without a device.
 //!
-//! Which library a program loads is settled when it starts, so each capture is a process of its own: this very executable, told to do
-//! one test by the variable [`FOLDER`].
+//! The library of a program is fixed at its start, so each capture is a process of this executable, which runs the one test that the
+//! variable [`FOLDER`] enables.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,10 +19,10 @@ use tempfile::TempDir;
 use crate::loading::with_stand_in_loaded;
 use crate::scene;
 
-/// Where the process records to.
+/// Folder in which the process records.
 const FOLDER: &str = "SUBAPERTURE_UHD_TEST_FOLDER";
 
-/// Runs a test in a process of its own that loads the stand-in for UHD.
+/// Run a test in a separate process that loads the stand-in for UHD.
 fn with_stand_in(test: &str, folder: &Path, faults: &str) -> Output {
     let program = std::env::current_exe().unwrap();
     with_stand_in_loaded(&program, &folder.join("libraries"), faults)
@@ -32,7 +32,7 @@ fn with_stand_in(test: &str, folder: &Path, faults: &str) -> Output {
         .unwrap()
 }
 
-/// 50 carriers.
+/// A plan of 50 carriers.
 fn plan() -> Plan {
     let text =
         "[plan]\nstart = \"1.1 GHz\"\nstop = \"1.3 GHz\"\nsteps = 50\norder = \"shuffled\"\n";
@@ -44,9 +44,9 @@ fn captured(radio: &mut dyn Transceiver, path: &Path) -> Summary {
     capture(radio, &plan(), path, Queues::default(), None, &stop).unwrap()
 }
 
-/// What is done by the binding; nothing where this process was not started for it.
+/// The binding's part of a capture; without the variable this test does nothing.
 #[test]
-fn within_a_process_of_its_own() {
+fn capture_in_separate_process() {
     let Some(folder) = std::env::var_os(FOLDER) else {
         return;
     };
@@ -59,7 +59,7 @@ fn within_a_process_of_its_own() {
     }
     assert_eq!(list(None).unwrap()[0].serial, "SIM00001");
     assert!(list(Some("other")).unwrap().is_empty());
-    // Its 12 bits are all that a converter has.
+    // Its converter has 12 bits.
     let wire = if faults == "faults" {
         Wire::Sc12
     } else {
@@ -72,10 +72,10 @@ fn within_a_process_of_its_own() {
     };
     let mut radio = UhdRadio::open(&options).unwrap();
     assert_eq!(radio.about().product, "B210");
-    // Its synthesisers know no time.
+    // Its synthesisers cannot be tuned at a given time.
     let refused = radio.tune(Side::Receive, 1.2e9, Some(1.0)).unwrap_err();
     assert!(matches!(refused, RadioError::Unsupported(_)));
-    // Its reference clock locks after a while.
+    // The reference clock locks after some time.
     let mut external = plan().radio;
     external.clock = Source::External;
     radio.configure(&external).unwrap();
@@ -83,17 +83,17 @@ fn within_a_process_of_its_own() {
     assert_eq!(sensors.reference_locked, Some(true));
     assert_eq!(sensors.temperature_c, Some(31.5));
     assert!(!sensors.transmit_locked && !sensors.receive_locked);
-    // Its time does not come from where nothing is connected.
+    // An external time source that is not connected is refused.
     let mut wrong = plan().radio;
     wrong.pps = Source::External;
     let refused = radio.configure(&wrong).unwrap_err().to_string();
     assert!(refused.contains("PPS"), "{refused}");
     let summary = captured(&mut radio, &folder.join("by-uhd"));
-    fs::write(folder.join("summary"), told(&summary)).unwrap();
+    fs::write(folder.join("summary"), counted(&summary)).unwrap();
 }
 
-/// All that is counted but how fast the disk was.
-fn told(summary: &Summary) -> String {
+/// All counts, without the speed of the disk.
+fn counted(summary: &Summary) -> String {
     let ended = match &summary.ended {
         EndReason::Done => "done",
         EndReason::Stopped => "stopped",
@@ -114,7 +114,7 @@ fn told(summary: &Summary) -> String {
     )
 }
 
-/// Steps as recorded; the simulated fault makes a step late by moving its time, of which a driver does not know.
+/// Recorded steps. The simulated fault makes a step late by changing its time, which a driver does not see.
 fn steps(recording: &Recording) -> Vec<Step> {
     let mut steps = recording.steps().to_vec();
     for step in &mut steps {
@@ -125,10 +125,10 @@ fn steps(recording: &Recording) -> Vec<Step> {
     steps
 }
 
-/// Captures by the binding and by the simulated radio itself; what was counted.
+/// Capture through the binding and from the simulated radio, and compare; returns the counts.
 fn compare(faults: &str) -> String {
     let folder = TempDir::new().unwrap();
-    let output = with_stand_in("within_a_process_of_its_own", folder.path(), faults);
+    let output = with_stand_in("capture_in_separate_process", folder.path(), faults);
     assert!(
         output.status.success(),
         "{}{}",
@@ -138,7 +138,7 @@ fn compare(faults: &str) -> String {
     let experiment = scene::experiment();
     let mut radio = scene::radio(&experiment, faults);
     let directly = folder.path().join("directly");
-    let summary = told(&captured(&mut radio, &directly));
+    let summary = counted(&captured(&mut radio, &directly));
     println!("{summary}");
     assert_eq!(
         fs::read_to_string(folder.path().join("summary")).unwrap(),
@@ -157,17 +157,17 @@ fn compare(faults: &str) -> String {
 }
 
 #[test]
-fn a_capture_by_uhd_is_that_of_the_simulated_radio() {
+fn capture_through_uhd_equals_that_of_simulated_radio() {
     assert!(compare("").starts_with("done (50, [0, 0, 0, 0, 0], "));
 }
 
 #[test]
-fn faults_by_uhd_are_those_of_the_simulated_radio() {
+fn faults_through_uhd_equal_those_of_simulated_radio() {
     let experiment = scene::experiment();
     let folder = TempDir::new().unwrap();
     let mut radio = scene::radio(&experiment, "faults");
     let summary = captured(&mut radio, &folder.path().join("faults"));
-    // All that can be wrong is.
+    // Every kind of fault occurs.
     assert!(summary.flagged[..2].iter().all(|&count| count > 0));
     assert!(
         summary.events[..4].iter().all(|&count| count > 0),
@@ -182,16 +182,16 @@ fn unplugged_device_ends_the_capture_and_keeps_the_samples() {
     assert!(summary.starts_with("radio ("), "{summary}");
 }
 
-/// Why no radio is opened.
+/// The error when the radio is opened.
 fn refused(faults: &str) -> String {
     let folder = TempDir::new().unwrap();
-    let output = with_stand_in("within_a_process_of_its_own", folder.path(), faults);
+    let output = with_stand_in("capture_in_separate_process", folder.path(), faults);
     assert!(output.status.success(), "{output:?}");
     fs::read_to_string(folder.path().join("refused")).unwrap()
 }
 
 #[test]
-fn of_two_radios_none_is_taken_unasked() {
+fn two_radios_need_a_serial_number() {
     let refused = refused("two");
     assert!(refused.contains("SIM00001, SIM00002"), "{refused}");
 }
@@ -205,7 +205,7 @@ fn missing_images_are_reported_with_advice() {
     );
 }
 
-/// UHD itself, which finds none of this serial number.
+/// UHD itself does not find a device with this serial number.
 #[test]
 fn missing_device_is_reported_with_advice() {
     if std::env::var_os(FOLDER).is_some() {

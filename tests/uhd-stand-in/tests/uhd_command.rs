@@ -1,5 +1,5 @@
-//! The command `subap` itself, built with UHD: a capture by the library's interface is the simulated radio's, byte for byte, and what goes
-//! wrong is said with what to do.
+//! The command `subap` built with UHD: a capture through the library's interface equals that of the simulated radio byte for byte, and
+//! faults are reported with advice.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,8 +13,8 @@ use tempfile::TempDir;
 use crate::loading::with_stand_in_loaded;
 use crate::scene;
 
-/// The program, built on first use with all that is tested beside it: another selection of packages would have other features of
-/// dependencies, and all would be built once more.
+/// The program, built on first use with all tested packages: another selection would enable other features of dependencies, and build all
+/// of them again.
 fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -45,7 +45,7 @@ const PLAN: &str = r#"
     order = "shuffled"
 "#;
 
-/// What is connected to the stand-in's radio.
+/// Scene of the stand-in's radio.
 const SIMULATED: &str = r#"
     [device]
     kind = "simulated"
@@ -56,7 +56,7 @@ const SIMULATED: &str = r#"
     leakage_delay = "5e-10 s"
 "#;
 
-/// A folder with experiments of both kinds.
+/// A folder with experiments for both devices.
 fn experiments(wire: &str, faults: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
     let write = |name: &str, text: String| fs::write(folder.path().join(name), text).unwrap();
@@ -75,7 +75,7 @@ struct Ran {
     stderr: String,
 }
 
-/// Runs `subap` in the folder; by UHD's interface with the stand-in's faults.
+/// Run `subap` in the folder, through UHD's interface with the stand-in's faults.
 fn ran(folder: &TempDir, faults: &str, line: &str) -> Ran {
     let libraries = folder.path().join("libraries");
     of(
@@ -102,17 +102,17 @@ fn of(mut command: Command, folder: &TempDir, line: &str) -> Ran {
     ran
 }
 
-/// What a capture counted, without what depends on the disk and on names.
+/// Counts of a capture, without values that depend on the disk and on names.
 fn counts(ran: &Ran) -> Value {
-    let mut told: Value = serde_json::from_str(&ran.stdout).unwrap();
-    let object = told.as_object_mut().unwrap();
+    let mut result: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let object = result.as_object_mut().unwrap();
     for key in ["recording", "waits", "longest_queue"] {
         object.remove(key).unwrap();
     }
-    told
+    result
 }
 
-/// Captures by both; what they counted.
+/// Capture with both devices and compare; returns the counts.
 fn compare(wire: &str, simulated_faults: &str, faults: &str) -> Value {
     let folder = experiments(wire, simulated_faults);
     let by_uhd = ran(&folder, faults, "capture uhd.toml -o by-uhd --json");
@@ -135,7 +135,7 @@ fn compare(wire: &str, simulated_faults: &str, faults: &str) -> Value {
 }
 
 #[test]
-fn a_capture_by_uhd_is_that_of_the_simulated_radio() {
+fn capture_through_uhd_equals_that_of_simulated_radio() {
     let counts = compare("sc16", "", "");
     assert_eq!(
         (&counts["ended"], counts["steps"].as_u64()),
@@ -145,7 +145,7 @@ fn a_capture_by_uhd_is_that_of_the_simulated_radio() {
 }
 
 #[test]
-fn faults_by_uhd_are_marked_as_those_of_the_simulated_radio() {
+fn faults_through_uhd_are_marked_as_by_simulated_radio() {
     let faults = "[faults]\noverflow = 0.12\nlost_packet = 0.1\nlate = 0.08\nunderflow = 0.06\npacket = 120\nseed = 5\n";
     let counts = compare("sc12", faults, "faults");
     assert!(counts["flagged"]["late"].as_u64() > Some(0), "{counts}");
@@ -169,11 +169,11 @@ fn radios_are_listed_and_probed() {
     assert_eq!(listed.code, Some(0));
     assert!(listed.stdout.contains("B210") && listed.stdout.contains("SIM00001"));
     let probed = ran(&folder, "", "radio probe uhd.toml --json");
-    let told: Value = serde_json::from_str(&probed.stdout).unwrap();
-    assert_eq!(told["set"]["sample_rate_hz"], 1e6);
-    assert_eq!(told["set"]["temperature_c"], 31.5);
-    assert_eq!(told["set"]["gps_locked"], Value::Null);
-    // One with an oscillator that follows the satellites, which the other refuses to take its clock from.
+    let state: Value = serde_json::from_str(&probed.stdout).unwrap();
+    assert_eq!(state["set"]["sample_rate_hz"], 1e6);
+    assert_eq!(state["set"]["temperature_c"], 31.5);
+    assert_eq!(state["set"]["gps_locked"], Value::Null);
+    // With a GPS-disciplined oscillator, which the other device refuses as clock source.
     let clock = "radio probe uhd.toml --set radio.clock=gpsdo --set radio.pps=gpsdo";
     let with = ran(&folder, "gpsdo", clock);
     assert_eq!(with.code, Some(0));
@@ -184,7 +184,7 @@ fn radios_are_listed_and_probed() {
     assert!(without.stderr.contains("no GPSDO"), "{}", without.stderr);
 }
 
-/// UHD's own error of a device without firmware, as the stand-in gives it.
+/// UHD's own error for a device without firmware, returned by the stand-in.
 #[test]
 fn missing_images_are_reported_with_advice() {
     let folder = experiments("sc16", "");
@@ -198,7 +198,7 @@ fn missing_images_are_reported_with_advice() {
     assert!(!folder.path().join("walk.sigmf-meta").exists());
 }
 
-/// UHD itself, which finds none of this serial number.
+/// UHD itself does not find a device with this serial number.
 #[test]
 fn missing_device_is_reported_with_advice() {
     let folder = experiments("sc16", "");

@@ -1,4 +1,4 @@
-//! Everything checked that is not a test: format, lints, documentation, dependencies.
+//! Checks other than tests: format, lints, documentation, dependencies.
 
 use std::process::{Command, Stdio};
 
@@ -8,10 +8,10 @@ use subaperture_xtask::{root, target_folder};
 use crate::prerequisites::{Need, OLDEST_RUST, OTHER_PLATFORMS, cargo_deny, toolchain_installed};
 use crate::runner::Runner;
 
-/// The firmware's package and the target it is built for.
+/// The firmware's package and its target.
 const FIRMWARE: [&str; 4] = ["--package", "subaperture-firmware", "--target", TARGET];
 
-/// What the firmware is looked at with: both boards, every feature with at least one of them.
+/// Features of the firmware's lints: both boards, and every feature with at least one of them.
 const CLIPPY: [(&str, &str); 4] = [
     ("clippy, firmware", "board-an500,no-panic"),
     (
@@ -28,8 +28,7 @@ const CLIPPY: [(&str, &str); 4] = [
     ),
 ];
 
-/// The core with each set of features that is not implied by another: what its users here, who name
-/// all of them, never build.
+/// The core with each set of features that no other set implies. The users in this workspace enable all features and never build these.
 const CORE: [(&str, &str); 8] = [
     ("clippy, core, the Keystone alone", ""),
     ("clippy, core, stream", "stream"),
@@ -41,8 +40,8 @@ const CORE: [(&str, &str); 8] = [
     ("clippy, core, fixed, selftest", "fixed,selftest"),
 ];
 
-/// The library with some of its features, such that each is there without each other one that it does not bring: what the command,
-/// which names all of them, never builds.
+/// The library with sets of features in which each feature occurs without every other one that it does not bring. The command enables all
+/// and never builds these.
 const LIBRARY: [&str; 11] = [
     "",
     "gotcha,npz,link,motion,navigation",
@@ -57,10 +56,10 @@ const LIBRARY: [&str; 11] = [
     "viewer",
 ];
 
-/// What needs UHD.
+/// Features that need UHD.
 pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd,subap/uhd";
 
-/// What is not published.
+/// Packages that are not published.
 const OURS_ALONE: [&str; 10] = [
     "--exclude",
     "subaperture-firmware",
@@ -79,7 +78,7 @@ const DOC: [(&str, &str); 2] = [
     ("documentation, firmware, STM32H743", "board-h743"),
 ];
 
-/// The cargo that runs us, with `arguments`.
+/// The running cargo with `arguments`.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = subaperture_xtask::cargo();
     command.args(arguments);
@@ -95,7 +94,7 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
         "clippy, host",
         cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]).args([
             "--all-targets",
-            // Without the fuzzer itself, for which a C++ compiler would be needed.
+            // Without the fuzzer itself, which needs a C++ compiler.
             "--features",
             "subaperture-fuzz/programs",
             "--locked",
@@ -106,7 +105,7 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
     );
 }
 
-/// The radio's binding to UHD, and what stands in for UHD in its tests.
+/// The radio's binding to UHD, and the stand-in for UHD in its tests.
 pub(crate) fn clippy_uhd(runner: &mut Runner) {
     let mut command = cargo(&["clippy", "--package", "subaperture-radio", "--locked"]);
     command.args(["--package", "subaperture-uhd-stand-in", "--all-targets"]);
@@ -150,7 +149,7 @@ pub(crate) fn clippy_library(runner: &mut Runner) {
     }
 }
 
-/// Everything that is published, compiled by the oldest Rust that it says it needs, if that is at hand.
+/// Compile every published package with the oldest supported Rust, if it is installed.
 pub(crate) fn oldest_rust(runner: &mut Runner) {
     let name = "the oldest Rust";
     if !toolchain_installed(OLDEST_RUST) {
@@ -187,7 +186,7 @@ pub(crate) fn platforms(runner: &mut Runner) {
     }
 }
 
-/// Whether every package that is published can be packed. What is packed is not compiled: it is what was compiled.
+/// Check that every published package can be packed. Packages are not compiled again.
 pub(crate) fn packages(runner: &mut Runner) {
     runner.check(
         "packages",
@@ -199,7 +198,7 @@ pub(crate) fn packages(runner: &mut Runner) {
     );
 }
 
-/// Builds the firmware that the tests run.
+/// Build the firmware that the tests run.
 pub(crate) fn build_firmware(runner: &mut Runner) {
     runner.work("firmware, all programs", firmware::build_all);
 }
@@ -218,7 +217,7 @@ pub(crate) fn clippy_firmware(runner: &mut Runner) {
 }
 
 pub(crate) fn doc_host(runner: &mut Runner) {
-    // Links to what a feature brings. First, so that what stays in `target/doc` is of all features.
+    // Links to items of a feature. First, so that `target/doc` finally contains all features.
     for (name, package, features) in [
         (
             "documentation, core, the Keystone alone",
@@ -256,9 +255,9 @@ pub(crate) fn doc_firmware(runner: &mut Runner) {
     }
 }
 
-/// The instruction sets that Miri knows: a machine, what its processor is told to have, and the tests left out. It does not know the
-/// instructions by which NEON and AVX-512 look up values and AVX-512 parts them; they move what is in registers, touch no memory, and
-/// can be wrong in nothing but their results, which the same test holds to plain Rust where it runs by itself.
+/// Instruction sets supported by Miri: machine, processor features, and tests left out. Miri does not support the look-up instructions of
+/// NEON and AVX-512, nor AVX-512's permutations. These work on registers only, and the same test compares their results with plain Rust on
+/// a real processor.
 const MIRI: [(&str, &str, &str, &[&str]); 3] = [
     (
         "Miri, AVX2",
@@ -280,8 +279,8 @@ const MIRI: [(&str, &str, &str, &[&str]); 3] = [
     ),
 ];
 
-/// Everything that is `unsafe` outside the firmware, under an interpreter that sees what such code may not do: each operation of the
-/// kernels' lanes. By hand: it builds a standard library of its own, and interprets.
+/// Run all `unsafe` code outside the firmware under Miri: each operation of the kernels' lanes. Started by hand, because it builds
+/// its own standard library and is slow.
 pub(crate) fn miri(runner: &mut Runner) {
     for (name, target, flags, left_out) in MIRI {
         let mut command = Command::new("rustup");
@@ -299,8 +298,8 @@ pub(crate) fn miri(runner: &mut Runner) {
     }
 }
 
-/// All tests of the kernels, in all instructions that this processor has, with look-ups and whole loops, under AddressSanitizer: what
-/// is read or written beyond its allocation ends them. By hand, as Miri.
+/// Run all tests of the kernels, in all instruction sets of this processor, under AddressSanitizer, which stops at reads and writes outside
+/// of allocations. Started by hand, like Miri.
 pub(crate) fn address_sanitizer(runner: &mut Runner) {
     let target = "x86_64-unknown-linux-gnu";
     if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
@@ -313,7 +312,7 @@ pub(crate) fn address_sanitizer(runner: &mut Runner) {
         .args(["--package", "subaperture-kernels", "--lib", "--tests"])
         .args(["--target", target, "--target-dir"])
         .arg(target_folder().join("sanitizer"))
-        // Documentation's examples would need the flag by another way, and call nothing that the tests do not.
+        // Examples in documentation would need the flag separately, and call no function that the tests do not.
         .env("RUSTFLAGS", "-Zsanitizer=address")
         .env_remove("CARGO")
         .current_dir(root());
@@ -321,7 +320,7 @@ pub(crate) fn address_sanitizer(runner: &mut Runner) {
 }
 
 pub(crate) fn deny(runner: &mut Runner) {
-    // Called by its own name it takes no word "deny".
+    // Started by its own name it takes no word "deny".
     let deny = |checks: &[&str]| {
         let mut command = Command::new(cargo_deny().unwrap_or_else(|| "cargo-deny".into()));
         command.arg("check").args(checks).current_dir(root());
@@ -339,8 +338,7 @@ pub(crate) fn deny(runner: &mut Runner) {
     }
 }
 
-/// Whether the advisory database can be fetched: a check that fails for want of a network says
-/// nothing of our dependencies.
+/// Whether the advisory database can be fetched: without a network the check would fail for reasons other than our dependencies.
 fn advisories_reachable() -> bool {
     Command::new("git")
         .args(["ls-remote", "--exit-code"])
@@ -358,7 +356,7 @@ mod tests {
 
     use super::*;
 
-    /// The library's features, and those that each of them brings.
+    /// Features of the library, each with those that it enables.
     fn features() -> BTreeMap<String, Vec<String>> {
         let manifest = std::fs::read_to_string(root().join("host/subaperture/Cargo.toml")).unwrap();
         let lines = manifest.lines().skip_while(|line| *line != "[features]");
@@ -373,7 +371,7 @@ mod tests {
             .collect()
     }
 
-    /// With all that they bring.
+    /// Features with all that they enable.
     fn with_brought<'a>(
         names: &[&'a str],
         all: &'a BTreeMap<String, Vec<String>>,
@@ -391,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn every_feature_is_looked_at_without_every_other() {
+    fn every_feature_is_checked_without_every_other() {
         let all = features();
         let sets = LIBRARY.map(|set| with_brought(&set.split(',').collect::<Vec<_>>(), &all));
         let single: Vec<&str> = all

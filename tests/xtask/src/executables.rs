@@ -1,8 +1,8 @@
-//! The test executables that cargo builds, run in parts, several at once.
+//! Test executables built by cargo, run in parts, several at once.
 //!
-//! `cargo test` runs one after the other; many of ours wait for one emulated processor or one child process, so
-//! that half of a machine's processors would stand idle. A ring of integration tests is long, and what it does differs from
-//! module to module: each of its modules is a part, a process with those tests alone. Parts known to take longest begin first.
+//! `cargo test` runs them one after another, but many of ours wait for an emulator or a child process, so that half of the processors would
+//! be idle. A folder of integration tests takes long, and its modules differ: each module is a part, run as a process with only those
+//! tests. The longest parts start first.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Read};
@@ -13,13 +13,13 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// No part takes half of this on a slow machine: one that does waits for something that never comes.
+/// Time limit of a part. None takes half of this on a slow machine; one that does waits forever.
 const LIMIT: Duration = Duration::from_secs(1200);
 
-/// How long the outputs of one that has ended are read on.
+/// Time for which the outputs of an ended process are still read.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Begin first, longest first: whatever starts late and takes long is waited for alone.
+/// Parts that start first, longest first, because a long part that starts late would run alone at the end.
 const LONGEST: [&str; 18] = [
     "cli::tiles",
     "gallery",
@@ -47,23 +47,23 @@ pub(crate) struct Executable {
     /// Name of the Cargo target.
     name: String,
     path: PathBuf,
-    /// Its package's folder, where cargo would start it.
+    /// Folder of its package, where cargo starts it.
     folder: PathBuf,
-    /// Whether it holds integration tests.
+    /// Whether it contains integration tests.
     is_ring: bool,
 }
 
-/// What one process runs.
+/// Tests run by one process.
 #[derive(Clone, Debug)]
 struct Part {
-    /// The executable's name and that of the module.
+    /// Names of the executable and of the module.
     name: String,
     executable: Executable,
-    /// The tests, by their full names; all if there are none.
+    /// Full names of the tests; all tests if empty.
     tests: Vec<String>,
 }
 
-/// What one part printed, and whether it succeeded.
+/// Output of a part, and whether it succeeded.
 pub(crate) struct Run {
     pub(crate) name: String,
     pub(crate) output: String,
@@ -71,10 +71,10 @@ pub(crate) struct Run {
     pub(crate) took: Duration,
 }
 
-/// Builds with `cargo test --no-run` and the like, whose messages are asked for as JSON.
+/// Build by `cargo test --no-run` or similar, with messages as JSON.
 ///
 /// # Errors
-/// What cargo said last, if it fails.
+/// The last output of cargo if it fails.
 pub(crate) fn build(command: &mut Command) -> Result<Vec<Executable>, String> {
     let mut child = command
         .stdout(Stdio::piped())
@@ -95,7 +95,7 @@ pub(crate) fn build(command: &mut Command) -> Result<Vec<Executable>, String> {
     }
 }
 
-/// The test executable that a message of cargo's tells of.
+/// The test executable in a message of cargo, if any.
 fn executable(message: &Value) -> Option<Executable> {
     let is_test = message["profile"]["test"] == true;
     let path = message["executable"].as_str().filter(|_| is_test)?;
@@ -108,7 +108,7 @@ fn executable(message: &Value) -> Option<Executable> {
     })
 }
 
-/// The modules of a ring, or the whole of what is none or does not list its tests.
+/// One part for each module of a folder of tests; the whole executable otherwise, or if it lists no test.
 fn parts(executable: Executable) -> Vec<Part> {
     let mut list = command(&executable);
     list.args(["--list", "--format", "terse"]);
@@ -119,8 +119,8 @@ fn parts(executable: Executable) -> Vec<Part> {
     split(executable, &String::from_utf8_lossy(&listed))
 }
 
-/// A part for each module of what the executable lists, a line such as `module::deeper::name: test` each; what stands in none is a
-/// part too. The whole if nothing is listed.
+/// One part for each module in the list, whose lines are `module::deeper::name: test`; tests outside of modules form another part. The
+/// whole executable if the list is empty.
 fn split(executable: Executable, listed: &str) -> Vec<Part> {
     let mut modules = BTreeMap::<_, Vec<String>>::new();
     let names = listed
@@ -144,15 +144,15 @@ fn split(executable: Executable, listed: &str) -> Vec<Part> {
     modules.into_iter().map(part).collect()
 }
 
-/// An executable's command, started as cargo would.
+/// Command of an executable, started as by cargo.
 fn command(executable: &Executable) -> Command {
     let mut command = Command::new(&executable.path);
     command.current_dir(&executable.folder).stdin(Stdio::null());
     command
 }
 
-/// Runs all, part by part, as many at once as there are processors; calls `done` with each part as it ends, one at a time.
-/// `prepare` may set what a command needs.
+/// Run all parts, as many at once as there are processors; `done` is called with each part when it ends, one at a time. `prepare` may
+/// modify the commands.
 pub(crate) fn run_all(
     executables: Vec<Executable>,
     prepare: impl Fn(&mut Command) + Sync,
@@ -180,7 +180,7 @@ pub(crate) fn run_all(
 
 fn run(one: &Part, prepare: &impl Fn(&mut Command)) -> Run {
     let mut command = command(&one.executable);
-    // Without it a test that passes cannot say what it skipped.
+    // Without it a passing test cannot report that it skipped something.
     command.arg("--show-output");
     if !one.tests.is_empty() {
         command.arg("--exact").args(&one.tests);
@@ -203,14 +203,14 @@ fn run(one: &Part, prepare: &impl Fn(&mut Command)) -> Run {
     }
 }
 
-/// What `child`, whose outputs are piped, prints, and whether it succeeds; one that takes longer than `limit` is killed.
+/// Output of `child`, whose streams are piped, and whether it succeeds. It is killed after `limit`.
 fn finish(mut child: Child, limit: Duration) -> (String, bool) {
     let streams = [
         gather(child.stdout.take().expect("stdout is piped")),
         gather(child.stderr.take().expect("stderr is piped")),
     ];
     let status = wait(&mut child, limit);
-    // All that it printed is read at once; what it started and left behind may hold the streams open for ever.
+    // Its own output is read at once; processes that it left behind may keep the streams open forever.
     let ended = Instant::now();
     while !streams.iter().all(|(_, reader)| reader.is_finished()) && ended.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(5));
@@ -223,7 +223,7 @@ fn finish(mut child: Child, limit: Duration) -> (String, bool) {
     (text, status.is_some_and(|status| status.success()))
 }
 
-/// Reads a stream to its end on a thread of its own.
+/// Read a stream to its end on a separate thread.
 fn gather(
     mut stream: impl Read + Send + 'static,
 ) -> (Arc<Mutex<Vec<u8>>>, std::thread::JoinHandle<()>) {
@@ -239,7 +239,7 @@ fn gather(
     (bytes, reader)
 }
 
-/// The child's status; `None` if it was killed at the limit.
+/// Status of the child; `None` if it was killed at the limit.
 fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let start = Instant::now();
     while start.elapsed() < limit {
@@ -268,7 +268,7 @@ mod tests {
         };
         let (text, succeeded) = run("echo begun; sleep 60", Duration::from_millis(300));
         assert!(!succeeded && text.starts_with("begun\n") && text.contains("killed"));
-        // Nor is what was left behind waited for.
+        // Processes left behind are not awaited.
         let (text, succeeded) = run("sleep 60 & echo begun", LIMIT);
         assert!(succeeded && text == "begun\n", "{text}");
         let (text, succeeded) = run("echo one; echo two >&2", LIMIT);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_is_run_module_by_module_and_no_test_is_lost() {
+    fn folder_of_tests_is_run_by_module_without_losing_any() {
         let ring = |listed: &str| {
             let executable = Executable {
                 name: "ring".to_owned(),
@@ -324,7 +324,7 @@ mod tests {
                 part("ring::b", &["b::two", "b::one"]),
             ]
         );
-        // What lists nothing is run as it is.
+        // Without a list the whole executable is run.
         assert_eq!(ring(""), [part("ring", &[])]);
     }
 }

@@ -1,4 +1,4 @@
-//! Building the firmware.
+//! Builds of the firmware.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -6,26 +6,26 @@ use std::process::Output;
 
 use crate::{link_alone, target_folder, target_installed};
 
-/// What the firmware is compiled for.
+/// Target of the firmware.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// A program of the firmware, and how it is built.
+/// A program of the firmware and its build options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Build<'a> {
     /// `--bin` or `--example`.
     pub kind: &'a str,
     /// Name of the binary or example.
     pub program: &'a str,
-    /// Features, separated by commas. With another board the default one is left out.
+    /// Features, separated by commas. A board other than the default one replaces it.
     pub features: &'a str,
-    /// What it is compiled for.
+    /// Compilation target.
     pub target: &'a str,
-    /// `firmware`, or another of the workspace's profiles.
+    /// `firmware`, or another profile of the workspace.
     pub profile: &'a str,
 }
 
 impl<'a> Build<'a> {
-    /// A program as it goes to the emulated board.
+    /// A program for the emulated board.
     pub const fn bin(program: &'a str, features: &'a str) -> Self {
         Self {
             kind: "--bin",
@@ -45,8 +45,8 @@ impl<'a> Build<'a> {
     }
 }
 
-/// All that tests run or look at, those with most in common one after another: [`build_all`] makes them while something else is
-/// checked, so that no test waits for another's build.
+/// All programs that tests run or inspect, ordered by common features. [`build_all`] builds them during other checks, so that no test waits
+/// for a build.
 const ALL: [Build<'static>; 28] = [
     Build::bin("application", "no-panic"),
     Build::bin("cycles", ""),
@@ -54,7 +54,7 @@ const ALL: [Build<'static>; 28] = [
     Build::example("sections", ""),
     Build::example("faults", ""),
     Build::example("panics", ""),
-    // Not to be built: the linker refuses it.
+    // Not built beforehand, because the linker refuses it.
     Build::example("panics", "no-panic"),
     Build::example("echo", ""),
     Build::example("slow_echo", ""),
@@ -91,7 +91,7 @@ const ALL: [Build<'static>; 28] = [
     },
 ];
 
-/// Builds all programs, but those for targets that are not installed.
+/// Build all programs, except those for targets that are not installed.
 ///
 /// # Errors
 /// As [`try_build`].
@@ -104,21 +104,21 @@ pub fn build_all() -> Result<(), String> {
     Ok(())
 }
 
-/// Builds a program, in a target folder of the firmware's own, and copies its ELF to a place that the next
-/// build with other features leaves alone. One build at a time, over all processes.
+/// Build a program in the firmware's own target folder, and copy its ELF to a path that builds with other features do not touch. One build
+/// at a time, over all processes.
 ///
 /// # Errors
-/// What cargo said, or what kept us from running it; that the program is none of those that are built beforehand.
+/// Output of cargo, or the reason why it could not run; or that the program is not in the list of those built beforehand.
 pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
     if !ALL.contains(build) {
         return Err(format!("{build:?} is not in the list of all programs"));
     }
     let folder = target_folder().join("firmware-module");
     let place = folder.join("elf");
-    let told = |what: &Path, error| format!("{}: {error}", what.display());
-    fs::create_dir_all(&place).map_err(|error| told(&place, error))?;
-    let lock = File::create(folder.join("one-at-a-time")).map_err(|e| told(&folder, e))?;
-    lock.lock().map_err(|error| told(&folder, error))?;
+    let fault = |path: &Path, error| format!("{}: {error}", path.display());
+    fs::create_dir_all(&place).map_err(|error| fault(&place, error))?;
+    let lock = File::create(folder.join("one-at-a-time")).map_err(|e| fault(&folder, e))?;
+    lock.lock().map_err(|error| fault(&folder, error))?;
 
     let output = cargo(build, &folder).map_err(|error| format!("cargo does not start: {error}"))?;
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -145,7 +145,7 @@ pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
     Ok(elf)
 }
 
-/// Builds a program; its ELF.
+/// Build a program; returns the path of its ELF.
 ///
 /// # Panics
 /// If it cannot be built.
@@ -171,24 +171,23 @@ fn cargo(build: &Build<'_>, folder: &Path) -> std::io::Result<Output> {
     command.output()
 }
 
-/// The bytes of both are compared, so that what watches the copy sees it change only when it does; the new
-/// one takes its place whole.
+/// The bytes are compared first, so that the copy changes only when its content does; the new file replaces it by a rename.
 fn copy_if_other(from: &Path, to: &Path) -> Result<(), String> {
-    let told = |what: &Path, error| format!("{}: {error}", what.display());
-    let bytes = fs::read(from).map_err(|error| told(from, error))?;
+    let fault = |path: &Path, error| format!("{}: {error}", path.display());
+    let bytes = fs::read(from).map_err(|error| fault(from, error))?;
     if fs::read(to).is_ok_and(|there| there == bytes) {
         return Ok(());
     }
-    let beside = to.with_extension("new");
-    fs::write(&beside, bytes).map_err(|error| told(&beside, error))?;
-    // Programs of this machine's own kind are started.
-    let mode = fs::metadata(from).map_err(|error| told(from, error))?;
-    fs::set_permissions(&beside, mode.permissions()).map_err(|error| told(&beside, error))?;
-    fs::rename(&beside, to).map_err(|error| told(to, error))
+    let new = to.with_extension("new");
+    fs::write(&new, bytes).map_err(|error| fault(&new, error))?;
+    // Programs for this machine are executable.
+    let mode = fs::metadata(from).map_err(|error| fault(from, error))?;
+    fs::set_permissions(&new, mode.permissions()).map_err(|error| fault(&new, error))?;
+    fs::rename(&new, to).map_err(|error| fault(to, error))
 }
 
-/// Builds the application for the emulated board, medium size, no panic reachable, to
-/// `target/module/float` and `target/module/fixed`; the two.
+/// Build the application for the emulated board, medium size, without reachable panics, as `target/module/float` and `target/module/fixed`;
+/// returns both paths.
 ///
 /// # Errors
 /// As [`try_build`].

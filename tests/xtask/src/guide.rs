@@ -1,7 +1,7 @@
 //! The guide as a book: `cargo xtask guide` writes `target/guide/book`.
 //!
-//! Sources are the pages of `host/guide/src`. The tests that run their blocks (`tests/cli/guide.rs`) leave the pictures; the reference of commands is the
-//! help of `subap` and of each of its commands.
+//! The sources are the pages of `host/guide/src`. The tests that run their blocks (`tests/cli/guide.rs`) make the pictures; the reference
+//! of commands is the help of `subap` and of each of its commands.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -81,7 +81,7 @@ fn add(page: &mut String, program: &Path, words: &[&str]) -> Result<(), String> 
 pub(crate) fn subcommands(help: &str) -> Vec<&str> {
     let lines = help.lines().skip_while(|line| *line != "Commands:").skip(1);
     let lines = lines.take_while(|line| !line.is_empty());
-    // Names of groups are set in by one column, descriptions that go on by more than two.
+    // Names of groups are indented by one column, continued descriptions by more than two.
     let names = lines.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names = names.filter_map(|line| line.split_whitespace().next());
     names.filter(|name| *name != "help").collect()
@@ -101,7 +101,7 @@ fn help(program: &Path, words: &[&str]) -> Result<String, String> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// The command, built with the packages that are tested with it, so that nothing is compiled twice.
+/// The command, built with the packages of the tests, so that nothing is compiled twice.
 fn subap() -> Result<PathBuf, String> {
     let mut command = cargo(&["build", "--workspace", "--exclude", "subaperture-firmware"]);
     let status = command.args(["--bin", "subap", "--locked"]).status();

@@ -1,4 +1,4 @@
-//! What `cargo xtask` and the tests share: where things are, cargo, and building the firmware.
+//! Shared by `cargo xtask` and the tests: paths, cargo, and builds of the firmware.
 #![forbid(unsafe_code)]
 
 pub mod firmware;
@@ -18,13 +18,13 @@ pub fn root() -> &'static Path {
         .expect("the package lies in the folder of tests")
 }
 
-/// Where builds go: `target`, or what `CARGO_TARGET_DIR` says.
+/// Folder of builds: `target`, or `CARGO_TARGET_DIR`.
 pub fn target_folder() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR")
         .map_or_else(|| root().join("target"), |folder| root().join(folder))
 }
 
-/// The cargo that runs us, in the repository's root.
+/// The running cargo, in the repository's root.
 pub fn cargo() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(root());
@@ -43,8 +43,7 @@ pub fn target_installed(target: &str) -> bool {
     })
 }
 
-/// Has a command of cargo's for a target with musl link by what comes with Rust, its linker and C library: no toolchain of the target is
-/// needed.
+/// Link a build for a musl target with Rust's own linker and C library, without a toolchain of the target.
 pub fn link_alone(command: &mut Command, target: &str) {
     if target.ends_with("-musl") {
         let name = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));

@@ -1,24 +1,23 @@
-//! Reads the output of `cargo test -- --show-output`: counts tests, gathers what was skipped, and tells
-//! what to print on.
+//! Parser of the output of `cargo test -- --show-output`: counts tests, collects skipped ones, and selects the lines to print.
 
-/// What `cargo test` has printed so far.
+/// Output of `cargo test` so far.
 #[derive(Debug, Default)]
 pub(crate) struct TestLog {
     /// Number of tests that passed.
     pub(crate) passed: u64,
     /// Number of tests that failed.
     pub(crate) failed: u64,
-    /// The names of those, as far as they were told.
+    /// Names of failed tests, as far as they were printed.
     pub(crate) failures: Vec<String>,
-    /// Every line that says what was skipped, once.
+    /// Distinct lines that state skipped tests.
     pub(crate) skipped: Vec<String>,
     /// Inside the output of tests that passed.
     in_successes: bool,
 }
 
 impl TestLog {
-    /// Takes in a line; whether it is worth printing. Output of tests that passed is not, but it is
-    /// there that they say what they skipped.
+    /// Add a line; returns whether it should be printed. Output of passing tests is not printed, but contains the lines about skipped
+    /// tests.
     pub(crate) fn add_line(&mut self, line: &str) -> bool {
         if line.starts_with("skipped: ") {
             note(&mut self.skipped, line);
@@ -38,7 +37,7 @@ impl TestLog {
         !self.in_successes
     }
 
-    /// Counts the rest of a line such as `test result: ok. 12 passed; 0 failed; 1 ignored; ...`.
+    /// Count the tests in a line such as `test result: ok. 12 passed; 0 failed; 1 ignored; ...`.
     fn count(&mut self, result: &str) {
         // "ok. 12 passed" is the first field, "0 failed" the second.
         for field in result.split(';') {
@@ -56,7 +55,7 @@ impl TestLog {
     }
 }
 
-/// Adds `line` unless it is there.
+/// Add `line` unless it is present.
 pub(crate) fn note(lines: &mut Vec<String>, line: &str) {
     if !lines.iter().any(|known| known == line) {
         lines.push(line.to_owned());
@@ -84,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn tests_that_passed_are_heard_only_where_they_skip() {
+    fn output_of_passing_tests_is_used_only_for_skipped_ones() {
         let mut log = TestLog::default();
         let printed: Vec<&str> = "\
 running 3 tests

@@ -1,4 +1,4 @@
-//! `cargo xtask`: every test there is, and the parts of it one by one.
+//! `cargo xtask`: all tests and checks, together and one by one.
 #![forbid(unsafe_code)]
 
 mod checks;
@@ -24,13 +24,13 @@ use runner::Runner;
 const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
-  test       install what is missing, then run everything below
+  test       install missing tools, then run everything below
   fmt        rustfmt, checking only
   clippy     clippy on the host, on core and library with fewer features and on the firmware's target,
              warnings are errors
   doc        rustdoc, warnings are errors
   words [--lower | FOLDER]
-             words that hide what a sentence means, counted for each package against falling budgets;
+             words of unclear sentences, counted for each package against falling budgets;
              list their lines in FOLDER
   deny       licences, sources, bans and (when its database can be reached) advisories
   platforms  library and command, checked for Windows and macOS
@@ -41,11 +41,11 @@ Usage: cargo xtask COMMAND
   uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
   long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
-  miri       what is unsafe in the kernels under Miri, in AVX2, AVX-512 and NEON, and all of them under
+  miri       unsafe code of the kernels under Miri, in AVX2, AVX-512 and NEON, and all of them under
              AddressSanitizer; needs a nightly Rust with Miri
   fuzz TARGET SECONDS
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
-  bench      measure image formers: time, error, memory, beside others and against
+  bench      measure image formers: time, error, memory, with other programs and against
              another revision ('cargo xtask bench --help')
   dist       build the release archives: target/dist
   module     build the application for the emulated board: target/module/float and fixed
@@ -161,16 +161,16 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    if let Err(what_to_do) = done {
-        eprintln!("{what_to_do}");
+    if let Err(remedy) = done {
+        eprintln!("{remedy}");
         return ExitCode::FAILURE;
     }
     runner.finish()
 }
 
-/// Everything. What waits for the network is installed while this machine compiles.
+/// Run everything. Packages are downloaded while this machine compiles.
 fn test(runner: &mut Runner) -> Result<(), String> {
-    // Of Rust itself nothing is changed while it is in use.
+    // The Rust toolchain is not changed while it is in use.
     ensure(
         &[Need::Rustfmt, Need::Clippy, Need::FIRMWARE_TARGET],
         Talk::Shown,
@@ -179,7 +179,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     ensure_if_possible(&prerequisites::OTHER_PLATFORMS, Talk::Shown);
     ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
-        // Debian's packages at once: each call of its tools takes as long as most packages.
+        // Debian's packages in one call, because each call takes as long as most packages.
         let debian = [Need::Qemu, Need::Chromium, Need::Uhd];
         let debian = [&debian, prerequisites::OTHER_EMULATORS.as_slice()].concat();
         ensure_if_possible(&debian, Talk::OfFailure);
@@ -189,7 +189,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         )
         .map(|()| python(Talk::OfFailure))
     });
-    // Steps with target folders of their own run in a second thread: one build leaves processors idle where it waits for one crate.
+    // Steps with their own target folders run in a second thread: one build leaves processors idle where it waits for one crate.
     let second = thread::spawn(|| {
         let mut second = Runner::new(Talk::OfFailure);
         checks::build_firmware(&mut second);
@@ -217,7 +217,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     Ok(())
 }
 
-/// A Python with sarkit, or why there is none.
+/// A Python with sarkit, or the reason why there is none.
 fn python(talk: Talk) -> Result<PathBuf, String> {
     match python::named() {
         Some(python) => Ok(python),
@@ -225,7 +225,7 @@ fn python(talk: Talk) -> Result<PathBuf, String> {
     }
 }
 
-/// The tests, with sarkit where it can be had: without it they still run, but that counts as a failure.
+/// Run the tests, with sarkit if available; without it they still run, but that counts as a failure.
 fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
     let python = python.inspect_err(|error| {
         eprintln!("{error}");
@@ -237,17 +237,17 @@ fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
     suite::all(runner, python.ok().as_deref());
 }
 
-/// Does what the library is needed for.
+/// Tasks that need the library.
 fn with_the_library(words: &[&str]) -> ExitCode {
     run(&["--bin", "tasks"], words)
 }
 
-/// Measures, by what is optimised as users' programs are.
+/// Run the benchmark, optimised like users' programs.
 fn bench(words: &[&str]) -> ExitCode {
     run(&["--release", "--bin", "bench"], words)
 }
 
-/// Runs a program of the tests.
+/// Run a program of the tests.
 fn run(which: &[&str], words: &[&str]) -> ExitCode {
     let run = ["run", "--quiet", "--package", "subaperture-tests"];
     let mut command = checks::cargo(&run);

@@ -1,4 +1,4 @@
-//! Finds out what this machine lacks, and installs it or says how.
+//! Tools that this machine lacks, and their installation or the advice how to install them.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use subaperture_xtask::{firmware, root, target_installed};
 
 use crate::python;
 
-/// Something a command of ours cannot do without.
+/// A tool or library that a command needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Need {
     Rustfmt,
@@ -20,49 +20,49 @@ pub(crate) enum Need {
     QemuRiscv,
     Python,
     Chromium,
-    /// The driver of USRPs, to be linked with: without it the radio's binding to it is not checked.
+    /// The driver of USRPs to link with: without it the binding is not checked.
     Uhd,
     CargoDeny,
     Mdbook,
-    /// The compiler and library of [`OLDEST_RUST`].
+    /// Compiler and library of [`OLDEST_RUST`].
     OldestRust,
 }
 
 /// The workspace's `rust-version`.
 pub(crate) const OLDEST_RUST: &str = "1.89.0";
 
-/// Targets and emulators that the bits of the streaming core and of the kernels are compared on: without them those tests are skipped.
+/// Targets and emulators on which the bits of the streaming core and of the kernels are compared; without them those tests are skipped.
 pub(crate) const OTHER_TARGETS: [Need; 3] = [
     Need::Target("thumbv6m-none-eabi"),
     Need::Target("aarch64-unknown-linux-musl"),
     Need::Target("riscv32imafc-unknown-none-elf"),
 ];
-/// Targets that library and command are checked for, without running anything.
+/// Targets for which library and command are checked but not run.
 pub(crate) const OTHER_PLATFORMS: [Need; 2] = [
     Need::Target("x86_64-pc-windows-gnu"),
     Need::Target("aarch64-apple-darwin"),
 ];
 pub(crate) const OTHER_EMULATORS: [Need; 2] = [Need::QemuUser, Need::QemuRiscv];
 
-/// Of what is printed by what we run, what is shown.
+/// Amount of shown output of started programs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Talk {
-    /// All, as they go along.
+    /// All of it, while they run.
     Shown,
-    /// That of those that failed: something else is shown meanwhile.
+    /// Only that of failed programs, because another program's output is being shown.
     OfFailure,
 }
 
-/// How a missing need is met.
+/// Method of installation.
 enum Source {
     Debian(&'static [&'static str]),
     Rustup(Vec<&'static str>),
-    /// Built by cargo into [`tools`], with these further arguments.
+    /// Built by cargo into [`tools`], with these additional arguments.
     Tool(&'static str, &'static [&'static str]),
 }
 
 impl Need {
-    /// What the firmware is built for.
+    /// Target of the firmware.
     pub(crate) const FIRMWARE_TARGET: Self = Self::Target(firmware::TARGET);
 
     pub(crate) fn is_met(self) -> bool {
@@ -109,10 +109,10 @@ impl Need {
     }
 }
 
-/// Meets every need.
+/// Install every missing need.
 ///
 /// # Errors
-/// What the user has to run, or what could not be installed.
+/// The commands that the user has to run, or the tool that could not be installed.
 pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
     let missing: Vec<Need> = needs
         .iter()
@@ -136,7 +136,7 @@ pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
                 println!("{name} is missing; building it takes some minutes, once");
                 let tools = tools();
                 let root = tools.to_string_lossy();
-                // What runs for seconds need not be optimised for minutes.
+                // Tools that run for seconds need no optimised build of minutes.
                 let arguments = ["install", "--locked", "--quiet", "--debug", "--root"];
                 run(
                     "cargo",
@@ -157,15 +157,15 @@ pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
     }
 }
 
-/// Meets what can be met of `needs`, and says what could not.
+/// Install what is possible of `needs`, and report the others.
 pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
-    // All at once; if that fails, each on its own.
+    // All in one call; if that fails, one by one.
     if ensure(needs, Talk::OfFailure).is_ok() {
         return;
     }
     for need in needs {
-        if let Err(what_to_do) = ensure(&[*need], talk) {
-            eprintln!("{what_to_do}\n{need:?}: going on without it");
+        if let Err(remedy) = ensure(&[*need], talk) {
+            eprintln!("{remedy}\n{need:?}: going on without it");
         }
     }
 }
@@ -175,7 +175,7 @@ pub(crate) fn toolchain_installed(toolchain: &str) -> bool {
     works("rustup", &["run", toolchain, "rustc", "--version"])
 }
 
-/// Whether a nightly Rust is there, and a subcommand of cargo's in it.
+/// Whether a nightly Rust is installed, with a subcommand of cargo.
 pub(crate) fn nightly_has(subcommand: &str) -> bool {
     works(
         "rustup",
@@ -183,17 +183,17 @@ pub(crate) fn nightly_has(subcommand: &str) -> bool {
     )
 }
 
-/// Where tools are built that are missing: nothing of the user's is changed for them.
+/// Folder of tools built here; the user's installation is not changed.
 fn tools() -> PathBuf {
     root().join("target/tools")
 }
 
-/// cargo-deny, as installed or as built here.
+/// cargo-deny, installed by the user or built here.
 pub(crate) fn cargo_deny() -> Option<PathBuf> {
     tool("cargo-deny")
 }
 
-/// mdBook, as installed or as built here.
+/// mdBook, installed by the user or built here.
 pub(crate) fn mdbook() -> Option<PathBuf> {
     tool("mdbook")
 }
@@ -227,7 +227,7 @@ fn install_packages(packages: &[&str], talk: Talk) -> Result<(), String> {
         let words = [&prefix[1..], &noninteractive, arguments].concat();
         run(prefix[0], &words, talk)
     };
-    // A package list that is out of date or incomplete may still do, so only the installation counts.
+    // An outdated or incomplete package list may suffice, so only the installation counts.
     static UPDATED: Once = Once::new();
     UPDATED.call_once(|| {
         if let Err(error) = apt(&["update"]) {
@@ -242,7 +242,7 @@ fn works(program: &str, arguments: &[&str]) -> bool {
     run_quietly(program, arguments).is_some()
 }
 
-/// What `program` prints, if it succeeds.
+/// Output of `program`, if it succeeds.
 fn run_quietly(program: &str, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program)
         .args(arguments)
@@ -256,18 +256,18 @@ fn run_quietly(program: &str, arguments: &[&str]) -> Option<String> {
 fn run(program: &str, arguments: &[&str], talk: Talk) -> Result<(), String> {
     let line = format!("{program} {}", arguments.join(" "));
     println!("==> {line}");
-    match tell(Command::new(program).args(arguments), talk) {
+    match run_shown(Command::new(program).args(arguments), talk) {
         Ok(true) => Ok(()),
         Ok(false) => Err(format!("failed: {line}")),
         Err(error) => Err(format!("cannot start {line}: {error}")),
     }
 }
 
-/// Runs a command; whether it succeeded.
+/// Run a command; returns whether it succeeded.
 ///
 /// # Errors
 /// If it cannot be started.
-pub(crate) fn tell(command: &mut Command, talk: Talk) -> std::io::Result<bool> {
+pub(crate) fn run_shown(command: &mut Command, talk: Talk) -> std::io::Result<bool> {
     match talk {
         Talk::Shown => Ok(command.status()?.success()),
         Talk::OfFailure => {
@@ -287,7 +287,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_oldest_rust_is_the_one_that_packages_name() {
+    fn oldest_rust_is_that_of_the_packages() {
         let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
         let (minor, _) = OLDEST_RUST.rsplit_once('.').unwrap();
         let line = format!("\nrust-version = \"{minor}\"\n");

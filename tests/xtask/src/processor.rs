@@ -1,25 +1,25 @@
-//! Processor time: on a busy machine it tells more than the clock.
+//! Processor time, which is more meaningful than elapsed time on a busy machine.
 
-/// Whose.
+/// Owner of the processor time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
-    /// This process, all its threads.
+    /// This process with all its threads.
     Own,
     /// The calling thread.
     Thread,
-    /// All that it started and that has ended.
+    /// Ended child processes.
     Children,
 }
 
-/// What they took of the processors so far, seconds, less than two hundredths too little; `None` where the system does not say.
+/// Processor time so far, seconds, at most two hundredths too small; `None` where the system does not report it.
 pub fn seconds(of: Of) -> Option<f64> {
     let whose = match of {
         Of::Thread => "thread-self",
         Of::Own | Of::Children => "self",
     };
     let stat = std::fs::read_to_string(format!("/proc/{whose}/stat")).ok()?;
-    // proc(5): in hundredths of a second, user's and system's, fields 14 and 15 of this process, then those of children. The second field is a name
-    // in brackets. Both are rounded down.
+    // proc(5): user and system time in hundredths of a second, fields 14 and 15 for this process, then those of its children. The second
+    // field is a name in brackets. Both are rounded down.
     let (_, fields) = stat.rsplit_once(") ")?;
     let skipped = match of {
         Of::Own | Of::Thread => 11,
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn own_time_passes_and_childrens_stands_until_one_ends() {
+    fn own_time_increases_and_that_of_children_only_when_one_ends() {
         let before = [Of::Own, Of::Children].map(seconds);
         assert_eq!(before.map(|s| s.is_some()), [cfg!(target_os = "linux"); 2]);
         let [Some(own), Some(children)] = before else {
@@ -45,14 +45,15 @@ mod tests {
         while seconds(Of::Own).unwrap() < own + 0.03 {
             sum = std::hint::black_box(sum + 1);
         }
-        // Others of this program's threads have a part in its own time.
+        // Other threads of this program contribute to its time.
         let before = seconds(Of::Thread).unwrap();
         while seconds(Of::Thread).unwrap() < before + 0.03 {
             sum = std::hint::black_box(sum + 1);
         }
-        // Which hundredths are user's and which the system's is told apart for a thread and for the whole: one of them may be rounded away for the whole alone.
+        // User and system time are separated differently for a thread and for the process, so a hundredth may be lost in the process's
+        // rounding only.
         assert!(seconds(Of::Thread).unwrap() <= seconds(Of::Own).unwrap() + 0.015);
-        // No other test of this program starts anything that ends.
+        // No other test of this program starts a process that ends.
         assert_eq!(seconds(Of::Children), Some(children));
     }
 }

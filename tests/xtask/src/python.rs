@@ -1,4 +1,4 @@
-//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit, rio-cogeo, xarray and zarr in it.
+//! Python of the tests: that of `SUBAPERTURE_PYTHON`, otherwise `target/venv` with sarkit, rio-cogeo, xarray and zarr.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use subaperture_xtask::{root, target_folder};
 
-/// What is installed, one requirement a line; also the mark of a finished environment.
+/// Requirements, one per line; also the mark of a complete environment.
 const REQUIREMENTS: &str = include_str!("../../requirements.txt");
 
 /// A Python of at least 3.11 (sarkit needs it) that can make environments.
@@ -25,11 +25,11 @@ pub(crate) fn interpreter() -> Option<&'static str> {
     })
 }
 
-/// The Python that `SUBAPERTURE_PYTHON` names, if it has what the tests need; says so if it has not.
+/// The Python of `SUBAPERTURE_PYTHON`, if it has the packages of the tests; otherwise a message is printed.
 pub(crate) fn named() -> Option<PathBuf> {
     let mut python = PathBuf::from(std::env::var_os("SUBAPERTURE_PYTHON")?);
-    // Tests run in other folders. A bare name is looked up in PATH and stays; so do links, by which
-    // Python knows its environment.
+    // Tests run in other folders, so a relative path is made absolute. A bare name is found in PATH; links are kept, because Python finds
+    // its environment by them.
     if python.components().count() > 1 {
         python = std::path::absolute(&python).unwrap_or(python);
     }
@@ -46,7 +46,7 @@ fn has_packages(python: &Path) -> Result<(), String> {
     run(Command::new(python).args(["-c", "import sarkit, rio_cogeo, xarray, zarr"]))
 }
 
-/// Makes the environment unless a finished one is there; returns its interpreter.
+/// Make the environment unless a complete one exists; returns its interpreter.
 pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
     let target = target_folder();
     let venv = target.join("venv");
@@ -90,7 +90,7 @@ fn run(command: &mut Command) -> Result<(), String> {
     if output.status.success() {
         Ok(())
     } else {
-        let told = String::from_utf8_lossy(&output.stderr).into_owned();
-        Err(format!("{program} failed:\n{}", told.trim_end()))
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        Err(format!("{program} failed:\n{}", errors.trim_end()))
     }
 }

@@ -1,4 +1,4 @@
-//! Runs one step after the other, times them, counts tests, says at the end how it went.
+//! Steps run one after another, with times, counts of tests, and a summary at the end.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
@@ -8,7 +8,7 @@ use subaperture_xtask::processor::{self, Of};
 
 use crate::executables::{self, Run};
 use crate::log::{TestLog, note};
-use crate::prerequisites::{Talk, tell};
+use crate::prerequisites::{Talk, run_shown};
 
 struct Step {
     name: &'static str,
@@ -23,16 +23,16 @@ enum Outcome {
     Skipped,
 }
 
-/// The steps run so far.
+/// Steps run so far.
 pub(crate) struct Runner {
     steps: Vec<Step>,
-    /// Of what steps print, what is shown.
+    /// Amount of shown output.
     talk: Talk,
     passed: u64,
     failed: u64,
-    /// Lines that say what failed.
+    /// Lines about failures.
     failures: Vec<String>,
-    /// Lines that say what was skipped and why.
+    /// Lines about skipped tests and steps, with reasons.
     skipped: Vec<String>,
 }
 
@@ -48,13 +48,13 @@ impl Runner {
         }
     }
 
-    /// Runs a check that counts no tests. If it fails, that counts as one failure.
+    /// Run a check that counts no tests. A failure counts as one.
     pub(crate) fn check(&mut self, name: &'static str, command: &mut Command) {
         let start = match self.talk {
             Talk::Shown => announce(name, command),
             Talk::OfFailure => Instant::now(),
         };
-        let passed = match tell(command, self.talk) {
+        let passed = match run_shown(command, self.talk) {
             Ok(passed) => passed,
             Err(error) => {
                 eprintln!("cannot start: {error}");
@@ -65,20 +65,20 @@ impl Runner {
         self.record(name, passed, start);
     }
 
-    /// Does work that counts no tests, and says what is wrong if it fails, which counts as one failure.
+    /// Do work that counts no tests, and print the error if it fails, which counts as one failure.
     pub(crate) fn work(&mut self, name: &'static str, work: impl FnOnce() -> Result<(), String>) {
         let start = Instant::now();
         match work() {
             Ok(()) => self.record(name, true, start),
-            Err(what) => {
-                eprintln!("{what}");
+            Err(message) => {
+                eprintln!("{message}");
                 self.failed += 1;
                 self.record(name, false, start);
             }
         }
     }
 
-    /// Takes over what another ran beside.
+    /// Add the steps of another runner.
     pub(crate) fn add_all(&mut self, other: Self) {
         self.steps.extend(other.steps);
         self.passed += other.passed;
@@ -89,8 +89,8 @@ impl Runner {
         }
     }
 
-    /// Runs `cargo test -- --show-output`, counts its tests and gathers what they skipped. If it fails without naming a failed test (it does not
-    /// compile, say), that counts as one failure.
+    /// Run `cargo test -- --show-output`, count its tests and collect skipped ones. A failure without the name of a test (such as a
+    /// compiler error) counts as one failure.
     pub(crate) fn tests(&mut self, name: &'static str, command: &mut Command) {
         let start = announce(name, command);
         let mut log = TestLog::default();
@@ -114,8 +114,8 @@ impl Runner {
         self.record(name, passed, start);
     }
 
-    /// Builds test executables by `command` and runs them, several at once, each started as `prepare` says;
-    /// counts and gathers as [`Self::tests`] does.
+    /// Build test executables with `command` and run them, several at once, each modified by `prepare`; count and collect as in
+    /// [`Self::tests`].
     pub(crate) fn executables(
         &mut self,
         name: &'static str,
@@ -125,8 +125,8 @@ impl Runner {
         let start = announce(name, command);
         let found = match executables::build(command) {
             Ok(found) => found,
-            Err(what) => {
-                eprintln!("{what}");
+            Err(message) => {
+                eprintln!("{message}");
                 self.failed += 1;
                 return self.record(name, false, start);
             }
@@ -161,7 +161,7 @@ impl Runner {
         self.record(name, all_passed, start);
     }
 
-    /// Adds what a run of tests printed; one that failed without naming a failed test counts as one failure.
+    /// Add the log of a run of tests; a failure without the name of a test counts as one failure.
     fn add(&mut self, name: &str, log: &TestLog, passed: bool) {
         self.passed += log.passed;
         self.failed += match (passed, log.failed) {
@@ -179,7 +179,7 @@ impl Runner {
         }
     }
 
-    /// Notes a step that could not run here, and why.
+    /// Record a step that could not run here, with the reason.
     pub(crate) fn skip(&mut self, name: &'static str, why: &str) {
         let line = format!("skipped: {name}: {why}");
         println!("{line}");
@@ -191,9 +191,9 @@ impl Runner {
         });
     }
 
-    /// Counts a step that could not be prepared as one failure, and says what to do.
-    pub(crate) fn fail(&mut self, name: &'static str, what_to_do: &str) {
-        eprintln!("{name}: {what_to_do}");
+    /// Count a step that could not be prepared as one failure, and print the remedy.
+    pub(crate) fn fail(&mut self, name: &'static str, remedy: &str) {
+        eprintln!("{name}: {remedy}");
         self.failed += 1;
         self.record(name, false, Instant::now());
     }
@@ -208,7 +208,10 @@ impl Runner {
         let seconds = took.as_secs_f64();
         match self.talk {
             Talk::Shown => println!("    {} in {seconds:.1} s", word(outcome)),
-            Talk::OfFailure => println!("    {name}, beside: {} in {seconds:.1} s", word(outcome)),
+            Talk::OfFailure => println!(
+                "    {name}, in the second thread: {} in {seconds:.1} s",
+                word(outcome)
+            ),
         }
         self.steps.push(Step {
             name,
@@ -217,7 +220,7 @@ impl Runner {
         });
     }
 
-    /// Prints every step, what was skipped and the closing line; failure if anything failed or nothing ran.
+    /// Print every step, skipped tests and the closing line; a failure if any step failed or no step ran.
     pub(crate) fn finish(self) -> ExitCode {
         println!();
         for step in &self.steps {

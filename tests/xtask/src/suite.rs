@@ -1,4 +1,4 @@
-//! The tests proper, built by `cargo test`.
+//! Tests built by `cargo test`.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use crate::checks::{UHD, cargo, clippy_uhd};
 use crate::prerequisites::Need;
 use crate::runner::Runner;
 
-/// Without it a test that passes cannot say what it skipped.
+/// Without it a passing test cannot report that it skipped something.
 const SHOW_OUTPUT: &str = "--show-output";
 
-/// Every test of core, host and tests, doc tests included. `python` is an interpreter with sarkit.
+/// All tests of core, host and tests, including doc tests. `python` is an interpreter with sarkit.
 pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     const PACKAGES: [&str; 4] = ["test", "--workspace", "--exclude", "subaperture-firmware"];
     let mut build = cargo(&PACKAGES);
@@ -20,7 +20,7 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     runner.executables("tests", &mut build, |command| {
         match python {
             Some(python) => command.env("SUBAPERTURE_PYTHON", python),
-            // One that was set and does not do.
+            // The variable is set, but its Python lacks packages.
             None => command.env_remove("SUBAPERTURE_PYTHON"),
         };
     });
@@ -35,14 +35,14 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     );
 }
 
-/// The guide's blocks, whose pictures the book shows.
+/// The guide's blocks, whose pictures the book contains.
 pub(crate) fn guide_pages(runner: &mut Runner) {
     let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
     command.args(["--test", "cli", "--locked", "--", "guide::", SHOW_OUTPUT]);
     runner.tests("pages of the guide", &mut command);
 }
 
-/// The radio's binding to UHD, linked with UHD as it is installed, and the command with it.
+/// The radio's binding to UHD, linked with the installed UHD, and the command with it.
 pub(crate) fn uhd(runner: &mut Runner) {
     const NAME: &str = "radio by UHD";
     if !Need::Uhd.is_met() {
@@ -52,15 +52,15 @@ pub(crate) fn uhd(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-radio"]);
     command.args(["--features", "uhd", "--lib", "--no-fail-fast", "--locked"]);
     runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
-    // With the packages that are tested together: the command stands on most of them, and another selection has other features of
-    // dependencies, so that all would be built once more.
+    // With all tested packages: the command depends on most of them, and another selection would enable other features of dependencies, and
+    // build all of them again.
     let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
     command.args(["--features", UHD, "--test", "uhd"]);
     command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
     runner.tests("command by UHD", &mut command);
 }
 
-/// What is marked as ignored: each takes minutes.
+/// Tests marked as ignored: each takes minutes.
 pub(crate) fn long(runner: &mut Runner) {
     let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
     command.args(["--tests", "--no-fail-fast", "--locked"]);
@@ -68,7 +68,7 @@ pub(crate) fn long(runner: &mut Runner) {
     runner.tests("tests that take minutes each", &mut command);
 }
 
-/// Only what runs under QEMU.
+/// Tests under QEMU only.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut build = cargo(&["test", "--package", "subaperture-tests"]);
     build.args(["--test", "firmware", "--no-run", "--locked"]);
@@ -87,7 +87,7 @@ pub(crate) fn kernels_elsewhere(runner: &mut Runner) {
         return runner.skip(NAME, "qemu-aarch64 is not installed");
     }
     let mut command = cargo(&["test", "--package", "subaperture-kernels"]);
-    // Transforms are needed by what they stand on, and by none of their tests: they are not worth optimising.
+    // Dependencies of the kernels need the transforms, but these tests do not run them, so they are not optimised.
     let transforms = "profile.dev.package.subaperture-fft.opt-level=0";
     command
         .args(["--lib", "--test", "kernels", "--target", TARGET])

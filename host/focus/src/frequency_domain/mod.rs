@@ -236,11 +236,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         observe(&Stage::new(axes, StageKind::Spectrum, &spectrum));
         let ranges = self.ranges(work, stage.as_ref(), &spectrum)?;
         drop(spectrum);
-        observe(&Stage::new(
-            axes,
-            StageKind::RangeDopplerBackprojection,
-            &ranges,
-        ));
+        observe(&Stage::new(axes, StageKind::RangeDoppler, &ranges));
         let image = read_out::compress(self, work, &ranges)?;
         observe(&Stage::new(axes, StageKind::Image, &image));
         Ok(image)

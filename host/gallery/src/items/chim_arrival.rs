@@ -184,7 +184,7 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
             "Phases from exact paths. Two receivers half a wavelength of 78.5 GHz apart, angles measured at their midpoint; lengths in baselines, so that the \
              pictures hold for any baseline. Then the radar of Fig. 7.8, whose transmitter is 2 cm from its receivers: the factor of 2 dx in the path change of a target at {RANGE_M} \
              m, up to {WIDEST_DEG} degrees off broadside; and a step of 1 mm estimated by two least squares, which measure directions at the midpoint of each channel's antennas \
-             and correct each leg separately. Scale: the thesis's figures carry no numbers; the baseline is that of Fig. 7.8, and nothing is scaled down."
+             and correct each leg separately. Scale: the thesis's figures carry no numbers; the baseline is that of Fig. 7.8, without scaling."
         ),
         checks: vec![
             Check::claim(
@@ -235,7 +235,7 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
         ],
         why: (corrected >= plain).then(|| {
             "Two legs make a path, and only that of the transmitter starts at B from the receiver: of 2 dx it is B / 2, across the direction. (7.33) takes B \
-             off both, twice too much straight ahead and more aside. What a hyperbola costs, the figures' subject, is nothing at this baseline."
+             off both, twice too much straight ahead and more aside. The error of the hyperbola, the subject of the figures, is negligible at this baseline."
                 .to_owned()
         }),
         pictures: vec![hyperbola_picture()?, error_picture()?],
@@ -314,7 +314,7 @@ fn error_picture() -> Result<Picture, ItemError> {
     })?;
     Ok(Picture {
         name: "errors".to_owned(),
-        caption: "What the estimated angle is off by (Fig. 7.6)".to_owned(),
+        caption: "Error of the estimated angle (Fig. 7.6)".to_owned(),
         png,
     })
 }

@@ -50,7 +50,7 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
     checks.extend(peaks.checks());
     Ok(Finding {
         thesis: "Four corner reflectors in a room, a radar driven along 1 m by a stepper motor, two channels: four traces in the range \
-                 profiles (Fig. 7.8), the track by MPGA beside the motor's (7.9), \"the maximum discrepancy at the end of the track is \
+                 profiles (Fig. 7.8), the track by MPGA compared with the motor's (7.9), \"the maximum discrepancy at the end of the track is \
                  about 2 millimeter\" in azimuth, a drift in range by the squint of the antennas, and images on both tracks (7.10, \
                  7.11); the second is \"slightly off the optimal, but should still retain most target features\"."
             .to_owned(),
@@ -65,8 +65,8 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
         ),
         why: Finding::unless_all_agree(
             &checks,
-            "The simulated echoes have noise of 30 dB and reflections in the wall, and no other faults; what else erred in the thesis's recording \
-             is not known.",
+            "The simulated echoes have noise of 30 dB and reflections in the wall, and no other faults; further errors in the thesis's recording \
+             are unknown.",
         ),
         checks,
         pictures: vec![

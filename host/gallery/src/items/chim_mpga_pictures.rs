@@ -165,7 +165,7 @@ pub(super) fn errors(pairs_m: &[f64], together_m: &[f64]) -> Result<Picture, Ite
             .into_iter()
     };
     let png = lines(&Chart {
-        title: "What azimuths are off by".to_owned(),
+        title: "Azimuth errors".to_owned(),
         across_label: "pulse".to_owned(),
         up_label: "error along the array (mm)".to_owned(),
         curves: vec![

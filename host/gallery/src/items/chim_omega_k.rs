@@ -107,14 +107,17 @@ fn observed(
                     columns: stage.columns,
                 });
             }
-            StageKind::RangeDopplerBackprojection => {
+            StageKind::RangeDoppler => {
                 after = Some(over_range_wavenumber(stage));
             }
             StageKind::Image => {}
         })
     })?;
     let (Some(before), Some(after)) = (before, after) else {
-        return Err(ItemError::Measure("the former showed nothing".to_owned()));
+        return Err(ItemError::Measure(
+            "expected the stages before and after Stolt interpolation; the former reported none"
+                .to_owned(),
+        ));
     };
     Ok(Observed {
         before,

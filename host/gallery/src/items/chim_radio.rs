@@ -43,7 +43,7 @@ const LEAKAGE: Coupled = Coupled {
     delay_s: 0.5e-9,
     amplitude: 3.0,
 };
-/// Largest range evaluated, metres; beyond the far wall nothing reflects.
+/// Largest range evaluated, metres; there are no reflectors beyond the far wall.
 const REACH_M: f64 = 25.0;
 
 fn failed(error: &impl ToString) -> ItemError {
@@ -210,9 +210,9 @@ fn stepped(_: &Context) -> Result<Finding, ItemError> {
         ),
     ];
     for ((name, range_m), printed) in names.into_iter().zip(RANGES_M).zip(PRINTED_M) {
-        let what = format!("{name}: peak of the profile");
+        let quantity = format!("{name}: peak of the profile");
         checks.push(Check::printed(
-            &what,
+            &quantity,
             printed,
             peak_m(&clean, range_m),
             3,
@@ -260,7 +260,7 @@ fn stepped(_: &Context) -> Result<Finding, ItemError> {
         why,
         pictures: vec![Picture {
             name: "profile".to_owned(),
-            caption: "Range profile by the looped-back reference, and what there is without it".to_owned(),
+            caption: "Range profiles with and without the looped-back reference".to_owned(),
             png: lines(&chart)?,
         }],
     })
@@ -391,7 +391,7 @@ fn chirps(_: &Context) -> Result<Finding, ItemError> {
         ..Chart::default()
     };
     Ok(Finding {
-        thesis: "A baseband chirp at 1.2 GHz and 20.48 MS/s; what is received is multiplied with the conjugate of a copy of what was sent, in the frequency domain. The peak of the amplitude (Fig. 5.8) is at the \
+        thesis: "A baseband chirp at 1.2 GHz and 20.48 MS/s; the received signal is multiplied by the conjugate of a copy of the transmitted one, in the frequency domain. The peak of the amplitude (Fig. 5.8) is at the \
                  echo's delay; Fig. 5.9 is the phase over frequency."
             .to_owned(),
         method: format!(

@@ -77,7 +77,7 @@ impl Stages {
                     let rows = transposed(stage.values, stage.columns.count);
                     curved = Some(profiles(&rows, &band, Window::None, 0.0, shown_m));
                 }
-                StageKind::RangeDopplerBackprojection => {
+                StageKind::RangeDoppler => {
                     let powers = stage.values.iter().map(Complex32::norm_sqr).collect();
                     straight = Some((powers, stage.columns));
                 }
@@ -85,7 +85,7 @@ impl Stages {
             })
         })?;
         let (Some(curved), Some(straight)) = (curved, straight) else {
-            return Err(ItemError::Measure("the former showed nothing".to_owned()));
+            return Err(ItemError::Measure("expected the stages before and after range cell migration correction; the former reported none".to_owned()));
         };
         Ok(Self {
             band,

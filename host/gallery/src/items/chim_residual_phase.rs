@@ -71,11 +71,11 @@ fn phase_rad(range_m: f64, skew: Skew) -> Result<f64, ItemError> {
     let mut samples = vec![Complex32::ZERO; band.count];
     received.read(0..1, &mut samples)?;
     let delay_s = 2.0 * range_m / SPEED_OF_LIGHT_M_S;
-    let beside = samples
+    let deramped = samples
         .iter()
         .enumerate()
         .map(|(k, &z)| widen(z) * Complex64::cis(TAU * (band.frequency_hz(k) * delay_s).fract()));
-    Ok(beside.sum::<Complex64>().arg())
+    Ok(deramped.sum::<Complex64>().arg())
 }
 
 /// Unwrapped residual phase over range, and the largest residual after removal.

@@ -175,9 +175,9 @@ fn sizes_and_peaks(band: &Band, plain: &Profile) -> Vec<Check> {
         Check::printed("largest range, c / (2 4 MHz)", "37.47", longest_m, 3, "m"),
     ];
     for ((name, range_m), printed) in names.into_iter().zip(RANGES_M).zip(PRINTED_M) {
-        let what = format!("{name}: peak of the profile");
+        let quantity = format!("{name}: peak of the profile");
         checks.push(Check::printed(
-            &what,
+            &quantity,
             printed,
             plain.peak_m(range_m),
             3,
@@ -227,7 +227,7 @@ fn profile(_: &Context) -> Result<Finding, ItemError> {
     let behind = [&plain, &hamming].map(|p| p.level_db(19.0, 30.0) - p.level_db(15.5, 16.5));
     checks.push(Check::claim(
         "19 to 30 m, relative to the wall at 16 m: unweighted, Hamming",
-        "nothing returns from there: a sinc's side lobes",
+        "no scatterer there: side lobes of a sinc",
         format!("{:.1} dB, {:.1} dB", behind[0], behind[1]),
         behind[0] - behind[1] > 6.0,
     ));

@@ -187,11 +187,11 @@ fn memory(context: &Context) -> Result<Finding, ItemError> {
     )
     .map_err(|error| ItemError::Measure(error.to_string()))?;
     let image_bytes = 8 * grid.num_pixels();
-    let beside = |cost: &FormerCost| {
+    let without_image = |cost: &FormerCost| {
         let bytes = cost.total_bytes - image_bytes;
         format!("{} {:.3} GB", cost.algorithm, giga(bytes.into()))
     };
-    let costs: Vec<String> = plan.costs.iter().map(beside).collect();
+    let costs: Vec<String> = plan.costs.iter().map(without_image).collect();
     Ok(Finding {
         thesis: "21,232 frequencies, range upsampled 10 times, complex float64, 400 million pixels. A profile takes \
                  3.4 MB, a map of 31 pulses 1.74 GB, one of 499 pulses 27.83 GB, the image 6.4 GB, range and Doppler of \

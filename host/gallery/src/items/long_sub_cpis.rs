@@ -51,11 +51,11 @@ struct Case {
 fn reproduce(context: &Context) -> Result<Finding, ItemError> {
     let scenes = scenes(context)?;
     let mut finding = begun(
-        "Sub-CPIs of 249 and 499 pulses make grating lobes about the brightest corner, closer for 499. With Doppler \
+        "Sub-CPIs of 249 and 499 pulses cause grating lobes about the brightest corner, closer for 499. With Doppler \
          padded 16 times instead of 4 they stay where they are and are weaker.",
         "Sub-CPIs that span as much of sqrt(lambda R) as the thesis's; phases compensated to the scene's centre, as in GOTCHA, \
-         so that lobes are those of reading Doppler linearly. Hamming windows. Measured is what differs from \
-         backprojection, phase included, across the brightest pixel at its range.",
+         so that lobes are those of linear interpolation in Doppler. Hamming windows. The measurement is the difference from \
+         backprojection, phase included, in cross-range through the brightest pixel at its range.",
         &scenes,
     );
     for (index, scene) in scenes.iter().enumerate() {
@@ -114,7 +114,7 @@ fn examine(
         judge_lobes(scene, &cases, finding);
     } else {
         finding.method.push_str(&format!(
-            " In {} a lobe of {:.0} dB, 1 / (6 P^2) at a padding of P = {}, drowns in what else differs, {floor_db:.0} dB in \
+            " In {} a lobe of {:.0} dB, 1 / (6 P^2) at a padding of P = {}, is below other differences, {floor_db:.0} dB in \
              the median: whole images are compared instead.",
             scene.title,
             lobe_db(CASES[1].1),

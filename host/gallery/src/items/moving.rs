@@ -218,7 +218,7 @@ fn focused(context: &Context) -> Result<Finding, ItemError> {
                 place.length() <= 0.3,
             ),
             Check::claim(
-                "strongest of what stands still",
+                "strongest stationary scatterer",
                 "unfocused",
                 format!("{background_db:.1} dB"),
                 background_db < -3.0,
@@ -287,7 +287,7 @@ fn fast(context: &Context) -> Result<Finding, ItemError> {
             .to_owned(),
         method: format!(
             "50 m/s away from a radar of 1 GHz at 1 km, {FAST_SUB_CPI} pulses of 0.1 ms a sub-CPI, in which the target \
-             moves 0.4 m: 2.7 range cells. Both images use its velocity. Scale: the thesis does not state what it simulated."
+             moves 0.4 m: 2.7 range cells. Both images use its velocity. Scale: the thesis does not state its parameters."
         ),
         checks: vec![
             // Mean of sin(pi u) / (pi u) over +-1.33 cells.

@@ -368,9 +368,9 @@ fn middle_pulses(history: &dyn PhaseHistory, pulses: Range<usize>) -> Result<InM
     Ok(InMemory::new(collection, samples)?)
 }
 
-fn same(what: &str, first: f64, second: f64) -> Check {
+fn same(quantity: &str, first: f64, second: f64) -> Check {
     Check::claim(
-        &format!("{what}: second against first"),
+        &format!("{quantity}: second against first"),
         "the same",
         format!("{second:.3} m against {first:.3} m"),
         (second / first - 1.0).abs() < 0.02,

@@ -1,4 +1,4 @@
-//! From samples and pulses to phase history, by the adapter that `[radar] kind` calls for.
+//! Conversion of samples and pulses to phase history by the adapter of `[radar] kind`.
 
 use num_complex::Complex32;
 
@@ -50,7 +50,7 @@ pub(super) fn adapt(
     .map_err(|what| recording.fault("file", what))
 }
 
-/// Checks that there is memory for the samples once as they are, once in the adapter, once as phase history.
+/// Check that memory suffices for the samples as read, in the adapter, and as phase history.
 fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Result<(), Fault> {
     let needed = 24 * (num_pulses as u64).saturating_mul(num_samples as u64);
     let left = source.left_bytes();
@@ -66,7 +66,7 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
     ))
 }
 
-/// The samples of the pulses chosen, sweeps of a pulse averaged.
+/// Samples of the chosen pulses, with the sweeps of a pulse averaged.
 fn rows_of(recording: &Values, pulses: &Pulses, samples: &Samples) -> Vec<Complex32> {
     let a_pulse = sweeps_a_pulse(recording);
     let (every, turns) = (
@@ -85,7 +85,7 @@ fn rows_of(recording: &Values, pulses: &Pulses, samples: &Samples) -> Vec<Comple
     samples.of(rows)
 }
 
-/// Phase history from range profiles. The inner error is of the file.
+/// Phase history from range profiles. The inner error concerns the file.
 fn from_profiles(
     values: &Values,
     source: &Source,
@@ -101,7 +101,7 @@ fn from_profiles(
     Ok(whole(&profiles, header))
 }
 
-/// Phase history from the echoes of a waveform. The inner error is of the file.
+/// Phase history from the echoes of a waveform. The inner error concerns the file.
 fn from_echoes(
     values: &Values,
     kind: &str,
@@ -111,7 +111,7 @@ fn from_echoes(
 ) -> Result<Result<InMemory, String>, Fault> {
     let received = |error: ReceiveError| Fault::new(&values.at, error.what);
     let waveform = waveform(values, kind, samples.num_samples)?;
-    // Real samples hold beats up to half the sampling rate, complex ones up to all of it.
+    // Real samples contain beats up to half the sampling rate, complex ones up to the whole rate.
     let held = if samples.real { 0.5 } else { 1.0 };
     let middle_m = middle_of_window_m(&waveform, held);
     let half_delay_s = match (&waveform, header.extent) {
@@ -123,7 +123,7 @@ fn from_echoes(
             },
             None,
         ) => {
-            // What samples can hold.
+            // Extent that the samples can represent.
             Some(0.5 * held * sample_rate_hz / chirp_hz_s.abs())
         }
         _ => None,
@@ -150,7 +150,7 @@ fn from_echoes(
     })
 }
 
-/// What all kinds have in common.
+/// Parameters common to all kinds.
 struct Header<'a> {
     name: String,
     pulses: &'a Pulses,
@@ -160,9 +160,9 @@ struct Header<'a> {
 }
 
 impl Header<'_> {
-    /// Geometry of a pulse, with what ranges are recorded too long by in the reference path. Without a reference
-    /// given it is the middle of what the samples hold. No range is stored: all are float64 of the description's
-    /// numbers and the antennas' positions, so nothing was rounded from pulse to pulse.
+    /// Geometry of a pulse; its reference path includes the range bias. Without a stated reference it is that of the middle of the samples'
+    /// extent. No range is stored: all are computed in float64 from the description's numbers and the antenna positions, so no rounding
+    /// differs from pulse to pulse.
     fn echo(&self, pulse: &Chosen, middle_m: f64) -> EchoPulse {
         let [transmitter_m, receiver_m] = pulse.antennas_m;
         let path_to = |point: DVec3| transmitter_m.distance(point) + receiver_m.distance(point);
@@ -180,7 +180,7 @@ impl Header<'_> {
         }
     }
 
-    /// The point that phases are referred to, if it is one.
+    /// The reference point of the phases, if it is a point.
     fn point(&self) -> Option<DVec3> {
         match self.given {
             Some(Reference::Point(point)) => Some(point),
@@ -228,7 +228,7 @@ impl Header<'_> {
     }
 }
 
-/// All of a history in memory, its reference paths as they are without the bias.
+/// A whole history in memory, with reference paths without the bias.
 fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String> {
     let mut collection = history.collection().clone();
     let count = collection.pulses.len();
@@ -285,7 +285,7 @@ fn remove(
         return Ok(());
     }
     for channel in 0..pulses.antennas.channels.len() {
-        // What does not change is not the same for all antennas.
+        // A constant offset differs between antennas.
         let own: Vec<usize> = (0..pulses.chosen.len())
             .filter(|&n| pulses.chosen[n].channel == channel)
             .collect();
@@ -328,7 +328,7 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Fault
             let sample_rate_hz = values.number("sample_rate");
             let pulse = values.section("pulse");
             let shape = radar::shape(pulse, sample_rate_hz)?;
-            // No echo of a longer one is recorded whole, and making it would take as long as it lasts.
+            // No echo of a longer pulse is recorded completely, and the computation would take as long as the pulse.
             let recorded_s = count as f64 / sample_rate_hz;
             if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
                 let key = match pulse.text("kind") {
@@ -375,7 +375,7 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Fault
     })
 }
 
-/// Range, bias included, of the middle of what the samples tell apart.
+/// Range at the middle of the samples' unambiguous extent, bias included, metres.
 fn middle_of_window_m(waveform: &Waveform, held: f64) -> f64 {
     let delay_s = match waveform {
         Waveform::Fmcw {
@@ -396,7 +396,7 @@ fn middle_of_window_m(waveform: &Waveform, held: f64) -> f64 {
     0.5 * SPEED_OF_LIGHT_M_S * delay_s
 }
 
-/// Where the bins of profiles are, and the band that is kept.
+/// Ranges of the bins of profiles, and the band that is kept.
 fn profiles(
     values: &Values,
     source: &Source,
@@ -436,7 +436,7 @@ fn profiles(
     Ok((axis, values.interval("band")))
 }
 
-/// First range and step of an array of ranges, which has to be even to a thousandth of its step.
+/// First range and step of an array of ranges, which must be even to a thousandth of the step.
 fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Fault> {
     let ranges = source.vector(values, "ranges")?;
     if ranges.len() != count || count < 2 {

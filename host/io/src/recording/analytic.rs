@@ -1,9 +1,9 @@
-//! De-chirped sweeps recorded as real numbers: one mixer and one converter, as in radars made of coffee cans and in cheap modules.
+//! Dechirped sweeps recorded as real numbers, by radars with one mixer and one converter.
 //!
-//! A real beat is the sum of a complex one and its conjugate, each of half its amplitude: `a cos(w t) = (a / 2) exp(j w t) + (a / 2) exp(-j w t)`. Delays
-//! are positive, so that the sign of the beat is known: negative of a rising sweep, in the convention of [`crate::receive`]. The other half of the
-//! spectrum is taken off. What is left is the complex beat at half the amplitude, of delays up to `sample_rate / (2 slope)`. Zero and half the sampling
-//! rate belong to both halves and are halved.
+//! A real beat is the sum of a complex one and its conjugate, each with half of its amplitude: `a cos(w t) = (a / 2) exp(j w t) + (a / 2)
+//! exp(-j w t)`. Delays are positive, so the sign of the beat is fixed: negative for a rising sweep, in the convention of
+//! [`crate::receive`]. The other half of the spectrum is removed. The result is the complex beat with half of the amplitude, for delays up
+//! to `sample_rate / (2 slope)`. Zero and half the sampling rate belong to both halves and are halved.
 //!
 //! A beat below a few bins (near targets, transmitter leakage) overlaps its conjugate and is removed in part. Cost: two
 //! float64 transforms per sweep.
@@ -11,7 +11,7 @@
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::Transforms;
 
-/// Makes rows of `width` samples, which are real, complex beats of sweeps that rise or fall.
+/// Convert rows of `width` real samples to complex beats of rising or falling sweeps.
 pub(super) fn beats(rows: &mut [Complex32], width: usize, rising: bool) {
     let forward = Transforms::Portable.forward::<f64>(width);
     let inverse = Transforms::Portable.inverse::<f64>(width);
@@ -46,7 +46,7 @@ mod tests {
     fn real_beats_become_complex_ones_of_half_the_amplitude() {
         for width in [64usize, 63] {
             for (rising, sign) in [(true, -1.0), (false, 1.0)] {
-                // Whole turns in a sweep: exact but for float32.
+                // Whole cycles in a sweep: exact except for float32.
                 let turn = |k: usize| TAU * 7.0 * k as f64 / width as f64 + 0.3;
                 let mut row: Vec<Complex32> = (0..width)
                     .map(|k| Complex32::new((3.0 * turn(k).cos()) as f32, 0.0))

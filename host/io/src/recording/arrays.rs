@@ -1,4 +1,4 @@
-//! The files that a description names, each read once however often the description is varied.
+//! Files named by a description, each read once however often the description is varied.
 
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
@@ -14,16 +14,16 @@ use subaperture_model::phase_history::{InputFile, ReadError};
 
 type Name = (PathBuf, Option<String>);
 
-/// Arrays by file and name, and files that were read otherwise.
+/// Arrays by file and name, and other files that were read.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arrays {
     held: Arc<Mutex<BTreeMap<Name, Arc<Array>>>>,
-    /// What the files were when they were first read.
+    /// State of the files when they were first read.
     stamps: Arc<Mutex<BTreeMap<PathBuf, Stamp>>>,
 }
 
 impl Arrays {
-    /// The files read so far.
+    /// Files read so far.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         let mut files: Vec<PathBuf> = held.keys().map(|(path, _)| path.clone()).collect();
@@ -34,20 +34,19 @@ impl Arrays {
     /// Sizes and checksums of the files read so far.
     ///
     /// # Errors
-    /// [`ReadError::Io`]; [`ReadError::Changed`] of a file that is no longer what was read.
+    /// [`ReadError::Io`]; [`ReadError::Changed`] if a file has changed since it was read.
     pub(super) fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         let stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
         let files = self.files().into_iter();
         files.map(|path| input(&path, stamps.get(&path))).collect()
     }
 
-    /// Bytes of all that is held.
+    /// Bytes of all arrays in memory.
     fn held_bytes(&self) -> u64 {
         sum(&self.held.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The array of this name, read by `read` with the bytes that are left of `memory_bytes` unless it is
-    /// held already.
+    /// The array with this name; unless it is in memory, it is read by `read` within the rest of `memory_bytes`.
     pub(super) fn hold(
         &self,
         name: Name,
@@ -73,12 +72,12 @@ fn sum(held: &BTreeMap<Name, Arc<Array>>) -> u64 {
     held.values().map(|array| bytes(array)).sum()
 }
 
-/// Bytes of an array: all kinds of values take 8.
+/// Bytes of an array: every value takes 8.
 fn bytes(array: &Array) -> u64 {
     8 * array.shape.iter().map(|&size| size as u64).product::<u64>()
 }
 
-/// Where a description's arrays come from.
+/// Source of a description's arrays.
 #[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     pub(super) arrays: &'a Arrays,
@@ -89,12 +88,12 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Bytes that the arrays leave.
+    /// Bytes left by the arrays.
     pub(super) fn left_bytes(&self) -> u64 {
         self.memory_bytes.saturating_sub(self.arrays.held_bytes())
     }
 
-    /// The files of the samples; at least one.
+    /// Files of the samples, at least one.
     pub(super) fn files(&self) -> Result<Vec<PathBuf>, Fault> {
         let mut files = Vec::new();
         for text in self.recording.texts("file") {
@@ -108,7 +107,7 @@ impl Source<'_> {
         Ok(files)
     }
 
-    /// The first of them.
+    /// The first file of the samples.
     pub(super) fn file(&self) -> PathBuf {
         let files = self.files().ok();
         files
@@ -116,8 +115,7 @@ impl Source<'_> {
             .unwrap_or_default()
     }
 
-    /// The array that a key of `values` names: a path that ends in `.npy`, or an array of the archive that
-    /// holds the samples.
+    /// The array named by a key of `values`: a path that ends in `.npy`, or an array of the samples' archive.
     pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Fault> {
         let text = values.text(key);
         let name = if Path::new(text).extension().is_some_and(|e| e == "npy") {
@@ -142,7 +140,7 @@ impl Source<'_> {
             })
     }
 
-    /// A vector of finite real numbers that a key names.
+    /// A vector of finite real numbers named by a key.
     pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Fault> {
         let array = self.array(values, key)?;
         let real = array
@@ -168,7 +166,7 @@ impl Source<'_> {
     }
 }
 
-/// A file's size and checksum; `stamp` is what it must still be.
+/// Size and checksum of a file; fails if it differs from `stamp`.
 pub(super) fn input(path: &Path, stamp: Option<&Stamp>) -> Result<InputFile, ReadError> {
     let failed = |source| ReadError::Io {
         path: path.to_owned(),

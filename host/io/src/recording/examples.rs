@@ -1,4 +1,4 @@
-//! Descriptions of public recordings to start from: what `subap recording --example NAME` prints.
+//! Descriptions of public recordings as examples, printed by `subap recording --example NAME`.
 
 /// Name and text of every example.
 const EXAMPLES: [(&str, &str); 4] = [
@@ -8,12 +8,12 @@ const EXAMPLES: [(&str, &str); 4] = [
     ("ti-mimo", include_str!("examples/ti-mimo.toml")),
 ];
 
-/// The names of the examples.
+/// Names of the examples.
 pub fn names() -> [&'static str; 4] {
     EXAMPLES.map(|(name, _)| name)
 }
 
-/// The example of this name.
+/// Text of the example with this name.
 pub fn text(name: &str) -> Option<&'static str> {
     let found = EXAMPLES.iter().find(|(known, _)| *known == name);
     found.map(|&(_, text)| text)

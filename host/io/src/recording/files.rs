@@ -1,13 +1,13 @@
-//! The files of the samples: one, several, or a row of numbered ones.
+//! Files of the samples: one, several, or a numbered sequence.
 
-/// Files that one pattern may stand for.
+/// Maximum of files in one pattern.
 const MOST: u64 = 100_000;
 
-/// The names that `text` stands for: `stop{01..64}.bin` for `stop01.bin`, `stop02.bin` and so on, as shells have it, with
-/// as many digits as the wider end if one begins with 0; any other text for itself.
+/// Names in the pattern `text`: `stop{01..64}.bin` means `stop01.bin`, `stop02.bin`, ..., as in shells, with as many digits as the wider
+/// end if one begins with 0. Any other text means itself.
 ///
 /// # Errors
-/// In words, for a pattern of far too many.
+/// A message, for a pattern of too many files.
 pub(super) fn expand(text: &str) -> Result<Vec<String>, String> {
     let Some((before, first, last, after)) = pattern(text) else {
         return Ok(vec![text.to_owned()]);
@@ -40,7 +40,7 @@ pub(super) fn expand(text: &str) -> Result<Vec<String>, String> {
     })
 }
 
-/// What is before the first `{A..B}` of two numbers, both numbers, and what is after it.
+/// Text before the first `{A..B}` of two numbers, both numbers, and the text after it.
 fn pattern(text: &str) -> Option<(&str, &str, &str, &str)> {
     text.match_indices('{').find_map(|(open, _)| {
         let (inner, after) = text[open + 1..].split_once('}')?;

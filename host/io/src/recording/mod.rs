@@ -1,20 +1,19 @@
 //! Raw recordings described in TOML: sample format, waveform, times and antenna track.
 //!
-//! A description is a text like a scenario: quantities carry units, everything is checked against one table of
-//! keys, which [`reference()`] prints, and errors point at their line. It names the file of the samples, says
-//! what they are (`[radar] kind`) and how the antennas moved (`[platform]`). What it describes becomes
-//! phase history through [`crate::receive`], as simulated echoes do.
+//! A description is a text like a scenario: quantities have units, every key is checked against one table, which [`reference()`] prints,
+//! and errors point at their line. It names the files of the samples, their kind (`[radar] kind`) and the motion of the antennas
+//! (`[platform]`). [`crate::receive`] converts the recording to phase history, as it does simulated echoes.
 //!
 //! ```text
-//! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, those wanted)
-//!                         └─> samples (sign, background) ──┴─> receive ─> phase history, held in memory
+//! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, selection)
+//!                         └─> samples (sign, background) ──┴─> receive ─> phase history, in memory
 //! ```
 //!
 //! | `[radar] kind` | samples | adapter |
 //! |---|---|---|
 //! | `fmcw` | beats of linear sweeps | [`Deskewed`](crate::receive::Deskewed) |
 //! | `pulsed` | echoes of a known pulse | [`Compressed`](crate::receive::Compressed) |
-//! | `stepped` | a complex number a carrier | [`Referenced`](crate::receive::Referenced) |
+//! | `stepped` | a complex number per carrier | [`Referenced`](crate::receive::Referenced) |
 //! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](crate::receive::Profiles) |
 //!
 //! An unknown geometry parameter (the length of an arm, a cable delay, a clock offset) is a key like any
@@ -23,14 +22,13 @@
 //! - `range_bias` is the excess of the recorded ranges: the reference path of the samples is lengthened by
 //!   twice that before phases are referred to it, at every frequency.
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
-//! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
+//! - `radar.motion` states whether the radar moves during a sweep; motion during a pulse is neglected.
 //!
-//! - A radar of several transmitters, which take turns, and receivers is one description: every pair that is used is a
-//!   pulse of its own, all those of a pulse together, in the order of time. What an antenna adds in phase and level is a
-//!   key of its section.
+//! - A radar with several alternating transmitters and several receivers is one description: every antenna pair in use is a pulse, and the
+//! pairs of a pulse follow each other in order of time. Phase offset and level of an antenna are keys of its section.
 //!
-//! [`write()`] writes echoes, simulated ones too, as such a recording. Memory: the arrays, the samples and the phase history
-//! at once, all within the bytes allowed.
+//! [`write()`] writes echoes, also simulated ones, as such a recording. Memory: the arrays, the samples and the phase history at once,
+//! within the allowed bytes.
 
 mod adapt;
 mod analytic;
@@ -62,30 +60,28 @@ use num_complex::Complex32;
 pub use phase::SignStated;
 pub use write::{Raw, WriteError, add_to, describes_antennas, names, write};
 
-/// What is wrong, not yet in words.
+/// A fault before it is put into words.
 type Faults = Vec<Fault>;
 
-/// A recording's phase history and what it was made of.
+/// Phase history of a recording, and its source.
 #[derive(Clone, Debug)]
 pub struct Take {
     /// The phase history.
     pub history: InMemory,
-    /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
-    /// the channel's.
+    /// Recorded pulse of each pulse, from 0: the pulse's number times the number of channels in use, plus the channel's.
     pub pulses: Vec<usize>,
-    /// The channels used, in the order of their numbers.
+    /// Channels in use, in the order of their numbers.
     pub channels: Vec<Channel>,
-    /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
-    /// this, metres.
+    /// Bias of the recorded paths, metres: the recorded path of a point is that of the history's geometry plus this.
     pub bias_path_m: f64,
-    /// What the description says of the sign of the phase.
+    /// Sign of the phase as described.
     pub sign: SignStated,
-    /// Whether the order of I and Q is stated, or the file has none. One that is not stated is read as `iiqq`.
+    /// Whether the order of I and Q is stated, or does not apply. An order that is not stated is read as `iiqq`.
     pub order_is_stated: bool,
 }
 
 impl Take {
-    /// The phase history by channel, side by side. Takes the samples once more for a while, less than making them took.
+    /// Parallel channels of the phase history. Needs a second copy of the samples for a time, less memory than reading them.
     ///
     /// # Errors
     /// [`ReadError::Channels`] if the channels do not share pulses; [`ReadError::Mismatch`] if one has none.
@@ -128,17 +124,17 @@ impl Take {
     }
 }
 
-/// A description and the settings that override it. Files that it names are read once.
+/// A description and the settings that override it. Files named by it are read once.
 #[derive(Debug)]
 pub struct RecordingFile {
     description: Description,
-    /// The description itself, if it is a file.
+    /// Path of the description, if it is a file.
     path: Option<PathBuf>,
     arrays: Arrays,
 }
 
 impl RecordingFile {
-    /// A description of a text. `file` names it in errors; paths in it start at `folder`.
+    /// A description from text. `file` names it in errors; paths in it are relative to `folder`.
     pub fn new(
         file: impl Into<String>,
         text: impl Into<String>,
@@ -171,16 +167,16 @@ impl RecordingFile {
         })
     }
 
-    /// Overrides the key at a dotted path, such as `platform.radius`. The value is as in the text; a text may
-    /// leave out its quotes. Later settings override earlier ones.
+    /// Override the key at a dotted path, such as `platform.radius`. The value is written as in the text, quotes may be omitted. Later
+    /// settings override earlier ones.
     ///
     /// # Errors
-    /// For a key that there is not; values are checked by [`Self::history`].
+    /// If the key does not exist; values are checked by [`Self::history`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), DescriptionError> {
         self.description.set(&keys::SCHEMA, "--set", key, value)
     }
 
-    /// The same with a few keys varied, sharing the files read; errors name them as `--vary KEY=VALUE`.
+    /// A copy with some keys varied, sharing the files read; errors name them as `--vary KEY=VALUE`.
     ///
     /// # Errors
     /// As [`Self::set`].
@@ -201,16 +197,16 @@ impl RecordingFile {
         Ok(varied)
     }
 
-    /// The description's text as it was read.
+    /// Text of the description as read.
     pub fn text(&self) -> &str {
         self.description.text()
     }
 
-    /// The description's text with keys at dotted paths set to values, and every other letter as it was: comments,
-    /// order, spaces. Settings are not written.
+    /// Text of the description with keys at dotted paths set to values; comments, order and spaces are unchanged. Settings are not
+    /// included.
     ///
     /// # Errors
-    /// In words, if the text has no place for one of them.
+    /// A message, if the text has no place for a key.
     pub fn text_with<'a>(
         &self,
         values: impl IntoIterator<Item = (&'a str, &'a str)>,
@@ -218,26 +214,25 @@ impl RecordingFile {
         self.description.with_values(values)
     }
 
-    /// The phase history that the description makes of its samples. Holds no more than `memory_bytes`.
+    /// Phase history of the described recording, within `memory_bytes`.
     ///
     /// # Errors
-    /// [`ReadError::Description`] with everything that is wrong with the text and the files, as far as one error
-    /// does not hide another.
+    /// [`ReadError::Description`] with all faults of text and files, as far as one fault does not hide another.
     pub fn history(&self, memory_bytes: u64) -> Result<InMemory, ReadError> {
         self.take(memory_bytes, None).map(|take| take.history)
     }
 
-    /// The same by channel, side by side: every pair of a transmitter and a receiver that is used.
+    /// Parallel channels: every pair of transmitter and receiver in use.
     ///
     /// # Errors
-    /// As [`Self::history`]; [`ReadError::Channels`] if the pairs do not share pulses, as where the antennas of one
-    /// moved in a pulse and those of another did not yet.
+    /// As [`Self::history`]; [`ReadError::Channels`] if the pairs do not share pulses, for instance if the antennas of one pair already
+    /// moved in a pulse and those of another did not.
     pub fn channels(&self, memory_bytes: u64) -> Result<Channels<'static>, ReadError> {
         self.take(memory_bytes, None)?.side_by_side()
     }
 
-    /// As [`Self::history`], with what it was made of; of the pulses given, if some are, whether the description
-    /// chooses them or not. A track that is not known so far goes on as it ends.
+    /// The phase history as of [`Self::history`], with its source. `pulses` selects pulses in place of the description. A track is
+    /// extrapolated beyond its end.
     ///
     /// # Errors
     /// As [`Self::history`].
@@ -294,11 +289,11 @@ impl RecordingFile {
         })
     }
 
-    /// Keys that the description leaves out and the samples decide, with their values: `recording.phase` and `recording.order` of the clearly
-    /// sharpest image. [`Self::history`] does not infer: it takes `minus` and `iiqq`.
+    /// Values of keys that the description omits and that follow from the samples: `recording.phase` and `recording.order` of the clearly
+    /// sharpest image. [`Self::history`] does not infer: it uses `minus` and `iiqq`.
     ///
     /// # Errors
-    /// [`ReadError::Malformed`], naming the key, where the sign is missing and the samples do not decide; as [`Self::history`].
+    /// [`ReadError::Malformed`] with the key, where the sign is missing and the samples do not determine it; as [`Self::history`].
     pub fn inferred(
         &self,
         inference: &Inference,
@@ -312,10 +307,10 @@ impl RecordingFile {
         Ok(phase::settle(self, &path, &take, Some(inference), memory_bytes)?.inferred)
     }
 
-    /// The files read so far, the description first, with their checksums.
+    /// Files read so far, the description first, with their checksums.
     ///
     /// # Errors
-    /// [`ReadError::Io`]; [`ReadError::Changed`] if a file is no longer what was read.
+    /// [`ReadError::Io`]; [`ReadError::Changed`] if a file has changed since it was read.
     pub fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         let own = self.path.iter().map(|path| arrays::input(path, None));
         let mut inputs = own.collect::<Result<Vec<_>, _>>()?;
@@ -324,9 +319,8 @@ impl RecordingFile {
     }
 }
 
-/// Opens the recording that the description at `path` makes with `settings` (keys and values) laid over it,
-/// holding at most `memory_bytes`. A sign of the phase or an order of I and Q that it does not state is decided by `inference`, as
-/// [`RecordingFile::inferred`] does; without one it has to be stated.
+/// Open the recording described at `path` with `settings` (keys and values) in place of its own, within `memory_bytes`. A missing sign of
+/// the phase or order of I and Q is inferred by `inference`, as by [`RecordingFile::inferred`]; without `inference` it must be stated.
 ///
 /// # Errors
 /// [`ReadError`].
@@ -339,7 +333,7 @@ pub fn open(
     Ok(take(path, settings, memory_bytes, inference)?.history)
 }
 
-/// The same by channel, side by side, as [`RecordingFile::channels`].
+/// Parallel channels, as [`RecordingFile::channels`].
 ///
 /// # Errors
 /// [`ReadError`].
@@ -380,7 +374,7 @@ fn take(
     Ok(take)
 }
 
-/// Every key of a description with its unit, default and meaning, as text.
+/// Text with unit, default and meaning of every key.
 pub fn reference() -> String {
     keys::SCHEMA.reference()
 }

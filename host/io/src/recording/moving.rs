@@ -1,8 +1,8 @@
-//! Echoes of a radar that moves while its sweeps last.
+//! Echoes of a radar that moves during its sweeps.
 //!
-//! Sample `k` of a pulse at `t_n` is taken at `t = t_n + t_k - t_middle`, the middle sample standing for the pulse.
-//! Its reference path is `|T(t) - p| + |R(t) - p|`, `T` and `R` by the track, if phases are referred to a point.
-//! Sampled at the pulses only, the track is a cubic spline between them: off by `5/384 h^4` of its fourth derivative, `h` from fix to fix.
+//! Sample `k` of a pulse at `t_n` is taken at `t = t_n + t_k - t_middle`; the time of a pulse is that of its middle sample. Its reference
+//! path is `|T(t) - p| + |R(t) - p|` with `T` and `R` from the track, if phases are referred to a point. A track that is sampled at the
+//! pulses only is a cubic spline between them, with an error of `5/384 h^4` of its fourth derivative, `h` the interval.
 
 use std::ops::Range;
 
@@ -13,10 +13,10 @@ use super::pulses::Pulses;
 use crate::receive::{EchoCollection, Echoes, StoredEchoes};
 use subaperture_model::phase_history::ReadError;
 
-/// Echoes held in memory, and the way of their antennas.
+/// Echoes in memory, and the trajectories of their antennas.
 pub(super) struct InMotion<'a> {
     pub(super) held: StoredEchoes,
-    /// Whether the radar moves while a sweep lasts.
+    /// Whether the radar moves during a sweep.
     pub(super) moves: bool,
     /// The reference point, if phases are referred to one.
     pub(super) point: Option<DVec3>,

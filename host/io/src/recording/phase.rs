@@ -1,6 +1,7 @@
-//! Sign of the phase and order of I and Q of a described recording: as its keys state, or by the sharpest image.
+//! Sign of the phase and order of I and Q of a described recording: stated by its keys, or inferred from the sharpest image.
 //!
-//! `recording.phase` has no default: without a clearly sharper image the recording is refused. `recording.order` of files of int16 falls back on `iiqq`, with a warning.
+//! `recording.phase` has no default: without a clearly sharper image the recording is refused. `recording.order` of int16 files defaults to
+//! `iiqq`, with a warning.
 
 use std::path::Path;
 
@@ -12,18 +13,18 @@ use subaperture_model::phase_history::{
 
 use super::{RecordingFile, Take};
 
-/// What a description says of the sign.
+/// Source of the sign in a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignStated {
     /// Samples are real: their analytic signal has the sign of image formers.
     Real,
-    /// By the key.
+    /// Stated by the key `recording.phase`.
     Stated(PhaseSign),
-    /// Not at all. Histories are then made as of `minus`.
+    /// Not stated. Histories are then read as `minus`.
     Unstated,
 }
 
-/// The key's value for a sign.
+/// Value of the key for a sign.
 fn value(sign: PhaseSign) -> &'static str {
     match sign {
         PhaseSign::Minus => "minus",
@@ -31,7 +32,7 @@ fn value(sign: PhaseSign) -> &'static str {
     }
 }
 
-/// Orders of I and Q that a file of int16 may have.
+/// Possible orders of I and Q in an int16 file.
 const ORDERS: [&str; 2] = ["iiqq", "iqiq"];
 
 /// A sign, and an order where the description states none.
@@ -50,20 +51,21 @@ impl Candidate {
     }
 }
 
-/// The convention taken, and what contradicts it.
+/// The convention in use, and contradictions to it.
 pub(super) struct Signed {
     pub(super) convention: PhaseConvention,
     pub(super) warnings: Vec<String>,
-    /// Keys that the description leaves out, with the values that were inferred.
+    /// Keys that the description omits, with their inferred values.
     pub(super) inferred: Vec<(&'static str, &'static str)>,
-    /// The description to read instead, where these differ from those that `take` was made with.
+    /// Description to read instead, where the inferred values differ from those used for `take`.
     pub(super) other: Option<RecordingFile>,
 }
 
-/// Decides sign and order of a recording; `take` was made as described, with `minus` and `iiqq` where the keys are left out.
+/// Determine sign and order of a recording. `take` was read as described, with `minus` and `iiqq` for missing keys.
 ///
 /// # Errors
-/// [`ReadError::Malformed`], naming the key, where it is missing and the samples do not decide; errors of making histories of some pulses.
+/// [`ReadError::Malformed`] with the key, where it is missing and the samples do not determine it; errors of reading the histories of some
+/// pulses.
 pub(super) fn settle(
     file: &RecordingFile,
     path: &Path,
@@ -167,7 +169,7 @@ pub(super) fn settle(
 
 const SIGNS: [PhaseSign; 2] = [PhaseSign::Minus, PhaseSign::Plus];
 
-/// The order whose image is clearly the sharper, or why there is none.
+/// The order with the clearly sharper image, or the reason why there is none.
 fn order(
     compared: &Result<Compared, String>,
     stated: Option<PhaseSign>,
@@ -195,7 +197,7 @@ impl Compared {
     }
 }
 
-/// Sharpness of an image of a part under each order and sign, or why there is no image.
+/// Sharpness of a partial image under each order and sign, or the reason why there is no image.
 fn compare(
     file: &RecordingFile,
     take: &Take,
@@ -216,7 +218,7 @@ fn compare(
         .map_err(|why: String| format!("and no image can decide it ({why})"))
 }
 
-/// The pulses and frequencies that are compared, of one candidate.
+/// Pulses and frequencies that are compared, for one candidate.
 fn part(
     file: &RecordingFile,
     take: &Take,

@@ -1,4 +1,4 @@
-//! Which pulses are used, when they were taken, and where the antennas were.
+//! Selection of pulses, their times, and the antenna positions.
 
 use super::arrays::Source;
 use super::track::{self, Track, unit_s};
@@ -13,16 +13,16 @@ use subaperture_signal::phase::{cis, narrow};
 use glam::{DQuat, DVec3};
 use num_complex::{Complex32, Complex64};
 
-/// Pulses that are used.
+/// Selection of the pulses in use.
 pub(super) struct Pulses {
     pub(super) frame: SceneFrame,
-    /// Whether times are known.
+    /// Whether times are stated.
     pub(super) timed: bool,
     pub(super) chosen: Vec<Chosen>,
     pub(super) antennas: Antennas,
 }
 
-/// Transmitters and receivers on their way.
+/// Transmitters and receivers along the track.
 pub(super) struct Antennas {
     track: Track,
     pub(super) channels: Vec<Channel>,
@@ -31,21 +31,21 @@ pub(super) struct Antennas {
 /// A pair of antennas.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
-    /// Their names.
+    /// Names of both antennas.
     names: [String; 2],
-    /// Which of those that take turns, and which of those recorded, from 0.
+    /// Index of the transmitter among the alternating ones, and of the receiver among the recorded ones, from 0.
     pub(super) transmitter: usize,
     pub(super) receiver: usize,
-    /// Their places on the body, body axes, and their patterns.
+    /// Positions on the body, body axes, and patterns.
     pub(super) antennas: [Antenna; 2],
-    /// Time of the transmitter's sweep after the pulse's.
+    /// Delay of the transmitter's sweep after that of the pulse, seconds.
     after_s: f64,
-    /// What takes off the phase and the level that they add.
+    /// Correction of the pair's phase offset and level.
     pub(super) calibration: Complex32,
 }
 
 impl Channel {
-    /// What the channel is; its name is as that of a simulated one.
+    /// Description of the channel, with a name like that of a simulated one.
     pub(super) fn about(&self) -> phase_history::Channel {
         let name = format!("T{}R{}", self.transmitter + 1, self.receiver + 1);
         let [transmitter, receiver] = self.names.clone();
@@ -54,12 +54,12 @@ impl Channel {
 }
 
 impl Antennas {
-    /// What the user has to know of the track.
+    /// Warnings about the track.
     pub(super) fn warnings(&self) -> &[String] {
         &self.track.warnings
     }
 
-    /// Where those of a channel are.
+    /// Positions of the antennas of a channel.
     pub(super) fn at_m(&self, channel: usize, time_s: f64) -> [DVec3; 2] {
         let pose = self.track.body.pose(time_s);
         let receiver = self.track.receiver.as_ref();
@@ -80,10 +80,10 @@ impl Antennas {
     }
 }
 
-/// One of them.
+/// One pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
-    /// Index in the recording, and in [`Antennas::channels`].
+    /// Index in the recording, and channel in [`Antennas::channels`].
     pub(super) index: usize,
     pub(super) channel: usize,
     pub(super) time_s: f64,
@@ -93,11 +93,10 @@ pub(super) struct Chosen {
     pub(super) moving: bool,
 }
 
-/// Half of the time over which a speed is taken, seconds: long against the noise of a track, short against a push.
+/// Half of the interval over which a speed is computed, seconds: long compared with the noise of a track, short compared with a push.
 const HALF_SPAN_S: f64 = 0.05;
 
-/// The pulses that `[recording]` chooses of all `count`, of every channel; or those `given`, numbered as
-/// [`super::Take::pulses`].
+/// Pulses that `[recording]` selects from all `count`, in every channel; or those in `given`, numbered as [`super::Take::pulses`].
 pub(super) fn select(
     top: &Values,
     source: &Source,
@@ -165,7 +164,7 @@ pub(super) fn select(
     })
 }
 
-/// Index and channel of every pulse that is asked for, whether or not it moves.
+/// Index and channel of every requested pulse, whether or not it moves.
 fn asked(
     recording: &Values,
     count: usize,
@@ -230,7 +229,7 @@ fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Fault
     )
 }
 
-/// Times of all pulses on the platform's clock, and whether anything says them.
+/// Times of all pulses on the platform's clock, and whether they are stated.
 fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Fault> {
     let recording = source.recording;
     let first_s = radar.optional_number("first_pulse");
@@ -265,9 +264,9 @@ fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, boo
         ));
     }
     let on_platforms_clock = |&t: &f64| match first_s {
-        // Differences first: milliseconds since 1970 leave float64 no digits to lose.
+        // Differences first: with milliseconds since 1970 float64 has no digits to lose.
         Some(start_s) => start_s + (t - times[0]) * unit_s,
-        // To the last digit, so that a track recorded at these times is known at all of them.
+        // To the last digit, so that a track recorded at these times includes all of them.
         None => t * unit_s,
     };
     Ok((times.iter().map(on_platforms_clock).collect(), true))
@@ -287,7 +286,7 @@ fn speed_m_s(track: &Track, time_s: f64) -> f64 {
     way_m / (after - before)
 }
 
-/// All pairs of the antennas that are used, those of one transmitter together, in the order of their sweeps.
+/// All pairs of antennas in use, grouped by transmitter, in the order of their sweeps.
 fn channels(
     radar: &Values,
     recording: &Values,
@@ -318,16 +317,16 @@ fn channels(
     Ok(pairs.map(|(t, r)| pair(t, r)).collect())
 }
 
-/// An antenna that is used.
+/// An antenna in use.
 struct Used {
-    /// Among all of its kind, from 0.
+    /// Index among all antennas of its kind, from 0.
     number: usize,
     name: String,
     antenna: Antenna,
     calibration: Complex64,
 }
 
-/// The antennas of a kind that are used: the one asked for, all that are described, or the first.
+/// Antennas of a kind that are in use: the selected one, all described ones, or the first.
 fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Fault> {
     let plural = format!("{kind}s");
     let count = recording.count(&plural) as usize;
@@ -345,13 +344,13 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
             ),
         ));
     }
-    // Of all, whichever are used: what a description says is never left unread.
+    // For all antennas, including unused ones, so that every section of a description is read.
     let added: Vec<(f64, f64)> = sections
         .iter()
         .map(|values| (values.number("phase"), values.number("level")))
         .collect();
     let one = |number: usize| {
-        // A lone section is that of the one which is used.
+        // A single section describes the antenna in use.
         let section = number.min(antennas.len() - 1);
         let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
         Used {

@@ -1,9 +1,10 @@
-//! The samples of all pulses, from any format, pulse-major.
+//! Samples of all pulses from any format, pulse by pulse.
 //!
-//! `dca1000` is what a TI DCA1000 and most other capture programs record: int16, little-endian; of every sweep the samples of one receiver after those of
-//! the other. Their order ([`Order`]) is two I then two Q over two LVDS lanes (xWR16xx, xWR18xx), or I and Q in turn, or real numbers.
+//! `dca1000` is the format of a TI DCA1000 and most other capture programs: int16, little-endian; in every sweep the samples of one
+//! receiver after those of the other. Their order ([`Order`]) is two I then two Q over two LVDS lanes (xWR16xx, xWR18xx), I and Q
+//! alternating, or real numbers.
 //!
-//! Real samples of de-chirped sweeps are made complex: [`super::analytic`].
+//! Real samples of dechirped sweeps are converted to complex ones: [`super::analytic`].
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -19,26 +20,26 @@ use subaperture_describe::error::{ALLOW_MORE_MEMORY, Fault};
 use subaperture_describe::values::Values;
 use subaperture_model::phase_history::PhaseSign;
 
-/// Samples as recorded: a row for every receiver of every sweep.
+/// Samples as recorded: a row for every receiver in every sweep.
 pub(super) struct Samples {
-    /// The arrays of the files, and how many sweeps those before hold.
+    /// Arrays of the files, and the number of sweeps before each.
     pieces: Vec<(Arc<Array>, usize)>,
     pub(super) num_sweeps: usize,
     pub(super) num_receivers: usize,
     pub(super) num_samples: usize,
-    /// Values from sample to sample, and from row to row.
+    /// Step between samples, and between rows, in values.
     sample_stride: usize,
     row_stride: usize,
-    /// The sign of the phase, if it is stated.
+    /// Sign of the phase, if it is stated.
     phase: Option<PhaseSign>,
-    /// Whether they are real numbers.
+    /// Whether the samples are real numbers.
     pub(super) real: bool,
 }
 
-/// Rows that make one pulse.
+/// Number of rows that form a pulse.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows {
-    /// The first sweep, from how many to how many is the next, and how many there are.
+    /// First sweep, step to the next, and number of sweeps.
     pub(super) first: usize,
     pub(super) every: usize,
     pub(super) count: usize,
@@ -47,7 +48,7 @@ pub(super) struct Rows {
 }
 
 impl Samples {
-    /// What the description says of the sign of the phase.
+    /// Source of the sign of the phase.
     pub(super) fn sign(&self) -> SignStated {
         match (self.real, self.phase) {
             (true, _) => SignStated::Real,
@@ -56,7 +57,7 @@ impl Samples {
         }
     }
 
-    /// The mean of the rows of each pulse, one pulse after another.
+    /// Mean of the rows of each pulse, pulse by pulse.
     pub(super) fn of(&self, pulses: impl ExactSizeIterator<Item = Rows>) -> Vec<Complex32> {
         let mut samples = vec![Complex32::ZERO; pulses.len() * self.num_samples];
         for (row, rows) in samples.chunks_exact_mut(self.num_samples).zip(pulses) {
@@ -70,7 +71,7 @@ impl Samples {
         samples
     }
 
-    /// What real values are like as float32. (Of complex ones the reader has seen to it.)
+    /// Check of real values as float32. (The reader has checked complex ones.)
     fn range(&self) -> Range {
         let mut range = Range::default();
         for (array, _) in &self.pieces {
@@ -96,7 +97,7 @@ impl Samples {
     }
 }
 
-/// Reads the samples that `[recording]` names.
+/// Read the samples that `[recording]` names.
 pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
     let recording = source.recording;
     let phase = recording.optional_text("phase").map(|phase| match phase {
@@ -132,15 +133,15 @@ pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Fault> {
     Ok(samples)
 }
 
-/// Sweeps that make a pulse.
+/// Number of sweeps in a pulse.
 pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
     (recording.count("transmitters") as usize).saturating_mul(recording.count("average") as usize)
 }
 
-/// Arrays in a row, each with the number of its first sweep.
+/// Consecutive arrays, each with the number of its first sweep.
 type InARow = Vec<(Arc<Array>, usize)>;
 
-/// Puts files in a row. Of several, each has to hold whole pulses: what is left of one is not the beginning of the next.
+/// Concatenate files. Each of several files must contain whole pulses, because the remainder of one is not the beginning of the next.
 fn joined(
     source: &Source,
     pieces: Vec<(PathBuf, Arc<Array>, usize)>,
@@ -167,7 +168,7 @@ fn joined(
     Ok((all, num_sweeps))
 }
 
-/// An array as one of two axes; receivers in the middle are rows of their own.
+/// An array with two axes; receivers in the middle axis become rows.
 fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(usize, usize)> {
     match array.shape[..] {
         [rows, columns] => Some((rows, columns)),
@@ -264,7 +265,7 @@ fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> 
     for path in source.files()? {
         let fault = |what: String| recording.fault("file", what);
         let read = |name: &(_, _), left| lanes(Path::new(&name.0), order, left);
-        // One file in two orders is two arrays.
+        // One file in two orders gives two arrays.
         let name = (
             path.clone(),
             recording.optional_text("order").map(str::to_owned),
@@ -299,7 +300,7 @@ fn dca1000(source: &Source, phase: Option<PhaseSign>) -> Result<Samples, Fault> 
     })
 }
 
-/// Numbers of receivers and of samples that would come out even, in words.
+/// Message about numbers of receivers and of samples that divide the file.
 fn others(held: usize, samples: usize, receivers: usize) -> String {
     let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
     let counts: Vec<String> = (1..=8usize)
@@ -324,17 +325,17 @@ fn others(held: usize, samples: usize, receivers: usize) -> String {
     words
 }
 
-/// Whether the recording has an order of I and Q that its description leaves out.
+/// Whether the recording has an order of I and Q that its description omits.
 pub(super) fn order_is_unstated(recording: &Values) -> bool {
     recording.text("format") == "dca1000" && recording.optional_text("order").is_none()
 }
 
-/// The order of a file's numbers.
+/// Order of the numbers in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Order {
     /// Two I, two Q.
     Pairs,
-    /// I and Q in turn.
+    /// I and Q alternating.
     Turns,
     /// Real numbers.
     Real,
@@ -349,7 +350,7 @@ impl Order {
         }
     }
 
-    /// Bytes that are whole samples.
+    /// Bytes of whole samples.
     fn unit_bytes(self) -> u64 {
         match self {
             Self::Pairs => 8,
@@ -358,7 +359,7 @@ impl Order {
         }
     }
 
-    /// Bytes that are held, of one of the file and with it.
+    /// Bytes in memory for a part of the file and with it.
     fn held(self) -> u64 {
         match self {
             Self::Pairs | Self::Turns => 3,
@@ -367,7 +368,7 @@ impl Order {
     }
 }
 
-/// All samples of a file of int16.
+/// All samples of an int16 file.
 fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> {
     let named = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
     let file = open_file(path).map_err(named)?;
@@ -384,7 +385,7 @@ fn lanes(path: &Path, order: Order, memory_bytes: u64) -> Result<Array, String> 
             path.display()
         ));
     }
-    // Samples take twice or four times the bytes of the file, which is held beside them.
+    // Samples take two or four times the bytes of the file, which is in memory at the same time.
     let needed = length.saturating_mul(order.held());
     if needed > memory_bytes {
         return Err(format!(

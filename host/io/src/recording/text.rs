@@ -9,24 +9,24 @@ use subaperture_model::geometry::{Geodetic, SceneFrame};
 use subaperture_model::radar::{Antenna, Carried, Pattern, PulseShape, Waveform};
 use subaperture_model::track::{Fix, SampledTrack, Trajectory};
 
-/// What the waveform does not say.
+/// Parameters not contained in the waveform.
 pub(super) struct Facts<'a> {
-    /// Names of the arrays: samples, pulses' times, fixes' times, transmitter, and receiver if it is apart.
+    /// Names of the arrays: samples, times of pulses, times of track positions, transmitter, and receiver if it is separate.
     pub(super) samples: &'a str,
     pub(super) times: &'a str,
     pub(super) track_times: &'a str,
     pub(super) transmitter: &'a str,
     pub(super) receiver: Option<&'a str>,
-    /// Whether the radar moves while a sweep lasts.
+    /// Whether the radar moves during a sweep.
     pub(super) moves: bool,
-    /// Antennas to be described.
+    /// Antennas that the text describes.
     pub(super) antennas: Option<&'a Carried>,
 }
 
-/// Farthest that a reference path may be from its point's, metres: rounding at 1000 km.
+/// Largest allowed difference between a reference path and its point's, metres: rounding at 1000 km.
 const SAME_PATH_M: f64 = 1e-8;
 
-/// The description, or why there is none. Numbers are written to the last digit.
+/// The description, or the reason why there is none. Numbers are written with all digits.
 pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<String, String> {
     let mut text = format!(
         "name = {}\n\n[recording]\nformat = \"npy\"\nfile = \"{}\"\ntimes = \"{}\"\nphase = \"minus\"\n\n[scene]\n",
@@ -60,7 +60,7 @@ pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<Str
     Ok(text)
 }
 
-/// An antenna whose place the track gives.
+/// An antenna whose position is given by the track.
 fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
     let vector = |v: DVec3| format!("{}, {}, {}", v.x, v.y, v.z);
     let (kind, widths) = match antenna.pattern {
@@ -87,10 +87,10 @@ fn antenna(text: &mut String, section: &str, antenna: &Antenna) {
     }
 }
 
-/// Largest change of an attitude that is described as constant, as a part of the narrowest half-power width.
+/// Largest change of an attitude described as constant, relative to the smallest half-power width.
 const SAME_ATTITUDE: f64 = 0.01;
 
-/// Constant roll, pitch and yaw of the body, radians; `None` if the body turns: its attitude is then read as its heading.
+/// Constant roll, pitch and yaw of the body, radians; `None` if the body rotates: its attitude is then read as its heading.
 fn attitude(carried: &Carried) -> Option<[f64; 3]> {
     let kept = carried.attitudes.get(carried.attitudes.len() / 2)?[0];
     let tolerance_rad = tolerance_rad(carried);
@@ -148,7 +148,7 @@ fn tolerance_rad(carried: &Carried) -> f64 {
     SAME_ATTITUDE * narrowest_rad
 }
 
-/// TOML's basic strings are JSON's, but for DEL.
+/// TOML's basic strings equal JSON's, except for DEL.
 fn quoted(text: &str) -> String {
     let json = serde_json::Value::from(text).to_string();
     json.replace('\u{7f}', "\\u007F")
@@ -202,7 +202,7 @@ fn radar(text: &mut String, waveform: &Waveform, moves: bool) {
         Waveform::Pulsed { .. } => "pulsed",
         Waveform::Ideal { .. } | Waveform::Stepped { .. } => "stepped",
     };
-    // Writing to a string does not fail.
+    // Writing to a string cannot fail.
     let _ = writeln!(text, "kind = \"{kind}\"");
     let mut line = |key: &str, value: f64, unit: &str| {
         let _ = writeln!(text, "{key} = \"{value} {unit}\"");

@@ -1,4 +1,4 @@
-//! `[platform]`: how the antennas moved, measured or as the mount makes them move.
+//! `[platform]`: motion of the antennas, measured or given by the mount.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use subaperture_describe::values::Values;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
 
-/// Seconds in a unit of arrays of times.
+/// Seconds per unit of arrays of times.
 pub(super) fn unit_s(unit: &str) -> f64 {
     match unit {
         "ms" => 1e-3,
@@ -22,34 +22,34 @@ pub(super) fn unit_s(unit: &str) -> f64 {
     }
 }
 
-/// A track, and the times that it is known for; all if `None`.
+/// A track, and its interval of validity; `None` for all times.
 pub(super) struct Track {
     pub(super) body: Arc<dyn Trajectory>,
-    /// What carries the receiver, if that is another body.
+    /// Body that carries the receiver, if it is another one.
     pub(super) receiver: Option<Arc<dyn Trajectory>>,
     pub(super) span_s: Option<(f64, f64)>,
-    /// Stretches within, in which it is not known.
+    /// Gaps within the interval.
     pub(super) gaps_s: Vec<(f64, f64)>,
-    /// What the user has to know of it, a sentence each.
+    /// Warnings about the track, a sentence each.
     pub(super) warnings: Vec<String>,
 }
 
 impl Track {
-    /// Whether it is known at a time.
+    /// Whether the track is valid at a time.
     pub(super) fn knows(&self, time_s: f64) -> bool {
         self.span_s
             .is_none_or(|(from, to)| (from..=to).contains(&time_s))
             && self.gap_s(time_s).is_none()
     }
 
-    /// The gap that a time is in.
+    /// The gap that contains a time.
     pub(super) fn gap_s(&self, time_s: f64) -> Option<(f64, f64)> {
         let within = |(from, to): &&(f64, f64)| *from < time_s && time_s < *to;
         self.gaps_s.iter().find(within).copied()
     }
 }
 
-/// The platform's track. `times_s` are the first and the last pulse's of `count`.
+/// Track of the platform. `times_s` are the times of the first and the last of `count` pulses.
 pub(super) fn build(
     values: &Values,
     source: &Source,
@@ -72,7 +72,7 @@ pub(super) fn build(
     })
 }
 
-/// A body that does not turn.
+/// A body that does not rotate.
 #[derive(Debug)]
 struct Kept {
     body: Arc<dyn Trajectory>,
@@ -172,11 +172,10 @@ fn way(
     })
 }
 
-/// Longest time without a fix of a body that motion capture lost that a smooth way bridges, seconds: a person's step
-/// takes half of one.
+/// Longest gap in a motion capture that is interpolated, seconds: a person's step takes half of one.
 const LONGEST_GAP_S: f64 = 0.1;
 
-/// The stretches without fixes that are longer.
+/// Longer gaps between positions.
 fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
     let pairs = fixes
         .windows(2)
@@ -186,7 +185,7 @@ fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The order of the file's axes.
+/// Order of the file's axes.
 fn axes(values: &Values) -> Result<TrackAxes, Fault> {
     match values.optional_text("axes") {
         Some(text) => text
@@ -213,7 +212,7 @@ fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Fau
     })
 }
 
-/// The way takes as long as the pulses, unless its speed is given.
+/// The motion takes as long as the pulses, unless its speed is given.
 fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Fault> {
     let (from_m, to_m) = (values.vector("from"), values.vector("to"));
     if from_m.distance(to_m) < 1e-9 {
@@ -250,7 +249,7 @@ fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, 
     ))
 }
 
-/// Times, and positions from the array that a key names.
+/// Times, and positions from the array named by a key.
 fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Fault> {
     let unit_s = unit_s(values.text("times_unit"));
     let axes = axes(values)?;

@@ -1,11 +1,11 @@
-//! This revision against another: is anything slower, before it lands?
+//! Comparison of this revision with another one: is any former slower?
 //!
-//! The other revision is checked out and built under `target/bench/against`, apart from everything here. What is compared is the one measurement of
-//! a process (`measure`), of samples in memory: what the command `subap` does besides, reading, pictures and writing, is left out, so that it hides
-//! no change. Both programs read the same files. They take turns, and who is first alternates, so that a change of the machine's speed meets both;
-//! each round gives a ratio of times. A former is slower if three quarters of its ratios exceed 1.1: beyond what they spread by.
+//! The other revision is checked out and built under `target/bench/against`, separate from this one. The comparison uses the single
+//! measurement of a process (`measure`) on samples in memory, so that reading, pictures and writing by `subap` cannot hide a change. Both
+//! programs read the same files. They alternate, and so does which one is first, so that a change of the machine's speed affects both; each
+//! round gives a ratio of times. A former counts as slower if three quarters of its ratios exceed 1.1, which is more than their spread.
 //!
-//! A revision from before there was this program has nothing to be asked, and that is said.
+//! A revision without this program cannot be measured, and the output states this.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,16 +21,16 @@ use crate::options::Options;
 use crate::recording::place;
 use crate::{PROTOCOL, table};
 
-/// A slowdown by less is none to stop for.
+/// Ratio of times up to which a slowdown is accepted.
 const LIMIT: f64 = 1.1;
 
-/// Where this program is in a revision's sources.
+/// Path of this program in a revision's sources.
 const SOURCE: &str = "tests/src/bin/bench/main.rs";
 
-/// Compares and prints; a failure if something is slower.
+/// Compare and print; the exit status is a failure if any former is slower.
 ///
 /// # Errors
-/// If there is nothing to compare with.
+/// If the other revision cannot be measured.
 pub(crate) fn print(options: &Options, revision: &str) -> Result<ExitCode, String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let (commit, other) = built(revision)?;
@@ -71,14 +71,14 @@ pub(crate) fn print(options: &Options, revision: &str) -> Result<ExitCode, Strin
         }
     }
     if slower.is_empty() {
-        println!("\nNothing is slower by more than {LIMIT}.");
+        println!("\nNo former is slower by more than a factor of {LIMIT}.");
         return Ok(ExitCode::SUCCESS);
     }
     println!("\nSlower by more than {LIMIT}: {}.", slower.join(", "));
     Ok(ExitCode::FAILURE)
 }
 
-/// Rounds of both, then and now; or whose process failed, and how.
+/// Rounds of both programs, `[then, now]`; or which process failed, and how.
 fn compared(
     programs: [&PathBuf; 2],
     case: &Case,
@@ -107,7 +107,7 @@ fn compared(
     Ok(rounds)
 }
 
-/// The rest of a row, and whether it is slower.
+/// The other cells of a row, and whether the former is slower.
 fn row(rounds: &[[Measured; 2]]) -> (String, bool) {
     let ratios: Vec<f64> = rounds
         .iter()
@@ -135,7 +135,7 @@ fn row(rounds: &[[Measured; 2]]) -> (String, bool) {
     (line, slower)
 }
 
-/// The commit of a revision, and this program as it was then.
+/// The commit of a revision, and its build of this program.
 fn built(revision: &str) -> Result<(String, PathBuf), String> {
     let commit = git(&[
         "rev-parse",
@@ -154,7 +154,7 @@ fn built(revision: &str) -> Result<(String, PathBuf), String> {
     let program = against.join(format!("bench-{commit}"));
     if !program.is_file() {
         if !sources.is_dir() {
-            // One that was removed by hand is still in git's list.
+            // A worktree removed by hand is still in git's list.
             git(&["worktree", "prune"])?;
             git(&[
                 "worktree",
@@ -176,7 +176,7 @@ fn built(revision: &str) -> Result<(String, PathBuf), String> {
             Ok(_) => return Err(format!("{commit} does not build in {}", sources.display())),
             Err(error) => return Err(format!("cannot start cargo: {error}")),
         }
-        // Of another revision the file has the same name.
+        // Builds of all revisions have the same file name.
         fs::copy(target.join("release/bench"), &program)
             .map_err(|error| format!("{}: {error}", program.display()))?;
         git(&["worktree", "remove", "--force", &sources.to_string_lossy()])?;

@@ -1,4 +1,4 @@
-//! The cases that formers are measured on: what the radar flew, what it saw, and the pixels.
+//! Cases on which formers are measured: track, scene and pixels.
 //!
 //! | case | radar and track | pulses x samples | pixels |
 //! |---|---|---|---|
@@ -11,8 +11,8 @@
 //! | `gotcha` | 9.6 GHz, 622 MHz, once around at 7.2 km, 7.2 km up, 117 pulses a degree | 42,120 x 424 | 512 x 512 of 0.2 m |
 //! | `PxKxS` | as `a` | P x K | S x S of 0.2 m |
 //!
-//! `large` is the large scene of Schone 2020 (30,000 pulses, 1 km x 1 km at 0.25 m), by a part of it; `gotcha` has the geometry of AFRL's
-//! GOTCHA collection. All are simulated: scatterers all over the scene, phases referred to its middle. Windows are Hamming's.
+//! `large` is a part of the large scene of Schone 2020 (30,000 pulses, 1 km x 1 km at 0.25 m); `gotcha` has the geometry of AFRL's GOTCHA
+//! collection. All are simulated with scatterers all over the scene and phases referred to its middle. Windows are Hamming's.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -24,36 +24,36 @@ use subaperture::phase_history::{Collection, Pulse, Sweep};
 
 use crate::sums;
 
-/// Names of those that have one.
+/// Names of the named cases.
 pub(crate) const NAMES: [&str; 7] = ["a", "straight", "b", "c", "large", "large-whole", "gotcha"];
 
-/// What is measured unless something else is asked for.
+/// Cases measured by default.
 pub(crate) const USUAL: [&str; 6] = ["a", "straight", "b", "c", "large", "gotcha"];
 
-/// How the radar flew.
+/// Track of the radar.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Track {
-    /// So many metres along x, this far away on the ground and as high.
+    /// Along x for `length_m`, at this ground distance and the same height.
     Along {
         length_m: f64,
         away_m: f64,
         height_m: f64,
-        /// Whether it is bent a little.
+        /// Whether the track is slightly bent.
         bent: bool,
     },
-    /// Once around.
+    /// A full circle.
     Around { radius_m: f64, height_m: f64 },
 }
 
 /// Pixels of a scatterer's main lobe: 3 x 3.
 const LOBE_PIXELS: usize = 9;
 
-/// A pixel that errors are judged at.
+/// A pixel at which errors are measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) row: usize,
     pub(crate) column: usize,
-    /// How many pixels it stands for.
+    /// Number of pixels that it represents.
     pub(crate) stands_for: f64,
 }
 
@@ -66,10 +66,10 @@ pub(crate) struct Case {
     pub(crate) step_hz: f64,
     pub(crate) pulses: usize,
     pub(crate) samples: usize,
-    /// Pixels of a side of the image, which is about the scene's middle.
+    /// Pixels along each side of the image, which is centred on the scene.
     pub(crate) side: usize,
     pub(crate) pixel_m: f64,
-    /// The side of the scene, over which scatterers lie.
+    /// Side of the square of scatterers, metres.
     pub(crate) scene_m: f64,
     pub(crate) scatterers: usize,
 }
@@ -78,7 +78,7 @@ impl Case {
     /// The case of this name.
     ///
     /// # Errors
-    /// What there is instead.
+    /// A list of the names, if there is no such case.
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         let near = |pulses, samples, side, scatterers| {
             let track = Track::Along {
@@ -145,7 +145,7 @@ impl Case {
         })
     }
 
-    /// The pulse's antenna.
+    /// Antenna position of pulse `n`, metres.
     fn antenna_m(&self, n: usize) -> DVec3 {
         let part = n as f64 / (self.pulses - 1) as f64;
         match self.track {
@@ -200,20 +200,20 @@ impl Case {
     /// The image, or `side` x `side` pixels in its middle.
     pub(crate) fn grid(&self, side: usize) -> ImageGrid {
         let first_m = -(side as f64) / 2.0 * self.pixel_m;
-        // Half a pixel beyond the last, so that it is one of them whatever the rounding.
+        // Half a pixel beyond the last one, so that it is included for any rounding.
         let last_m = first_m + (side as f64 - 0.5) * self.pixel_m;
         let axis = format!("{first_m}:{last_m}:{}", self.pixel_m);
         let text = format!("x={axis},y={axis}");
         text.parse().expect("the grid is well-formed")
     }
 
-    /// Pixels of an image of `side` x `side` that its error is judged at, and how many each stands for: some spread evenly over all, for what
-    /// errors there are everywhere, and some at scatterers, for those about them, which the former would mostly miss.
+    /// Pixels of an image of `side` x `side` at which its error is measured, and how many each represents: some spread evenly, for errors
+    /// that are everywhere, and some at scatterers, for errors close to them, which evenly spread ones would mostly miss.
     pub(crate) fn judged(&self, side: usize) -> Vec<Place> {
-        // As many as a few seconds are enough for.
+        // As many as can be computed in a few seconds.
         let most = 9e9 / (self.pulses as f64 * self.samples as f64);
         let count = (most as usize / 2).clamp(32, 256).min(side * side);
-        // Strides of a prime that is no divisor of the number of pixels come to each pixel once.
+        // Strides of a prime that does not divide the number of pixels visit each pixel once.
         let stride = [15_485_863, 32_452_843]
             .into_iter()
             .find(|&prime| !side.is_multiple_of(prime));
@@ -241,7 +241,7 @@ impl Case {
         spread.chain(bright).collect()
     }
 
-    /// The side of the part in the image's middle that some seconds are enough for, where every pixel takes all samples.
+    /// Side of the central part that `exact` can form in some seconds, where every pixel needs all samples.
     pub(crate) fn part_for_exact(&self) -> usize {
         let pixels = 1e9 / (self.pulses as f64 * self.samples as f64);
         (pixels.sqrt() as usize)
@@ -254,7 +254,7 @@ impl Case {
         8 * self.pulses as u64 * self.samples as u64
     }
 
-    /// Runs of pulses that are simulated together.
+    /// Blocks of pulses that are simulated together.
     pub(crate) fn runs(&self) -> impl Iterator<Item = Range<usize>> {
         let (run, pulses) = ((1 << 22) / self.samples + 1, self.pulses);
         (0..pulses)

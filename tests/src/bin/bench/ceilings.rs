@@ -1,8 +1,8 @@
-//! What the machine can do at most, measured: float32 products with sums in its best instructions, and memory copied.
+//! Measured limits of the machine: float32 products with sums in its best instruction set, and memory copies.
 //!
-//! Both by as many threads as the measurement that they are held against. A product with a sum counts as two operations; a copied byte as one
-//! read and one written. Neither is the whole truth of a former: roots, loads and look-ups are operations or none, float64 has half the
-//! lanes, and caches give more than memory does, so that a share of memory's ceiling can exceed 100 %.
+//! Both use as many threads as the measurement that they are compared with. A product with a sum counts as two operations, a copied byte as
+//! one read and one written. Neither limit is exact for a former: roots, loads and look-ups count as operations or not at all, float64 has
+//! half the lanes, and caches are faster than memory, so that the share of memory's limit can exceed 100 %.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 use subaperture_kernels::ceiling::{a_round, multiply_adds};
 use subaperture_kernels::lanes::Instructions;
 
-/// The most that the machine does in a second.
+/// Limits of the machine per second.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Ceilings {
-    /// Threads that did it.
+    /// Number of threads.
     pub(crate) threads: usize,
     /// Real operations.
     pub(crate) operations: f64,
@@ -23,14 +23,14 @@ pub(crate) struct Ceilings {
     pub(crate) bytes: f64,
 }
 
-/// Rounds that a thread does at a time: about a hundredth of a second.
+/// Rounds of a thread in one measurement: about a hundredth of a second.
 const ROUNDS: usize = 4_000_000;
-/// Bytes that are copied: more than caches hold.
+/// Bytes copied: more than caches hold.
 const BYTES: usize = 256 << 20;
-/// The best of these counts.
+/// Number of measurements; the best one counts.
 const TURNS: usize = 7;
 
-/// Measures them.
+/// Measure both limits.
 pub(crate) fn measure() -> Ceilings {
     let threads = rayon::current_num_threads();
     let instructions = Instructions::best();

@@ -1,4 +1,4 @@
-//! Processes that measure: this program again, or another, with so many threads, on so many processors, for so long at most.
+//! Measuring processes: this program, or another, with a number of threads and processors and a time limit.
 
 use std::io::Read;
 use std::path::Path;
@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
-/// Why there is no measurement.
+/// Reason of a missing measurement.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// It took longer than it may.
+    /// It exceeded the time limit.
     Late(Duration),
-    /// It ended by itself, saying this.
+    /// It failed with this message.
     Said(String),
 }
 
@@ -20,12 +20,12 @@ impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Late(limit) => write!(f, "not measured: takes more than {} s", limit.as_secs()),
-            Self::Said(what) => write!(f, "not formed: {what}"),
+            Self::Said(message) => write!(f, "not formed: {message}"),
         }
     }
 }
 
-/// Whether processes can be kept to some processors.
+/// Whether processes can be bound to processors.
 pub(crate) fn pins() -> bool {
     let mut command = Command::new("taskset");
     command
@@ -35,8 +35,8 @@ pub(crate) fn pins() -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
-/// A command for `program` with so many threads, kept to as many processors where that can be done. What counts threads by other names than
-/// ours is told so too.
+/// A command for `program` with this number of threads, bound to as many processors where possible. Libraries that read the number of
+/// threads from other variables get those too.
 pub(crate) fn command(program: &Path, threads: usize) -> Command {
     let mut command = if pins() {
         let mut command = Command::new("taskset");
@@ -55,10 +55,10 @@ pub(crate) fn command(program: &Path, threads: usize) -> Command {
     command
 }
 
-/// Runs it; what it printed last, as JSON.
+/// Run it; the last printed line, parsed as JSON.
 ///
 /// # Errors
-/// That it was stopped, or the last line that it said before it failed.
+/// That it was stopped, or the last line before it failed.
 pub(crate) fn run<T: DeserializeOwned>(
     mut command: Command,
     limit: Duration,
@@ -79,7 +79,7 @@ pub(crate) fn run<T: DeserializeOwned>(
     let readers = outputs.map(|stream| {
         std::thread::spawn(move || {
             let mut bytes = Vec::new();
-            // What is cut off is missed when it is parsed.
+            // A truncated line fails to parse.
             stream.map(|mut stream| stream.read_to_end(&mut bytes));
             String::from_utf8_lossy(&bytes).into_owned()
         })
@@ -105,8 +105,8 @@ pub(crate) fn run<T: DeserializeOwned>(
         Some(status) if status.success() => serde_json::from_str(&last(&out))
             .map_err(|error| Failure::Said(format!("{error}: {}", last(&out)))),
         Some(status) => Err(Failure::Said(match last(&err) {
-            what if what.is_empty() => status.to_string(),
-            what => what,
+            message if message.is_empty() => status.to_string(),
+            message => message,
         })),
     }
 }

@@ -1,8 +1,9 @@
-//! How time grows with pixels, pulses and range bins.
+//! Growth of time with pixels, pulses and range bins.
 //!
-//! One of the three is doubled some times while the others stay as in the middle of the table; the exponent is the slope of the line of least
-//! squares through the logarithms of times. More pixels are a larger scene, more pulses a denser track, more samples a longer swath: resolution and
-//! aperture stay. An exponent of 1 is growth in proportion; what a former does once whatever the size pulls it towards 0.
+//! One of the three is doubled some times while the others have the middle values of the table; the exponent is the slope of the
+//! least-squares line through the logarithms of times. More pixels are a larger scene, more pulses a denser track, more samples a longer
+//! swath; resolution and aperture stay constant. An exponent of 1 is linear growth; work that does not depend on the size lowers it towards
+//! 0.
 
 use crate::case::Case;
 use crate::child::{self, Failure};
@@ -13,23 +14,23 @@ use crate::{recording, table};
 
 use subaperture_tests::statistics::exponent;
 
-/// Pulses, samples and pixels of a side where they are not varied.
+/// Pulses, samples and pixels along each side, while not varied.
 const MIDDLE: [usize; 3] = [1024, 1024, 512];
 
-/// What is varied: its name, its place in a case's name, its values, and how many of what is counted one of them is.
+/// Varied quantity: name, index in a case's name, values, and the power of it in the count (pixels are a square).
 const VARIED: [(&str, usize, [usize; 4], i32); 3] = [
     ("pixels", 2, [192, 384, 768, 1536], 2),
     ("pulses", 0, [512, 1024, 2048, 4096], 1),
     ("range bins", 1, [512, 1024, 2048, 4096], 1),
 ];
 
-/// Measures and prints exponents.
+/// Measure and print exponents.
 ///
 /// # Errors
-/// Of the cases' files.
+/// Faults of the cases' files.
 pub(crate) fn print(options: &Options) -> Result<(), String> {
     let program = std::env::current_exe().map_err(|error| error.to_string())?;
-    // What growth is fitted to had better not be shared among threads that wait for each other.
+    // Growth is measured on the smallest number of threads, because threads that wait for each other would distort it.
     let threads = options.threads.iter().copied().min().unwrap_or(1);
     println!("{}", machine::described());
     println!(
@@ -39,7 +40,7 @@ pub(crate) fn print(options: &Options) -> Result<(), String> {
     println!("Otherwise {pulses} pulses x {samples} samples, {side} x {side} pixels of 0.2 m.\n");
     println!("| former | varied | sizes | s | exponent |\n|---|---|---|---|---|");
     for asked in options.formers.iter().filter(|asked| !asked.is_oracle) {
-        for (what, place, values, power) in VARIED {
+        for (name, place, values, power) in VARIED {
             let mut points = Vec::new();
             let mut failed = None;
             for value in values {
@@ -58,13 +59,13 @@ pub(crate) fn print(options: &Options) -> Result<(), String> {
                     }
                 }
             }
-            println!("{}", row(&asked.text, what, &points, failed));
+            println!("{}", row(&asked.text, name, &points, failed));
         }
     }
     Ok(())
 }
 
-fn row(former: &str, what: &str, points: &[(f64, f64)], failed: Option<Failure>) -> String {
+fn row(former: &str, name: &str, points: &[(f64, f64)], failed: Option<Failure>) -> String {
     let sizes: Vec<String> = points.iter().map(|(size, _)| format!("{size}")).collect();
     let times: Vec<String> = points.iter().map(|(_, s)| format!("{s:.3}")).collect();
     let found = match (failed, exponent(points)) {
@@ -73,7 +74,7 @@ fn row(former: &str, what: &str, points: &[(f64, f64)], failed: Option<Failure>)
         (None, None) => "not measured".to_owned(),
     };
     format!(
-        "| {former} | {what} | {} | {} | {found} |",
+        "| {former} | {name} | {} | {} | {found} |",
         sizes.join(", "),
         times.join(", ")
     )

@@ -1,11 +1,11 @@
-//! Which machine it is.
+//! Description of the machine.
 
 use std::fs;
 use std::process::Command;
 
 use subaperture::focus::{instructions, machine};
 
-/// Processor, instructions, memory and what the program is of, in a line or two of Markdown.
+/// Processor, instruction sets, memory and the build of the program, in a line or two of Markdown.
 pub(crate) fn described() -> String {
     let processor = fs::read_to_string("/proc/cpuinfo").ok().and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("model name"))?;
@@ -36,7 +36,7 @@ pub(crate) fn described() -> String {
     )
 }
 
-/// The revision that is checked out, and whether files differ from it.
+/// The checked-out revision, and whether files differ from it.
 fn revision() -> String {
     let git = |arguments: &[&str]| {
         let mut command = Command::new("git");
@@ -59,7 +59,7 @@ fn revision() -> String {
     }
 }
 
-/// How busy the machine is with other work, where it tells: the mean number of processes that want a processor.
+/// Load by other work, where the system reports it: mean number of processes that wait for a processor.
 pub(crate) fn load() -> Option<f64> {
     let text = fs::read_to_string("/proc/loadavg").ok()?;
     text.split_whitespace().next()?.parse().ok()

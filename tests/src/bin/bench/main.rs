@@ -1,6 +1,6 @@
-//! Image formers measured: time, error and memory of each on cases that others are compared by too. Started by `cargo xtask bench`.
+//! Benchmark of image formers: time, error and memory of each on fixed cases. Started by `cargo xtask bench`.
 //!
-//! Each measurement is a process of its own, this program again, so that the most memory that it held is the former's.
+//! Each measurement is a separate process of this program, so that its peak memory is that of the former.
 #![forbid(unsafe_code)]
 
 mod against;
@@ -31,15 +31,15 @@ Usage: cargo xtask bench [CASE..] [OPTION..]          the table
 Cases: a, straight, b, c, large, large-whole, gotcha, or PULSESxSAMPLESxSIDE; all but large-whole unless named.
 
   --formers LIST    such as bp:-45,ffbp,rdbp-thesis: name and bound in dB, -60 unless given; all unless named
-  --threads LIST    such as 1,2, the default; what takes too long on more is not tried on fewer
+  --threads LIST    such as 1,2, the default; a former too slow on more threads is not run on fewer
   --quick           case a, all threads, 10 s at most for each: about a minute
-  --limit SECONDS   what takes longer is stopped, and its row says so [20]
-  --memory-mib N    what formers may take [8192]
+  --limit SECONDS   stop a measurement that takes longer, and state it in its row [20]
+  --memory-mib N    memory budget of formers [8192]
   --rounds N        of --against [7]
   --peers           torchbp too, installed into target/bench/torchbp if it is not there (some gigabytes)
   --no-peers        not even where it is installed";
 
-/// What a measurement means: another one cannot be compared.
+/// Version of the measurements: numbers of different versions cannot be compared.
 const PROTOCOL: &str = "subaperture-bench-1";
 
 fn main() -> ExitCode {
@@ -47,8 +47,8 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match done(&words) {
         Ok(code) => code,
-        Err(what) => {
-            eprintln!("{what}");
+        Err(message) => {
+            eprintln!("{message}");
             ExitCode::FAILURE
         }
     }
@@ -57,7 +57,7 @@ fn main() -> ExitCode {
 fn done(words: &[&str]) -> Result<ExitCode, String> {
     match *words {
         ["help" | "--help" | "-h"] => println!("{HELP}"),
-        // What this program asks of itself.
+        // Subcommands that this program runs itself.
         ["protocol"] => println!("{PROTOCOL}"),
         ["ceilings"] => println!("{}", serde_json::json!(ceilings::measure())),
         ["prepare", case, former] => {

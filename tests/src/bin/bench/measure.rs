@@ -1,11 +1,11 @@
-//! One measurement, by a process of its own: a former, a case, some threads.
+//! One measurement in a separate process: a former, a case, a number of threads.
 //!
-//! **Time** is that of forming the image from samples in memory, planning included, and of the error's estimate that every image comes with;
-//! the shortest of some turns; processor time is that of all threads in that turn, to a hundredth of a second, and what other programs take away
-//! is not in it. **Error** is relative RMS over the image, as it is and after the one complex factor that makes it least: the error against the float64 sum
-//! at some hundred pixels, each for those it stands for, over the power of all. **Memory** is the most that the process ever held, the samples themselves and about 10 MiB of program
-//! included. **Operations** are those of the former's own account ([`subaperture::focus::cost`]): real additions, multiplications and roots.
-//! **Bytes** are the least that can be moved: samples read once, pixels written once.
+//! **Time** is that of forming the image from samples in memory, including the plan and the error estimate of every image: the minimum over
+//! some rounds. Processor time is that of all threads in the same round, to a hundredth of a second, without other programs. **Error** is
+//! relative RMS over the image, unscaled and after the best complex factor: the error against the float64 sum at some hundred pixels,
+//! weighted by the pixels that they represent, over the power of all. **Memory** is the peak of the process, including the samples and
+//! about 10 MiB of program. **Operations** are those that the former states ([`subaperture::focus::cost`]): real additions, multiplications
+//! and roots. **Bytes** are a lower limit of transfers: samples read once, pixels written once.
 
 use std::time::Instant;
 
@@ -22,32 +22,32 @@ use subaperture_xtask::processor::{self, Of};
 use crate::case::Case;
 use crate::recording::{self, Judged};
 
-/// Turns go on until they took so long together, seconds.
+/// Rounds end after this total time, seconds.
 const ENOUGH_S: f64 = 1.0;
-/// No more turns.
+/// Maximum number of rounds.
 const MAX_TURNS: usize = 5;
-/// What formers may take unless told otherwise, bytes.
+/// Default memory budget of formers, bytes.
 pub(crate) const MEMORY_BYTES: u64 = 8 << 30;
 
-/// The bound that is meant where none is given, dB.
+/// Error bound where none is given, dB.
 const USUAL_DB: f64 = -60.0;
 
-/// A former as it is asked for: `NAME`, `NAME:DB`, or `rdbp-thesis`, the mode of that name.
+/// A former of the command line: `NAME`, `NAME:DB`, or `rdbp-thesis`, the thesis's mode.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Asked {
     /// As typed.
     pub(crate) text: String,
     name: String,
     settings: serde_json::Value,
-    /// The first of the list, which is formed in part.
+    /// Whether it is the first of the list, `exact`, which forms a part of the image.
     pub(crate) is_oracle: bool,
 }
 
 impl Asked {
-    /// From text.
+    /// Parse the text.
     ///
     /// # Errors
-    /// What can be asked for.
+    /// The accepted forms.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let (name, db) = match text.split_once(':') {
             Some((name, db)) => (name, Some(db)),
@@ -75,13 +75,13 @@ impl Asked {
         })
     }
 
-    /// What is measured unless something else is asked for: all of the list, backprojection with a coarser bound, the thesis's mode.
+    /// Formers measured by default: the whole list, backprojection with a coarser bound, the thesis's mode.
     pub(crate) fn usual() -> Vec<Self> {
         let names = FORMERS.iter().flat_map(|entry| match entry.name {
             "bp" => vec!["bp:-45", "bp"],
             "rdbp" => vec!["rdbp-thesis", "rdbp:-45", "rdbp"],
             "ffbp" => vec!["ffbp:-45", "ffbp"],
-            // One of the others.
+            // `auto` is one of the others.
             "auto" => vec![],
             name => vec![name],
         });
@@ -89,7 +89,7 @@ impl Asked {
         names.collect()
     }
 
-    /// The side of the part of a case's image that it forms.
+    /// Side of the part of a case's image that this former forms, pixels.
     pub(crate) fn side(&self, case: &Case) -> usize {
         match self.is_oracle {
             true => case.part_for_exact(),
@@ -102,42 +102,42 @@ impl Asked {
     }
 }
 
-/// What a measurement found.
+/// Result of a measurement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Measured {
-    /// The shortest time, seconds.
+    /// Minimum of time, seconds.
     pub(crate) seconds: f64,
-    /// Processor time of all threads in the same turn, seconds.
+    /// Processor time of all threads in the same round, seconds.
     pub(crate) processor_s: f64,
-    /// How often it was formed.
+    /// Number of rounds.
     pub(crate) turns: usize,
     /// Pixels times pulses.
     pub(crate) pairs: f64,
     /// Relative RMS error, dB.
     pub(crate) error_db: f64,
-    /// The same after the best complex factor.
+    /// The same after the best complex factor, dB.
     pub(crate) scaled_db: f64,
-    /// The most that the process held, bytes; 0 where the system does not tell.
+    /// Peak memory of the process, bytes; 0 where the system does not report it.
     pub(crate) peak_bytes: u64,
-    /// Real operations by the former's account; 0 where there is none.
+    /// Real operations stated by the former; 0 if it states none.
     pub(crate) operations: f64,
-    /// The least bytes moved.
+    /// Lower limit of bytes transferred.
     pub(crate) least_bytes: f64,
-    /// What a reader should know.
+    /// Remark for the reader.
     pub(crate) note: String,
 }
 
 impl Measured {
-    /// Billions of pixels times pulses a second.
+    /// Giga-backprojections per second: pixels times pulses over time.
     pub(crate) fn rate(&self) -> f64 {
         self.pairs / self.seconds * 1e-9
     }
 }
 
-/// Measures; an error is why the former refuses.
+/// Measure a former; an error is the reason of its refusal.
 ///
 /// # Errors
-/// That, or of the files.
+/// A refusal, or faults of the files.
 pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<Measured, String> {
     let folder = recording::ready(case)?;
     let side = asked.side(case);
@@ -178,7 +178,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         scratch_bytes: SCRATCH_BYTES,
         numerics: Default::default(),
     };
-    // A scene that makes more of errors was formed by another plan, of which no account is kept.
+    // Where the error required a second plan, its operations are not recorded.
     let replanned = formed.settings.contains_key("planned_for_db");
     let plan = Plan::new(&*former, &spec, BoundPolicy::Allowed, &Silent).ok();
     let operations = plan
@@ -198,7 +198,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     })
 }
 
-/// That of this process so far, seconds; 0 where the system does not say.
+/// Processor time of this process so far, seconds; 0 where the system does not report it.
 fn processor_seconds() -> f64 {
     processor::seconds(Of::Own).unwrap_or(0.0)
 }
@@ -217,7 +217,7 @@ fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {
     notes.join("; ")
 }
 
-/// The relative RMS error of an image, raw and after the best complex factor, dB: the error where it is judged, over the power of all pixels.
+/// Relative RMS error of an image, unscaled and after the best complex factor, dB: error at the judged pixels over the power of all pixels.
 fn errors_db(pixels: &[Complex32], side: usize, judged: &[Judged]) -> [f64; 2] {
     let wide = |z: Complex32| Complex64::new(z.re.into(), z.im.into());
     let power: f64 = pixels.iter().map(|&z| wide(z).norm_sqr()).sum();

@@ -1,42 +1,42 @@
-//! What was typed.
+//! Command line of the benchmark.
 
 use std::time::Duration;
 
 use crate::case::{Case, USUAL};
 use crate::measure::{Asked, MEMORY_BYTES};
 
-/// What is to be measured, and how.
+/// Parsed options.
 #[derive(Debug)]
 pub(crate) struct Options {
     pub(crate) cases: Vec<Case>,
     pub(crate) formers: Vec<Asked>,
     pub(crate) threads: Vec<usize>,
-    /// No measurement may take longer.
+    /// Time limit of a measurement.
     pub(crate) limit: Duration,
-    /// What formers may take, bytes.
+    /// Memory budget of formers, bytes.
     pub(crate) memory_bytes: u64,
     pub(crate) peers: Peers,
-    /// The revision to compare with.
+    /// Revision to compare with.
     pub(crate) against: Option<String>,
-    /// How often both are measured.
+    /// Number of measurements of each revision.
     pub(crate) rounds: usize,
 }
 
-/// Whether other programs are measured beside ours.
+/// Whether other programs are measured too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Peers {
     /// If they are installed.
     IfThere,
-    /// Installed if they are not.
+    /// Install them if they are missing.
     Installed,
     No,
 }
 
 impl Options {
-    /// From words.
+    /// Parse the words of the command line.
     ///
     /// # Errors
-    /// Which of them is wrong, and why.
+    /// The invalid word and the reason.
     pub(crate) fn parse(words: &[&str]) -> Result<Self, String> {
         let all = std::thread::available_parallelism().map_or(1, usize::from);
         let [mut cases, mut formers, mut threads] = [const { Vec::new() }; 3];
@@ -79,7 +79,7 @@ impl Options {
             }
         }
         if cases.is_empty() {
-            // One is enough to see a former become slower.
+            // One case suffices to see a former become slower.
             cases = match quick || options.against.is_some() {
                 true => vec!["a"],
                 false => USUAL.to_vec(),
@@ -102,7 +102,7 @@ impl Options {
                 false => vec![2, 1],
             };
         }
-        // What takes too long on more takes too long on fewer.
+        // A former too slow on more threads is too slow on fewer.
         options.threads.sort_unstable_by(|a, b| b.cmp(a));
         if quick {
             options.limit = options.limit.min(Duration::from_secs(10));

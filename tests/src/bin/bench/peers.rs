@@ -1,7 +1,7 @@
-//! Other programs on the same files in the same run: torchbp, by a script of ours that calls what it publishes.
+//! Other programs on the same files in the same run: torchbp, by a script that calls its public functions.
 //!
-//! It is not on PyPI: pip builds it from its repository, or from the copy that `SUBAPERTURE_TORCHBP` names (a folder, or anything that pip
-//! takes), for torch as PyPI has it, into an environment of its own.
+//! torchbp is not on PyPI: pip builds it from its repository, or from the copy that `SUBAPERTURE_TORCHBP` names (a folder, or any source
+//! that pip accepts), for torch from PyPI, in a separate environment.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,23 +14,23 @@ use crate::measure::Measured;
 use crate::options::Peers;
 use crate::recording::place;
 
-/// What is measured of it: backprojection on both its grids, and its factorised forms.
+/// Measured methods: backprojection on both grids, and the factorised forms.
 pub(crate) const METHODS: [&str; 5] = ["cartesian", "polar", "ffbp", "cfbp", "afbp"];
 
-/// Where it comes from.
+/// Source of torchbp.
 const SOURCE: &str = "git+https://github.com/Ttl/torchbp@3fcafa6";
-/// What it is built with, and stands on.
+/// Packages needed to build and run it.
 const NEEDED: [&str; 6] = ["torch", "numpy", "scipy", "setuptools", "wheel", "ninja"];
 
-/// A Python that has torchbp.
+/// A Python with torchbp.
 pub(crate) struct Peer {
     python: PathBuf,
 }
 
-/// Finds it, or why there is none.
+/// Find it.
 ///
 /// # Errors
-/// That.
+/// The reason why it is not available.
 pub(crate) fn find(asked: Peers) -> Result<Peer, String> {
     let venv = place().join("torchbp");
     let peer = Peer {
@@ -41,9 +41,9 @@ pub(crate) fn find(asked: Peers) -> Result<Peer, String> {
         _ if peer.works().is_ok() => Ok(peer),
         Peers::IfThere => Err("not installed: --peers installs it".to_owned()),
         Peers::Installed => {
-            install(&venv, &peer.python).map_err(|what| format!("not installed: {what}"))?;
+            install(&venv, &peer.python).map_err(|reason| format!("not installed: {reason}"))?;
             peer.works()
-                .map_err(|what| format!("it was installed and does not start: {what}"))?;
+                .map_err(|reason| format!("it was installed and does not start: {reason}"))?;
             Ok(peer)
         }
     }
@@ -68,19 +68,19 @@ fn install(venv: &Path, python: &Path) -> Result<(), String> {
         command
     };
     run(pip().args(NEEDED))?;
-    // It is built against the very torch that it will find; for processors, ours are measured on no other.
+    // Built against the torch that it will use; for processors only, as our formers are measured on processors.
     run(pip()
         .args(["--no-build-isolation", &source])
         .env("USE_CUDA", "0"))
 }
 
-/// Runs it; the last line of what it said if it fails.
+/// Run a command; an error is the last line of its output.
 fn run(command: &mut Command) -> Result<(), String> {
     let output = command.output().map_err(|error| error.to_string())?;
-    let told = String::from_utf8_lossy(&output.stderr);
+    let errors = String::from_utf8_lossy(&output.stderr);
     match output.status.success() {
         true => Ok(()),
-        false => Err(told
+        false => Err(errors
             .trim_end()
             .lines()
             .next_back()
@@ -94,13 +94,13 @@ impl Peer {
         run(Command::new(&self.python).args(["-c", "import torchbp, scipy"]))
     }
 
-    /// Whether it can form a case's image: it sees one side, forms the scene's middle alone by polar grids, and holds all profiles at once.
+    /// Whether it can form a case's image: it supports one side, polar grids of the scene's middle only, and keeps all profiles in memory.
     pub(crate) fn takes(case: &Case) -> bool {
         let image_m = case.side as f64 * case.pixel_m;
         matches!(case.track, Track::Along { .. }) && image_m >= case.scene_m && case.side <= 2048
     }
 
-    /// Measures a method by a process of its own.
+    /// Measure a method in a separate process.
     ///
     /// # Errors
     /// [`Failure`].

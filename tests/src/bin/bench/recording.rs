@@ -1,16 +1,16 @@
-//! A case's files, made once and read by all that is measured on it, ours and others'.
+//! Files of a case, made once and read by every measurement, of our formers and other programs.
 //!
-//! A folder of `target/bench`, named after the case and what it was made by:
+//! A folder of `target/bench`, named after the case and the version of the format:
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
 //! | `samples.npy` | complex64 `[pulse][sample]` |
 //! | `antennas.npy` | float64 `[pulse][x, y, z]`, metres; phases are referred to the scene's middle, `(0, 0, 0)` |
 //! | `weights-fast.npy`, `weights-slow.npy` | float64 windows over samples and pulses |
 //! | `case.json` | `start_hz`, `step_hz`, `side` and `pixel_m` of the image, which is about the middle |
-//! | `judged-SIDE.npy` | float64 `[place][row, column, real, imaginary, stands for]`: the image of `SIDE` x `SIDE` pixels at some of them, and how many pixels each stands for |
+//! | `judged-SIDE.npy` | float64 `[place][row, column, real, imaginary, stands for]`: the image of `SIDE` x `SIDE` pixels at some pixels, and the number of pixels that each represents |
 //!
-//! A folder and the files of judged pixels are there whole or not at all.
+//! Folders and files of judged pixels are complete or absent.
 
 use std::fs;
 use std::io;
@@ -26,20 +26,20 @@ use subaperture_tests::digest;
 use crate::case::Case;
 use crate::sums;
 
-/// Another one is another folder.
+/// Version of the format; each has a separate folder.
 const FORMAT: u32 = 2;
 
-/// A pixel of the image, and what it should be.
+/// A pixel of the image with its exact value.
 #[derive(Clone, Copy)]
 pub(crate) struct Judged {
     pub(crate) row: usize,
     pub(crate) column: usize,
     pub(crate) value: Complex64,
-    /// How many pixels it stands for.
+    /// Number of pixels that it represents.
     pub(crate) stands_for: f64,
 }
 
-/// Where the benches keep what they make.
+/// Folder of the benchmark's files.
 pub(crate) fn place() -> PathBuf {
     subaperture_xtask::target_folder().join("bench")
 }
@@ -55,10 +55,10 @@ fn weights(collection: &Collection) -> Weights {
     Weights::new(collection, Window::Hamming, Window::Hamming)
 }
 
-/// The case's folder, made if it is not there.
+/// The case's folder, made if it is missing.
 ///
 /// # Errors
-/// Of the files.
+/// Faults of the files.
 pub(crate) fn ready(case: &Case) -> Result<PathBuf, String> {
     let folder = folder(case);
     if !folder.is_dir() {
@@ -125,7 +125,7 @@ fn samples(folder: &Path) -> Result<Vec<Complex32>, String> {
     }
 }
 
-/// The case as formers take it.
+/// Phase history and weights of a case.
 ///
 /// # Errors
 /// Of the files.
@@ -140,7 +140,7 @@ fn judged_file(folder: &Path, side: usize) -> PathBuf {
     folder.join(format!("judged-{side}.npy"))
 }
 
-/// Sees to it that the pixels by which an image of `side` x `side` is judged are known.
+/// Make the file of judged pixels of an image of `side` x `side` pixels if it is missing.
 ///
 /// # Errors
 /// Of the files.
@@ -190,7 +190,7 @@ fn values_at(
     ))
 }
 
-/// Writes the float64 sum, `[point][real, imaginary]`, at the points of a file, `[point][x, y, z]`.
+/// Write the float64 sum, `[point][real, imaginary]`, at the points of a file, `[point][x, y, z]`.
 ///
 /// # Errors
 /// Of the files.
@@ -214,7 +214,7 @@ fn real(path: &Path) -> Result<Vec<f64>, String> {
     }
 }
 
-/// The pixels by which an image is judged.
+/// Judged pixels of an image.
 ///
 /// # Errors
 /// Of the file.

@@ -1,12 +1,12 @@
-//! Samples of scatterers, and the image at single points: both by the sums that define them, in float64, written out here, so that
-//! nothing that is measured is judged by itself.
+//! Samples of scatterers and the image at single points by their defining sums in float64, written out here, so that no measured code is
+//! its own oracle.
 //!
 //! ```text
 //! z[n][k] = sum_s a_s exp(-j 2 pi f_k (path_n(s) - reference_path_n) / c)
 //! I(p)    = sum_n sum_k w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c) / (sum w_slow  sum w_fast)
 //! ```
 //!
-//! Phasors are multiplied on from sample to sample: off by some roundings of 1e-16 each, 1e-12 at the end of the longest pulse.
+//! Phasors are computed by multiplication from sample to sample: off by some roundings of 1e-16 each, 1e-12 at the end of the longest pulse.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ use subaperture::phase_history::{Collection, Pulse, Weights};
 
 const LIGHT_M_S: f64 = 299_792_458.0;
 
-/// Scatterers or points that are worked on side by side.
+/// Scatterers or points computed together.
 const TOGETHER: usize = 8;
 
 /// A scatterer.
@@ -31,7 +31,7 @@ fn turned(cycles: f64) -> Complex64 {
     Complex64::cis(TAU * (cycles - cycles.round()))
 }
 
-/// Numbers that look random, evenly in -1/2 to 1/2: the same in every run.
+/// Pseudo-random numbers, uniform in -1/2 to 1/2, the same in every run.
 fn numbers() -> impl FnMut() -> f64 {
     let mut state = 1u64;
     move || {
@@ -42,7 +42,7 @@ fn numbers() -> impl FnMut() -> f64 {
     }
 }
 
-/// So many scatterers of magnitude 1 on a square.
+/// `count` scatterers of magnitude 1 on a square.
 pub(crate) fn scatterers(count: usize, side_m: f64) -> Vec<Scatterer> {
     let mut number = numbers();
     let scatterer = |_| Scatterer {
@@ -52,12 +52,12 @@ pub(crate) fn scatterers(count: usize, side_m: f64) -> Vec<Scatterer> {
     (0..count).map(scatterer).collect()
 }
 
-/// The delay of a point in a pulse beyond that of the reference, seconds.
+/// Delay of a point minus that of the reference, seconds.
 fn delay_s(pulse: &Pulse, point_m: DVec3) -> f64 {
     (2.0 * point_m.distance(pulse.transmitter_m) - pulse.reference_path_m) / LIGHT_M_S
 }
 
-/// What the radar records in some pulses.
+/// Recorded samples of some pulses.
 pub(crate) fn samples(pulses: &[Pulse], num_samples: usize, scene: &[Scatterer]) -> Vec<Complex32> {
     let mut samples = vec![Complex32::ZERO; pulses.len() * num_samples];
     let rows = samples.par_chunks_exact_mut(num_samples).zip(pulses);
@@ -87,7 +87,7 @@ pub(crate) fn samples(pulses: &[Pulse], num_samples: usize, scene: &[Scatterer])
     samples
 }
 
-/// The image at some points: the sum over all pulses and frequencies.
+/// Image at some points: the sum over all pulses and frequencies.
 pub(crate) fn image(
     collection: &Collection,
     samples: &[Complex32],
@@ -98,7 +98,7 @@ pub(crate) fn image(
     let groups: Vec<&[DVec3]> = points_m.chunks(TOGETHER).collect();
     let rows = samples.par_chunks_exact(collection.num_samples);
     let pulses = rows.zip(&collection.pulses).zip(&weights.slow);
-    let nothing = || vec![[Complex64::ZERO; TOGETHER]; groups.len()];
+    let zeros = || vec![[Complex64::ZERO; TOGETHER]; groups.len()];
     let add = |mut sums: Vec<[Complex64; TOGETHER]>,
                ((row, pulse), slow): ((&[Complex32], &Pulse), &f64)| {
         let weighted: Vec<Complex64> = row
@@ -119,20 +119,20 @@ pub(crate) fn image(
         }
         a
     };
-    let sums = pulses.fold(nothing, add).reduce(nothing, both);
+    let sums = pulses.fold(zeros, add).reduce(zeros, both);
     let mut sums: Vec<Complex64> = sums.iter().flatten().map(|sum| sum * scale).collect();
     sums.truncate(points_m.len());
     sums
 }
 
-/// What a pulse of weighted samples adds at up to [`TOGETHER`] points.
+/// Contribution of a pulse of weighted samples at up to [`TOGETHER`] points.
 fn pulse_at(pulse: &Pulse, weighted: &[Complex64], points_m: &[DVec3]) -> [Complex64; TOGETHER] {
     let [mut step_re, mut step_im, mut re, mut im] = [[0.0; TOGETHER]; 4];
     for (i, &point_m) in points_m.iter().enumerate() {
         let step = turned(pulse.step_hz * delay_s(pulse, point_m));
         (step_re[i], step_im[i]) = (step.re, step.im);
     }
-    // A polynomial in the step, from its last coefficient on.
+    // A polynomial in the step, evaluated from its last coefficient.
     for z in weighted.iter().rev() {
         for i in 0..TOGETHER {
             let (a, b) = (re[i], im[i]);

@@ -1,4 +1,4 @@
-//! The table: every former on every case with every number of threads, and others beside them.
+//! The table: every former on every case with every number of threads, and other programs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,10 +13,10 @@ use crate::options::Options;
 use crate::peers::{self, Peer};
 use crate::recording;
 
-/// Measures and prints all of it.
+/// Measure and print all rows.
 ///
 /// # Errors
-/// Of the cases' files; that a former refuses a case is a row.
+/// Faults of the cases' files. The refusal of a former is a row.
 pub(crate) fn print(options: &Options) -> Result<(), String> {
     println!("{}", machine::described());
     if let Some(load) = machine::load() {
@@ -104,7 +104,7 @@ fn row(
     match measured {
         Err(failure) => format!("{begin} | | | | | | | | | {failure} |").replace('\n', " "),
         Ok(measured) => {
-            // What is not known is not 0.
+            // An unknown share is printed as unknown, not as 0.
             let share = |did: f64, ceiling: f64| match did > 0.0 {
                 true => format!("{:.1} %", 100.0 * did / measured.seconds / ceiling),
                 false => String::new(),
@@ -128,7 +128,7 @@ fn row(
     }
 }
 
-/// Measures by a process of its own.
+/// Measure in a separate process.
 fn own(case: &Case, asked: &Asked, threads: usize, options: &Options) -> Result<Measured, Failure> {
     let program = std::env::current_exe().map_err(|error| Failure::Said(error.to_string()))?;
     child::run(
@@ -137,7 +137,7 @@ fn own(case: &Case, asked: &Asked, threads: usize, options: &Options) -> Result<
     )
 }
 
-/// A measurement by `program`, of this revision or another.
+/// Command for a measurement by `program`, of this revision or another.
 pub(crate) fn command(
     program: &Path,
     case: &Case,
@@ -159,7 +159,7 @@ fn ceilings(threads: usize) -> Result<Ceilings, String> {
     child::run(command, limit).map_err(|failure| format!("ceilings {failure}"))
 }
 
-/// With so many decimals that three digits are seen.
+/// A number with three significant digits.
 fn three_digits(x: f64) -> String {
     let decimals = 2 - x.abs().max(1e-9).log10().floor() as i32;
     format!("{x:.*}", decimals.max(0) as usize)

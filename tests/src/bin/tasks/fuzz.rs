@@ -1,4 +1,4 @@
-//! Fuzzing guided by coverage, by cargo-fuzz.
+//! Coverage-guided fuzzing by cargo-fuzz.
 
 use std::fs;
 use std::process::{Command, ExitCode};
@@ -6,10 +6,10 @@ use std::process::{Command, ExitCode};
 use subaperture_tests::fuzz::TARGETS;
 use subaperture_tests::subap::root;
 
-/// Megabytes that one allocation and the whole program may take.
+/// Limits of one allocation and of the whole program, megabytes.
 const LIMITS: [&str; 2] = ["-malloc_limit_mb=256", "-rss_limit_mb=2048"];
 
-/// Fuzzes a target for some seconds, from its seeds and what earlier runs found.
+/// Fuzz a target for some seconds, from its seeds and earlier findings.
 pub(crate) fn run(name: &str, seconds: &str) -> ExitCode {
     let Some(target) = TARGETS.iter().find(|target| target.name == name) else {
         let names: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
@@ -40,7 +40,7 @@ pub(crate) fn run(name: &str, seconds: &str) -> ExitCode {
         );
         return ExitCode::FAILURE;
     }
-    // Nothing here is unsafe: the sanitizer of addresses would find nothing and cost half of the time.
+    // The fuzzed code has no `unsafe`: AddressSanitizer would find no fault and double the time.
     let mut command = fuzzer(&[
         "run",
         "--fuzz-dir",
@@ -72,7 +72,7 @@ pub(crate) fn run(name: &str, seconds: &str) -> ExitCode {
     }
 }
 
-/// By rustup's cargo, for the one that runs us is of another toolchain.
+/// rustup's cargo, because the running one belongs to another toolchain.
 fn fuzzer(arguments: &[&str]) -> Command {
     let mut command = Command::new("rustup");
     command

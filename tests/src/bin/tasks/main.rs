@@ -1,4 +1,4 @@
-//! The tasks of `cargo xtask` that need the library itself: fuzzing, and the module's report.
+//! Tasks of `cargo xtask` that need the library: fuzzing, and the module's report.
 #![forbid(unsafe_code)]
 
 mod fuzz;

@@ -1,11 +1,11 @@
-//! The report of what the module costs.
+//! Report of the module's costs.
 
 use std::fs;
 use std::process::ExitCode;
 
 use subaperture_tests::module_report;
 
-/// Writes the report, or compares it with the one that is there.
+/// Write the report, or compare it with the existing one.
 pub(crate) fn report(check: bool) -> ExitCode {
     match write_or_compare(check) {
         Ok(()) => ExitCode::SUCCESS,
@@ -19,13 +19,13 @@ pub(crate) fn report(check: bool) -> ExitCode {
 fn write_or_compare(check: bool) -> Result<(), String> {
     let text = module_report::render(&module_report::measure_all()?);
     let place = module_report::place();
-    let told = |error| format!("{}: {error}", place.display());
+    let error_at = |error| format!("{}: {error}", place.display());
     if !check {
-        fs::write(&place, text).map_err(told)?;
+        fs::write(&place, text).map_err(error_at)?;
         println!("{}", place.display());
         return Ok(());
     }
-    let there = fs::read_to_string(&place).map_err(told)?;
+    let there = fs::read_to_string(&place).map_err(error_at)?;
     let other = there.lines().zip(text.lines()).find(|(a, b)| a != b);
     match other {
         Some((there, measured)) => Err(format!(

@@ -1,12 +1,12 @@
-//! `--portable`, `--model` and `subap plan calibrate`, and what `-v` says of stages.
+//! `--portable`, `--model` and `subap plan calibrate`, and the stages that `-v` prints.
 
 use std::fs;
 
 use serde_json::Value;
 use subaperture_tests::subap::run;
 
-/// All of the scene: of a part of it a stored plan may miss its bound by scatterers outside.
-/// Pixels half a metre apart show the scene's energy: neither image is planned again.
+/// The whole scene: on a part of it a stored plan may miss its bound by scatterers outside. Pixels half a metre apart contain the scene's
+/// energy, so neither image is planned again.
 const GRID: &str = "--grid x=-40:40:0.5,y=-40:40:0.5";
 
 fn record(path: &std::path::Path) -> Value {
@@ -14,18 +14,21 @@ fn record(path: &std::path::Path) -> Value {
 }
 
 #[test]
-fn means_are_in_plans_and_records() {
+fn timing_model_and_transforms_are_in_plans_and_records() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let ran = |line: &str| run(folder.path(), line);
     ran("simulate --preset table-4-1 -o t.cphd").succeeded();
 
-    let told = ran("plan calibrate -o here.json --name bench");
-    assert!(told.succeeded().contains("--model here.json"), "{told:?}");
+    let output = ran("plan calibrate -o here.json --name bench");
+    assert!(
+        output.succeeded().contains("--model here.json"),
+        "{output:?}"
+    );
     let model = record(&at("here.json"));
     assert_eq!(model["schema"], "subaperture-time-model-3");
     assert_eq!(model["name"], "bench");
-    // It is ours, and may be measured again.
+    // The program's own file, so it can be replaced by another measurement.
     ran("plan calibrate -o here.json --name bench").succeeded();
     let model = record(&at("here.json"));
 
@@ -41,7 +44,7 @@ fn means_are_in_plans_and_records() {
             model["leaf_group_ns"]
         );
 
-        // Whoever carries the plan out has its means, and makes the same bits.
+        // A stored plan determines transforms and timing model, and gives the same bits.
         let line = format!(
             "plan focus t.cphd -a {former} {GRID} --portable --model here.json -o {former}.json"
         );
@@ -69,17 +72,17 @@ fn means_are_in_plans_and_records() {
 }
 
 #[test]
-fn models_that_are_none_are_refused() {
+fn invalid_timing_models_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let ran = |line: &str| run(folder.path(), line);
     ran("simulate --preset table-4-1 -o t.cphd").succeeded();
     ran("plan calibrate -o m.json").succeeded();
     let text = fs::read_to_string(folder.path().join("m.json")).unwrap();
     let json: Value = serde_json::from_str(&text).unwrap();
-    let refused = |text: &str, told: &[&str]| {
+    let refused = |text: &str, parts: &[&str]| {
         fs::write(folder.path().join("wrong.json"), text).unwrap();
-        ran("focus t.cphd --model wrong.json -o x").failed(1, told);
-        ran("plan focus t.cphd --model wrong.json -o x.json").failed(1, told);
+        ran("focus t.cphd --model wrong.json -o x").failed(1, parts);
+        ran("plan focus t.cphd --model wrong.json -o x.json").failed(1, parts);
     };
     for wrong in [Value::Null, 0.0.into(), (-3.0).into(), "fast".into()] {
         let mut other = json.clone();
@@ -95,7 +98,7 @@ fn models_that_are_none_are_refused() {
     refused("here", &["wrong.json", "expected a timing model"]);
     refused(&text.replace("model-3", "model-1"), &["measure it again"]);
     ran("focus t.cphd --model nowhere.json -o x").failed(1, &["nowhere.json"]);
-    // What is not ours is not replaced.
+    // A file by another program is not replaced.
     fs::write(folder.path().join("mine.json"), "{}").unwrap();
     ran("plan calibrate -o mine.json").failed(1, &["mine.json"]);
 }
@@ -112,26 +115,29 @@ fn verbose_lists_stages_before_and_after() {
     ] {
         for tiled in ["", "--tiled"] {
             let line = format!("focus t.cphd -a {former} {GRID} -v {tiled} -o {former}{tiled}");
-            let told = ran(&line);
-            told.succeeded();
-            let notes: Vec<&str> = told.stderr.lines().collect();
+            let output = ran(&line);
+            output.succeeded();
+            let notes: Vec<&str> = output.stderr.lines().collect();
             for stage in stages {
-                let of_stage = |what: &str| {
+                let of_stage = |text: &str| {
                     let begins = format!("note: stage {stage} ");
-                    let is = |line: &&str| line.starts_with(&begins) && line.contains(what);
+                    let is = |line: &&str| line.starts_with(&begins) && line.contains(text);
                     notes
                         .iter()
                         .position(is)
-                        .unwrap_or_else(|| panic!("{stage} {what}: {told:?}"))
+                        .unwrap_or_else(|| panic!("{stage} {text}: {output:?}"))
                 };
-                assert!(of_stage("operations, about") < of_stage("took"), "{told:?}");
+                assert!(
+                    of_stage("operations, about") < of_stage("took"),
+                    "{output:?}"
+                );
             }
-            assert!(told.stderr.contains("stage reading "), "{told:?}");
+            assert!(output.stderr.contains("stage reading "), "{output:?}");
         }
-        let told = ran(&format!(
+        let output = ran(&format!(
             "focus t.cphd -a {former} {GRID} -o quiet-{former}"
         ));
-        told.succeeded();
-        assert!(!told.stderr.contains("stage "), "{told:?}");
+        output.succeeded();
+        assert!(!output.stderr.contains("stage "), "{output:?}");
     }
 }
