@@ -322,7 +322,7 @@ fn stages_hold_the_documented_arrays() {
         }
 
         let (kind, values, rows, columns) = corrected;
-        assert_eq!(*kind, StageKind::RangeDopplerBackprojection);
+        assert_eq!(*kind, StageKind::RangeDoppler);
         assert_eq!(
             (rows.count, columns.count),
             (sizes.along_wavenumbers, sizes.ranges)

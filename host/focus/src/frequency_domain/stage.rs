@@ -14,14 +14,14 @@ pub enum StageKind {
     Spectrum,
     /// Data after range cell migration correction: rows are the along-track wavenumber in rad/m, columns the closest
     /// range in metres. The reference is applied, so slow time counts from the aperture centre.
-    RangeDopplerBackprojection,
+    RangeDoppler,
     /// Image before interpolation at pixels: rows are the closest range, columns the along-track position
     /// from the aperture centre, both in metres.
     Image,
 }
 
 /// Intermediate array. Pixels are interpolated from the last one with kernels whose roll-off is compensated in advance: spectra of
-/// [`StageKind::RangeDopplerBackprojection`] over range and of [`StageKind::Image`] over both axes rise towards the band
+/// [`StageKind::RangeDoppler`] over range and of [`StageKind::Image`] over both axes rise towards the band
 /// edges, by up to 6.6 dB at the very edge (6 taps at a quarter of the sampling rate).
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'a> {
@@ -61,9 +61,7 @@ impl<'a> Stage<'a> {
         let (range, along) = (&axes.range, &axes.along);
         let (rows, columns, carriers) = match kind {
             StageKind::Spectrum => (wavenumber, along_wavenumber, [0.0, 0.0]),
-            StageKind::RangeDopplerBackprojection => {
-                (along_wavenumber, metres(range), [0.0, range.carrier])
-            }
+            StageKind::RangeDoppler => (along_wavenumber, metres(range), [0.0, range.carrier]),
             StageKind::Image => (metres(range), metres(along), [range.carrier, along.carrier]),
         };
         Self {

@@ -107,7 +107,7 @@ fn observed(
                     columns: stage.columns,
                 });
             }
-            StageKind::RangeDopplerBackprojection => {
+            StageKind::RangeDoppler => {
                 after = Some(over_range_wavenumber(stage));
             }
             StageKind::Image => {}

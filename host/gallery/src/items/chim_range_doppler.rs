@@ -77,7 +77,7 @@ impl Stages {
                     let rows = transposed(stage.values, stage.columns.count);
                     curved = Some(profiles(&rows, &band, Window::None, 0.0, shown_m));
                 }
-                StageKind::RangeDopplerBackprojection => {
+                StageKind::RangeDoppler => {
                     let powers = stage.values.iter().map(Complex32::norm_sqr).collect();
                     straight = Some((powers, stage.columns));
                 }

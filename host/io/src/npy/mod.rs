@@ -11,6 +11,7 @@
 
 mod archive;
 mod array;
+mod error;
 mod filling;
 mod half;
 mod header;
@@ -19,7 +20,7 @@ mod range;
 mod write;
 
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use self::header::Header;
 use super::atomic::{WriteError, write_atomically};
@@ -36,29 +37,7 @@ pub use on_disk::ImageFile;
 pub(crate) use range::Range;
 pub use write::{ArrayWriter, Number};
 
-const MAGIC: &[u8] = b"\x93NUMPY";
-
-/// Why an array was not read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum NpyError {
-    /// The operating system reported an error.
-    #[error("cannot read {path}: {source}")]
-    Io {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// Not a complex64 image.
-    #[error("{path}: {what}")]
-    Unsuited {
-        /// Path of the file that failed.
-        path: PathBuf,
-        /// What it is, and what was expected.
-        what: String,
-    },
-}
+pub use error::NpyError;
 
 /// Bytes of the file that [`write()`] makes of an image of this many pixels.
 pub fn file_bytes(num_pixels: u64) -> u64 {
