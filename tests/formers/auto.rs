@@ -78,7 +78,7 @@ fn auto_picks_fastest_former_that_keeps_bound() {
         let own = planned(&Auto::default().error_db(-55.0)).unwrap();
         let name = own.summary["former"].as_str().unwrap().to_owned();
         let bound = serde_json::json!({ "error_db": -55.0 });
-        for candidate in CANDIDATES {
+        for candidate in CANDIDATES.map(|entry| entry.name) {
             let former = former(candidate, &bound).unwrap();
             let Ok(other) = planned(&*former) else {
                 continue;
@@ -148,7 +148,7 @@ fn image_that_every_candidate_refuses_is_refused() {
     assert!(refused.to_string().contains("-150 dB asked"), "{refused}");
     // The best bound that any candidate reaches.
     let best = plan(&asked, &collection, grid, BoundPolicy::Allowed, model).unwrap();
-    for candidate in CANDIDATES {
+    for candidate in CANDIDATES.map(|entry| entry.name) {
         let former = former(candidate, &asked.settings()).unwrap();
         let other = plan(&*former, &collection, grid, BoundPolicy::Allowed, model).unwrap();
         assert!(other.planned_db > -150.0, "{candidate}");

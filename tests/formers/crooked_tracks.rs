@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use serde_json::json;
+use subaperture::focus::SCRATCH_BYTES;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::former::SCRATCH_BYTES;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::{FormError, ImageFormer, ImageSpec, Task, Tile, Work};

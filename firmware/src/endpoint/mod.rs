@@ -27,19 +27,20 @@ mod commands;
 mod increments;
 mod profiles;
 mod reports;
+mod transfer;
 
 use increments::Increments;
 use profiles::Profiles;
 
-use subaperture_core::link::{
-    Command, Encoder, Received, Receiver, Refusal, State, TransferChecksum,
-};
+use subaperture_core::link::{Command, Encoder, Received, Receiver, Refusal, State};
 use subaperture_core::stream::{Progress, SubCpiProcessor};
 
 use crate::engine::WireEngine;
 use crate::odometer::WireOdometer;
 use crate::products::{ProductBuffers, Products};
 use crate::profiler::WireProfiler;
+
+use transfer::Transfer;
 
 /// Link buffers lent to an endpoint.
 #[derive(Debug)]
@@ -157,40 +158,6 @@ struct Due {
     identity: bool,
     status: bool,
     refusal: Option<(u32, Refusal)>,
-}
-
-/// Transfer in progress.
-#[derive(Debug)]
-enum Transfer {
-    Nothing,
-    /// A map is complete; its products are being computed.
-    Products,
-    MapStart,
-    MapRow {
-        row: u16,
-        checksum: TransferChecksum,
-    },
-    MapEnd {
-        checksum: TransferChecksum,
-    },
-    /// Detections of the last map sent, from this index on.
-    Detections(usize),
-    ChipStart,
-    ChipRow {
-        row: u16,
-        checksum: TransferChecksum,
-    },
-    ChipEnd {
-        checksum: TransferChecksum,
-    },
-    ProfileStart,
-    ProfileRow {
-        row: u16,
-        checksum: TransferChecksum,
-    },
-    ProfileEnd {
-        checksum: TransferChecksum,
-    },
 }
 
 /// Everything except the receiver, since commands borrow from its buffer.

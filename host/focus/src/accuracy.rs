@@ -48,6 +48,7 @@ use num_complex::Complex64;
 use super::budget::Budget;
 use super::compared::{self, Compared, Planned};
 use super::cost::StageCost;
+use super::goal::{BoundPolicy, ErrorGoal, Settings, misses, note_error};
 use super::sampled::{Probes, TileRecord};
 use super::second_look::{Estimate, add_all, look_again, look_at_all};
 use super::{
@@ -57,56 +58,6 @@ use super::{
 use subaperture_model::image::ImageSource;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
-
-/// Whether an image may exceed its error bound.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BoundPolicy {
-    /// Exceeding the bound is the error [`FormError::BoundMissed`].
-    Refused,
-    /// Exceeding the bound is recorded with the image.
-    Allowed,
-}
-
-/// Error requirement for an image.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ErrorGoal {
-    /// Bound on the relative RMS error, dB; `None` for no bound.
-    pub bound_db: Option<f64>,
-    /// Whether the bound may be exceeded.
-    pub bound_policy: BoundPolicy,
-}
-
-impl ErrorGoal {
-    /// Accept an image with predicted error `predicted_db`. `limit` names the limiting effect and a
-    /// remedy.
-    ///
-    /// # Errors
-    /// [`FormError::BoundMissed`] if the prediction exceeds the bound and that is refused.
-    pub fn check(
-        &self,
-        predicted_db: f64,
-        limit: impl FnOnce() -> Reason,
-    ) -> Result<(), FormError> {
-        match self.bound_db {
-            Some(bound_db)
-                if self.bound_policy == BoundPolicy::Refused
-                    && misses(predicted_db, Some(bound_db)) =>
-            {
-                Err(FormError::BoundMissed {
-                    predicted_db,
-                    bound_db,
-                    limit: limit(),
-                })
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// Whether a prediction exceeds a bound; NaN does.
-pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
-    bound_db.is_some_and(|bound_db| predicted_db.is_nan() || predicted_db > bound_db)
-}
 
 /// Smallest reduction of the planned error, dB, and largest factor in operations, for which a stricter plan is used.
 const MIN_GAIN_DB: f64 = 0.5;
@@ -236,24 +187,6 @@ impl Judgement {
         }
         note_error(bound_db, self.predicted_db(), settings)
     }
-}
-
-/// Settings recorded with an image.
-pub type Settings = serde_json::Map<String, serde_json::Value>;
-
-/// Record the predicted error and its bound in settings. Return whether the bound is exceeded.
-pub(super) fn note_error(
-    bound_db: Option<f64>,
-    predicted_db: f64,
-    settings: &mut Settings,
-) -> bool {
-    let missed = misses(predicted_db, bound_db);
-    settings.insert("predicted_error_db".to_owned(), predicted_db.into());
-    if let Some(bound_db) = bound_db {
-        settings.insert("error_db".to_owned(), bound_db.into());
-        settings.insert("bound_missed".to_owned(), missed.into());
-    }
-    missed
 }
 
 /// Relative error of the stop-and-go approximation within a pulse, if `former` makes it.

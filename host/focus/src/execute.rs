@@ -11,6 +11,8 @@
 
 use std::borrow::Cow;
 
+use subaperture_model::image::Image;
+
 use super::budget::Budget;
 use super::opened::Opened;
 use super::plan::Plan;
@@ -149,6 +151,21 @@ impl Plan {
         let mut sink = InMemory::new();
         let executed = execution.run(&plan, &mut sink)?;
         let Executed { plan, judgement } = executed.expect("a single process forms all tiles");
-        Ok(Formed::judged(sink.image, &plan, &judgement))
+        Ok(judged(sink.image, &plan, &judgement))
+    }
+}
+
+/// Image of `plan` with its measured error.
+fn judged(image: Image, plan: &Plan, judgement: &Judgement) -> Formed {
+    let mut settings = plan.summary.as_object().cloned().unwrap_or_default();
+    if let Some(error_db) = plan.planned_for_db {
+        settings.insert("planned_for_db".to_owned(), error_db.into());
+    }
+    let bound_missed = judgement.note(plan.bound_db, &mut settings);
+    Formed {
+        image,
+        predicted_error_db: judgement.predicted_db(),
+        bound_missed,
+        settings,
     }
 }

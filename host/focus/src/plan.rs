@@ -14,10 +14,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, BoundPolicy, ErrorGoal};
+use super::accuracy;
 use super::compared::Planned;
 use super::cost::Cost;
 pub use super::fingerprint::Fingerprint;
+use super::goal::{BoundPolicy, ErrorGoal, misses};
 use super::patch::PatchSize;
 pub use super::sink::{ImageSink, InMemory, Sink};
 use super::time_model::{TimeModel, TimeModelError};
@@ -167,7 +168,7 @@ impl Plan {
             misses_allowed: bound_policy == BoundPolicy::Allowed,
             ..Self::made(&*stricter, former.bound_db(), spec, allowed, monitor)?
         };
-        let keeps = plan.misses_allowed || !accuracy::misses(plan.planned_db, plan.bound_db);
+        let keeps = plan.misses_allowed || !misses(plan.planned_db, plan.bound_db);
         Ok(keeps.then_some(plan))
     }
 

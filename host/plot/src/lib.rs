@@ -22,6 +22,7 @@
 mod canvas;
 mod colours;
 mod composite;
+mod error;
 mod heat;
 mod layout;
 mod lines;
@@ -29,12 +30,13 @@ mod orientation;
 mod raster;
 mod scale;
 mod shades;
+mod source;
 mod ticks;
 
 use canvas::Packing;
 use layout::{Drawn, Sheet};
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Image, ImageSource, ImageSourceError, power};
+use subaperture_model::image::ImageSourceError;
 
 pub use colours::Colours;
 pub use composite::{Channel, ColourSource, MAX_HUES};
@@ -43,61 +45,9 @@ pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
 pub use scale::{Scale, Upper, automatic_levels_db};
 
-/// Image source of a picture.
-#[derive(Clone, Copy, Debug)]
-pub enum Source<'a> {
-    /// Image in memory.
-    Whole(&'a Image),
-    /// Image read window by window.
-    ImageSource(&'a dyn ImageSource),
-}
+pub use source::Source;
 
-impl<'a> From<&'a Image> for Source<'a> {
-    fn from(image: &'a Image) -> Self {
-        Self::Whole(image)
-    }
-}
-
-impl Source<'_> {
-    fn size(&self) -> (usize, usize) {
-        match self {
-            Self::Whole(image) => (image.rows, image.columns),
-            Self::ImageSource(parts) => parts.size(),
-        }
-    }
-
-    /// Mean power on `height` x `width` cells that cover the first `rows` and `columns`.
-    fn powers(
-        &self,
-        (rows, columns): (usize, usize),
-        height: usize,
-        width: usize,
-    ) -> Result<Vec<f64>, ImageSourceError> {
-        match self {
-            Self::Whole(image) => {
-                let line = |row: usize| &image.pixels[row * image.columns..];
-                let size = (rows, columns);
-                Ok(raster::resample(size, line, |&z| power(z), height, width))
-            }
-            Self::ImageSource(parts) => {
-                let mut reduced = raster::Reduced::new((rows, columns), height, width);
-                for place in parts.places() {
-                    if place[0].start >= rows || place[1].start >= columns {
-                        continue;
-                    }
-                    let window = parts.window(&place)?;
-                    let [down, across] = place;
-                    let lines = window.pixels.chunks_exact(across.len());
-                    for (row, values) in (down.start..down.end.min(rows)).zip(lines) {
-                        let powers = values.iter().map(|&z| power(z));
-                        reduced.add(row, across.start, powers);
-                    }
-                }
-                Ok(reduced.finish())
-            }
-        }
-    }
-}
+pub use error::PlotError;
 
 /// Picture of an image.
 #[derive(Clone, Debug)]
@@ -313,26 +263,6 @@ fn edges(axis: &Axis) -> (f64, f64) {
     let half = axis.step / 2.0;
     let last = axis.at(axis.count - 1);
     (axis.start - half, last + half)
-}
-
-/// Error of drawing a picture.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlotError {
-    /// The input cannot be drawn.
-    #[error("cannot draw {title:?}: {what}")]
-    Unsuited {
-        /// Title of the panel.
-        title: String,
-        /// Reason why the data cannot be drawn.
-        what: String,
-    },
-    /// An image could not be read.
-    #[error(transparent)]
-    ImageSource(ImageSourceError),
-    /// The picture could not be encoded.
-    #[error("cannot encode the picture: {0}")]
-    Encoding(#[from] png::EncodingError),
 }
 
 /// Draw a picture as PNG, up to 1600 pixels per side plus margins.

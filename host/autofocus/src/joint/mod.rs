@@ -21,34 +21,20 @@
 //! they are wrapped, so that a turn lost in noise does not persist. Outliers have less weight (Cauchy's function), such as a bin with two scatterers
 //! or a moving point; the noise is at least the median of the history's residuals.
 
+mod sighted;
 mod turn;
 
 use glam::DVec3;
 use num_complex::Complex64;
 
-use subaperture_model::phase_history::Pulse;
 use subaperture_model::resolution::support::path_gradient;
 use subaperture_signal::dense::Factor;
 use subaperture_signal::phase::cis;
 
+use sighted::cauchy;
 use turn::{Residuals, Turn};
 
-/// A history with the geometry that it was taken by.
-#[derive(Clone)]
-pub(crate) struct Sighted<'a> {
-    /// Which point it is of.
-    pub(crate) point: usize,
-    /// Where the point was taken to be.
-    pub(crate) place_m: DVec3,
-    /// The pulses, with the recorded antennas.
-    pub(crate) pulses: &'a [Pulse],
-    /// Radians a metre of path, of each.
-    pub(crate) wavenumbers: Vec<f64>,
-    /// A value a turn.
-    pub(crate) values: Vec<Complex64>,
-    /// Power of all that is not the point.
-    pub(crate) rest: f64,
-}
+pub(crate) use sighted::Sighted;
 
 /// Estimate of the displacements.
 #[derive(Clone)]
@@ -59,14 +45,9 @@ pub(crate) struct Solved {
     pub(crate) expected: Vec<[f64; 2]>,
 }
 
-/// Gauss-Newton steps, those first in which phases are followed over whole turns; and the smallest variance of a phase, radians
-/// squared: geometry and range cells leave as much.
+/// Gauss-Newton steps, and those first in which phases are followed over whole turns.
 const ROUNDS: usize = 10;
 const FOLLOWED: usize = 4;
-const MIN_VARIANCE: f64 = 1e-4;
-
-/// Residuals, in standard deviations, at which a weight is halved (Cauchy's, 95 % efficient).
-const HALVED_AT: f64 = 2.385;
 
 /// Prior standard deviation of the points' positions, in range cells.
 pub(crate) const PLACE_CELLS: f64 = 0.5;
@@ -74,37 +55,9 @@ pub(crate) const PLACE_CELLS: f64 = 0.5;
 /// Robust passes over the steps of a pulse.
 const PASSES: usize = 3;
 
-impl Sighted<'_> {
-    /// Variance of the phase in turn `n`.
-    fn variance(&self, n: usize) -> f64 {
-        let power = self.values[n].norm_sqr();
-        MIN_VARIANCE + 0.5 * self.rest / power.max(1e-3 * self.rest)
-    }
-
-    /// Model phase of turn `n`, radians, for a point displaced by `off_m` and antennas displaced by `moved_m`.
-    fn model(&self, n: usize, moved_m: DVec3, off_m: DVec3) -> f64 {
-        let pulse = &self.pulses[n];
-        // The path from displaced antennas is that to the point displaced in the opposite direction.
-        let there_m = self.place_m + off_m - moved_m;
-        -self.wavenumbers[n] * (pulse.path_m(there_m) - pulse.path_m(self.place_m))
-    }
-
-    /// How it grows with the displacement along both axes, radians a metre.
-    fn slopes(&self, n: usize, axes: [DVec3; 2], moved_m: DVec3, off_m: DVec3) -> [f64; 2] {
-        let pulse = &self.pulses[n];
-        let there_m = self.place_m + off_m - moved_m;
-        let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, there_m);
-        axes.map(|axis| self.wavenumbers[n] * gradient.dot(axis))
-    }
-}
-
 /// A vector of the plane.
 fn flat(axes: [DVec3; 2], [x, y]: [f64; 2]) -> DVec3 {
     axes[0] * x + axes[1] * y
-}
-
-fn cauchy(residual: f64, variance: f64) -> f64 {
-    1.0 / (1.0 + residual * residual / (variance * HALVED_AT * HALVED_AT))
 }
 
 /// Displacements by steps from pulse to pulse, the first at zero; each step with a prior of zero and spread `spread_m`.

@@ -2,6 +2,7 @@
 
 pub mod auto;
 pub mod bp;
+mod entry;
 pub mod exact;
 pub mod ffbp;
 pub mod omega_k;
@@ -14,29 +15,8 @@ use super::ImageFormer;
 use super::beam::InBeam;
 pub use options::{FormerOption, OptionError, OptionType, OptionValues, OptionWord};
 
-/// Registry entry of a former.
-#[derive(Clone, Copy, Debug)]
-pub struct Entry {
-    /// Name used in records and on the command line.
-    pub name: &'static str,
-    /// One-line description.
-    pub summary: &'static str,
-    /// Options of the former.
-    pub options: &'static [FormerOption],
-    /// Constructor from settings, a JSON object; missing settings take their defaults.
-    pub of: fn(&serde_json::Value) -> Result<Box<dyn ImageFormer>, serde_json::Error>,
-}
-
-impl Entry {
-    /// Make the former with an error bound, dB, and default settings; a former without a bound ignores it.
-    pub fn within(&self, error_db: f64) -> Box<dyn ImageFormer> {
-        let settings = match self.option(options::ERROR_DB.name) {
-            Some(_) => serde_json::json!({ "error_db": error_db }),
-            None => serde_json::json!({}),
-        };
-        (self.of)(&settings).expect("what is left out of settings is as by default")
-    }
-}
+pub use entry::Entry;
+use entry::of;
 
 /// All formers; the reference former comes first.
 pub static FORMERS: [Entry; 8] = [
@@ -101,11 +81,4 @@ pub fn former(
         name: entry.name,
         source,
     })
-}
-
-/// Make a former of type `T` from settings.
-fn of<T: ImageFormer + serde::de::DeserializeOwned + 'static>(
-    settings: &serde_json::Value,
-) -> Result<Box<dyn ImageFormer>, serde_json::Error> {
-    Ok(Box::new(T::deserialize(settings)?))
 }

@@ -2,7 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::RangeMethod;
+use subaperture_signal::fast_length::fast_length;
+
 use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::taper::{BETA, Taper};
@@ -83,12 +84,12 @@ impl Axes {
         motion: &Motion,
         wavenumbers: Vec<f64>,
         bounds: &Bounds,
-        method: &dyn RangeMethod,
+        range_wavenumber: &dyn Fn(f64, f64) -> f64,
     ) -> Result<Self, FormError> {
-        let track = &motion.track;
+        let track = &motion.positions.track;
         let (least, most) = (wavenumbers[0], wavenumbers[wavenumbers.len() - 1]);
         let Bounds { along_m, range_m } = *bounds;
-        let [first_m, last_m] = motion.span_m();
+        let [first_m, last_m] = motion.positions.span_m();
         let reach_m = [along_m[0] - last_m, along_m[1] - first_m];
         let taper = directions(reach_m, range_m, least)?;
         let ends = taper.ends;
@@ -105,7 +106,7 @@ impl Axes {
             let remedies = [Remedy::OtherFormer(&["bp"]), Remedy::SmallerGrid];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
-        let period = super::fast_length((pulses as usize).max(track.num_pulses));
+        let period = fast_length((pulses as usize).max(track.num_pulses));
         let period_m = period as f64 * track.spacing_m;
         let along_wavenumber_step = TAU / period_m;
         let first_bin = (along_low / along_wavenumber_step).floor() as i64;
@@ -119,7 +120,7 @@ impl Axes {
         let carrier = (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step;
         let (first_along, along) = along_axis(along_m, period_m / along_length as f64, carrier);
         Ok(Self {
-            range: range_axis(method, [least, most], ends, range_m)?,
+            range: range_axis(range_wavenumber, [least, most], ends, range_m)?,
             wavenumbers,
             range_m,
             reach_m,
@@ -154,7 +155,7 @@ impl Axes {
 
 /// Cells per period of a transform that is gridded or interpolated by a kernel: twice the retained wavenumbers.
 pub(super) fn cells(num_bins: usize) -> usize {
-    super::fast_length((2 * num_bins).max(2 * TAPS))
+    fast_length((2 * num_bins).max(2 * TAPS))
 }
 
 /// Band of directions in which pixels are seen; `wavenumber` is the smallest one.
@@ -215,7 +216,7 @@ fn along_axis(along_m: [f64; 2], step_m: f64, carrier: f64) -> (i64, ImageAxis) 
 
 /// Axis of closest range, sampled for the range wavenumbers of the method.
 fn range_axis(
-    method: &dyn RangeMethod,
+    range_wavenumber: &dyn Fn(f64, f64) -> f64,
     wavenumbers: [f64; 2],
     ends: [f64; 2],
     range_m: [f64; 2],
@@ -225,7 +226,7 @@ fn range_axis(
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for kappa in wavenumbers {
         for sine in [ends[0], ends[1], broadside] {
-            let value = method.range_wavenumber(kappa, kappa * sine);
+            let value = range_wavenumber(kappa, kappa * sine);
             if !value.is_finite() {
                 let why = "the band is too wide for an expansion about its centre at these angles";
                 let remedies = [Remedy::OtherFormer(&["omega-k", "bp"])];

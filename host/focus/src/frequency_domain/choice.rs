@@ -12,7 +12,7 @@ use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::prediction::{self, Prediction};
 use super::{Axes, RangeMethod, Sizes, cost};
-use crate::accuracy::misses;
+use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::straight_track::StraightTrack;
 use crate::sub_cpi::shared_band;
@@ -43,9 +43,10 @@ pub(super) struct Fitted {
 impl Fitted {
     /// Phase rotation of all samples of pulse `n` by the along-track carrier before the transform, turns.
     pub(super) fn turns(&self, n: usize) -> f64 {
-        match self.motion.is_uneven() {
+        match self.motion.positions.is_uneven() {
             true => {
-                let from_first_m = self.motion.along_m(n) - self.motion.span_m()[0];
+                let from_first_m =
+                    self.motion.positions.along_m(n) - self.motion.positions.span_m()[0];
                 let middle = self.axes.along_wavenumber(self.axes.num_bins / 2);
                 -middle * from_first_m / (2.0 * PI)
             }
@@ -98,7 +99,9 @@ impl<'a> Ground<'a> {
             None => self.wavenumbers.clone(),
         };
         Ok(Fitted {
-            axes: Axes::new(&motion, kept, &self.bounds, self.method)?,
+            axes: Axes::new(&motion, kept, &self.bounds, &|kappa, kx| {
+                self.method.range_wavenumber(kappa, kx)
+            })?,
             motion,
             wavenumbers: self.wavenumbers.clone(),
         })

@@ -5,7 +5,6 @@
 //! Pulses at uneven positions are gridded, 4 operations per tap, before a shorter transform. Range-dependent motion compensation of a profile takes transforms of
 //! twice its `K` samples and of the `M` wavenumbers that replace them, and for each of these a polynomial, taps and a phasor.
 
-use super::motion::Motion;
 use super::motion::warp::profile_length;
 use super::{Fitted, RangeMethod, Sizes, TAPS};
 use crate::TimeModel;
@@ -39,7 +38,10 @@ pub(super) fn cost(
 ) -> Cost {
     let sizes = Sizes::of(&fitted.axes);
     let samples = fitted.axes.wavenumbers.len();
-    let (k, n) = (samples as f64, fitted.motion.track.num_pulses as f64);
+    let (k, n) = (
+        samples as f64,
+        fitted.motion.positions.track.num_pulses as f64,
+    );
     let (q, r) = (sizes.along_wavenumbers as f64, sizes.ranges as f64);
     let (padded, along) = (sizes.padded_pulses as f64, sizes.along_length as f64);
     // Two arrays exist at a time, one computed from the other.
@@ -52,7 +54,7 @@ pub(super) fn cost(
     let pixel_ns = 2.0 * model.phasor_ns + model.raster_tap_ns * (TAPS * TAPS) as f64;
     let compensation = compensation(model, fitted);
     let moved_ns = if compensation.is_some() { 0.0 } else { sample };
-    let (spread, spread_ns) = match fitted.motion.is_uneven() {
+    let (spread, spread_ns) = match fitted.motion.positions.is_uneven() {
         true => (TAP * TAPS as f64, model.raster_tap_ns * TAPS as f64),
         false => (0.0, 0.0),
     };
@@ -88,8 +90,7 @@ fn compensation(model: &TimeModel, fitted: &Fitted) -> Option<StageCost> {
         axes,
     } = fitted;
     motion.profiles()?;
-    let Motion { track, .. } = motion;
-    let pulses = track.num_pulses as f64;
+    let pulses = motion.positions.track.num_pulses as f64;
     let (samples, kept) = (wavenumbers.len() as f64, axes.wavenumbers.len() as f64);
     let length = profile_length(wavenumbers.len()) as f64;
     let place = TAP * TAPS as f64 + POLYNOMIAL + 2.0 * PHASOR;

@@ -50,110 +50,37 @@ mod bounds;
 mod choice;
 mod cost;
 mod fall;
+mod method;
 mod motion;
 mod prediction;
 mod read_out;
+mod sizes;
 mod spectrum;
 mod stage;
+mod strip;
 mod taper;
 
 use std::sync::{Arc, Mutex};
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use subaperture_fft::Transforms;
 
 use super::budget::Budget;
 use super::read_ahead::BLOCKS_HELD;
-use super::{FormError, Forming, ImageSpec, Remedy, Tile, TimeModel, Work};
+use super::{FormError, Forming, ImageSpec, Remedy, Tile, Work};
 use subaperture_model::monitor::during;
-use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{cis, narrow};
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
 use choice::Fitted;
 pub(super) use choice::{decide, sizes};
+pub(super) use method::{RangeMethod, RangeStage};
+use method::{stationary_phase_error, step_done};
+pub use sizes::Sizes;
 use spectrum::BLOCK_PULSES;
 pub use stage::{Stage, StageKind};
-
-/// Array sizes of a frequency-domain former.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sizes {
-    /// Length of the slow-time transform: padded pulses, or the cells onto which uneven pulses are gridded.
-    pub padded_pulses: usize,
-    /// Number of retained along-track wavenumbers.
-    pub along_wavenumbers: usize,
-    /// Number of range bins.
-    pub ranges: usize,
-    /// Length of the inverse transform to along-track position.
-    pub along_length: usize,
-    /// Number of retained along-track positions.
-    pub columns: usize,
-}
-
-impl Sizes {
-    fn of(axes: &Axes) -> Self {
-        Self {
-            padded_pulses: axes.slow_length,
-            along_wavenumbers: axes.num_bins,
-            ranges: axes.range.count,
-            along_length: axes.along_length,
-            columns: axes.along.count,
-        }
-    }
-}
-
-/// Transform from frequency to closest range, for one along-track wavenumber at a time.
-pub(super) trait RangeMethod: Sync {
-    /// Range wavenumber assigned to a sample at `kappa`, `kx` (rad/m); not finite where the
-    /// method has none.
-    fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64;
-
-    /// Total phase of a sample at `kappa`, `kx` at a given range after all steps, radians.
-    /// `reference_m` is the centre of the swath. The phase is `range_m kr` if the method is exact.
-    fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, reference_m: f64) -> f64;
-
-    /// Operations for all along-track wavenumbers, with the given number of samples per pulse.
-    fn operations(&self, samples: usize, sizes: &Sizes) -> f64;
-
-    /// Single-core time of these operations, ns.
-    fn time_ns(&self, model: &TimeModel, samples: usize, sizes: &Sizes) -> f64;
-
-    /// Prepare the method for given axes.
-    fn stage(&self, axes: &Axes, transforms: Transforms) -> Box<dyn RangeStage>;
-}
-
-/// [`RangeMethod`] prepared for given axes.
-pub(super) trait RangeStage: Sync {
-    /// Range wavenumber, as in [`RangeMethod::range_wavenumber`].
-    fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64;
-
-    /// Phase rotation of a sample before [`Self::ranges`], radians.
-    fn phase_rad(&self, kappa: f64, kx: f64) -> f64;
-
-    /// Scratch values needed by [`Self::ranges`].
-    fn scratch_length(&self) -> usize;
-
-    /// `out[j] = sum_k samples[k] exp(j r_j (kr_k - carrier))` for the wavenumber `kx`. The
-    /// phase rotation of [`Self::phase_rad`] must have been applied.
-    fn ranges(
-        &self,
-        kx: f64,
-        samples: &[Complex32],
-        out: &mut [Complex32],
-        scratch: &mut [Complex32],
-    );
-}
-
-/// Plan of a method opened for forming. The image over range and along-track position, which all tiles share, is computed with the first tile
-/// and kept.
-pub(super) struct Strip<'a, M> {
-    spec: ImageSpec<'a>,
-    method: M,
-    fitted: Fitted,
-    image: Mutex<Option<Arc<Vec<Complex32>>>>,
-}
+pub(super) use strip::Strip;
 
 impl<'a, M: RangeMethod> Strip<'a, M> {
     /// Choose axes for `method` according to stored choices.
@@ -205,7 +132,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         let (samples, ranges) = (axes.wavenumbers.len(), axes.range.count);
         let spectrum_bytes = bytes(samples, axes.num_bins);
         let range_bytes = bytes(axes.num_bins, ranges);
-        let num_pulses = motion.track.num_pulses;
+        let num_pulses = motion.positions.track.num_pulses;
         let steps = [
             bytes(samples, num_pulses) + spectrum_bytes,
             spectrum_bytes + range_bytes,
@@ -246,7 +173,8 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
     fn reading_bytes(&self) -> u128 {
         match self.fitted.motion.profiles() {
             Some(_) => {
-                let pulses = BLOCKS_HELD * BLOCK_PULSES.min(self.fitted.motion.track.num_pulses);
+                let pulses =
+                    BLOCKS_HELD * BLOCK_PULSES.min(self.fitted.motion.positions.track.num_pulses);
                 8 * (pulses * self.spec.collection.num_samples) as u128
             }
             None => 0,
@@ -307,7 +235,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         let given = stage.range_wavenumber(kappa, kx);
         let roll_off = along * roll_off(kernel, &axes.range, given);
         // The slow-time transform starts at the first pulse position, before the aperture centre.
-        let [start_m, _] = self.fitted.motion.span_m();
+        let [start_m, _] = self.fitted.motion.positions.span_m();
         let phase_rad = stage.phase_rad(kappa, kx) - kx * start_m;
         cis(phase_rad)
             * stationary_phase_error(axes.reference_range_m() * kr)
@@ -324,21 +252,6 @@ impl<M: RangeMethod> Forming for Strip<'_, M> {
 /// Roll-off of the interpolation kernel of an image axis.
 fn roll_off(kernel: &KaiserBessel, axis: &ImageAxis, wavenumber: f64) -> f64 {
     kernel.spectrum((wavenumber - axis.carrier) * axis.step_m / std::f64::consts::TAU)
-}
-
-/// Report the progress of a stage.
-fn step_done(work: &Work, fraction: f64) -> Result<(), FormError> {
-    if work.monitor.cancelled() {
-        return Err(FormError::Cancelled);
-    }
-    work.monitor.progress(fraction);
-    Ok(())
-}
-
-/// Ratio of `H1(z)` to its leading term, for `z` above about 5: the correction of the principle of
-/// stationary phase.
-fn stationary_phase_error(z: f64) -> Complex64 {
-    Complex64::new(1.0 + 15.0 / (128.0 * z * z), 3.0 / (8.0 * z))
 }
 
 #[cfg(test)]

@@ -243,7 +243,7 @@ impl Line {
 
     /// Error of a pixel: the mean over pulses, at the worse of the two neighbouring ranges.
     fn at(&self, point: DVec3, motion: &Motion, slow: &Shares) -> f64 {
-        let track = &motion.track;
+        let track = &motion.positions.track;
         let (along_m, range_m) = track.along_and_range_m(point);
         let after = self.ranges_m.partition_point(|&r| r < range_m);
         let about = after.saturating_sub(1)..=after.min(self.ranges_m.len() - 1);
@@ -256,7 +256,7 @@ impl Line {
             })
             .collect();
         for n in (0..track.num_pulses).step_by(every) {
-            let index = self.offsets.index(along_m - motion.along_m(n));
+            let index = self.offsets.index(along_m - motion.positions.along_m(n));
             let i = (index as usize).min(self.offsets.count - 2);
             let t = index - i as f64;
             let error = worst[i] * (1.0 - t) + worst[i + 1] * t;

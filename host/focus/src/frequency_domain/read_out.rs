@@ -73,7 +73,7 @@ pub(super) fn pixels<M: RangeMethod>(
         work.monitor,
         PIXELS,
         |point, pixel| {
-            let (along_m, range_m) = strip.fitted.motion.track.along_and_range_m(point);
+            let (along_m, range_m) = strip.fitted.motion.positions.track.along_and_range_m(point);
             let (row, row_weights) = taps(&kernel, &axes.range, range_m);
             let (column, column_weights) = taps(&kernel, &axes.along, along_m);
             let sum = weighted(

@@ -25,16 +25,16 @@ pub(super) fn along_track<M: RangeMethod>(
 ) -> Result<Vec<Complex32>, FormError> {
     let (motion, axes) = (&strip.fitted.motion, &strip.fitted.axes);
     let transforms = strip.spec.numerics.transforms;
-    let uneven = motion.is_uneven().then(|| {
-        let from_first_m = |n| motion.along_m(n) - motion.span_m()[0];
-        let places_m = (0..motion.track.num_pulses).map(from_first_m);
+    let uneven = motion.positions.is_uneven().then(|| {
+        let from_first_m = |n| motion.positions.along_m(n) - motion.positions.span_m()[0];
+        let places_m = (0..motion.positions.track.num_pulses).map(from_first_m);
         Uneven::new(places_m, axes.period_m, axes.num_bins)
     });
     let samples = match motion.profiles() {
         Some(profiles) => warped(strip, profiles, work)?,
         None => moved(strip, work)?,
     };
-    let num_pulses = motion.track.num_pulses;
+    let num_pulses = motion.positions.track.num_pulses;
     let fft = transforms.forward(axes.slow_length);
     let mut spectrum = vec![Complex32::ZERO; axes.wavenumbers.len() * axes.num_bins];
     let scratch = || {

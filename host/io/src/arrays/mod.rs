@@ -5,6 +5,7 @@
 //! 240 bytes per pulse and channel, and one chunk of an HDF5 data set. `tests/recordings/arrays.rs` reads what NumPy and h5py write.
 
 mod convention;
+mod fault;
 mod fields;
 #[cfg(feature = "hdf5")]
 mod hdf5;
@@ -21,6 +22,8 @@ use subaperture_model::phase_history::{
 use crate::input::{Stamp, checksum};
 use fields::{Fields, Parsed};
 use source::Source;
+
+use fault::Fault;
 
 /// Description of the files that [`open_channels`] reads.
 pub const SCHEMA: &str = include_str!("schema.md");
@@ -114,18 +117,4 @@ pub fn open_channels(
         channels.push((about, Box::new(history) as Box<dyn PhaseHistory>));
     }
     Ok(Channels::new(channels)?)
-}
-
-/// Why arrays are no phase history.
-enum Fault {
-    /// Description of the fault, with the name of the array.
-    Malformed(String),
-    /// Bytes needed.
-    Memory(u64),
-}
-
-impl From<String> for Fault {
-    fn from(what: String) -> Self {
-        Self::Malformed(what)
-    }
 }

@@ -3,7 +3,8 @@
 
 use std::io::{self, Read};
 
-use super::MAGIC;
+/// First bytes of an NPY file.
+pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// What a header says, as it says it.
 pub(super) struct Header {

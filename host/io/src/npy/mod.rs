@@ -37,8 +37,6 @@ pub use on_disk::ImageFile;
 pub(crate) use range::Range;
 pub use write::{ArrayWriter, Number};
 
-const MAGIC: &[u8] = b"\x93NUMPY";
-
 /// Bytes of the file that [`write()`] makes of an image of this many pixels.
 pub fn file_bytes(num_pixels: u64) -> u64 {
     num_pixels.saturating_mul(8).saturating_add(128)

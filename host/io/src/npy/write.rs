@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use num_complex::Complex32;
 
-use super::MAGIC;
+use super::header::MAGIC;
 
 /// A kind of number that arrays are written of, little-endian.
 pub trait Number: Copy {

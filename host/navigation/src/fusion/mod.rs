@@ -24,6 +24,7 @@ mod guess;
 mod input;
 mod of_log;
 mod outcome;
+mod pivot;
 mod solve;
 mod terms;
 mod timeline;
@@ -41,8 +42,8 @@ use bundle::Bundle;
 use terms::{ARMS, CLOCKS, COMMON, OWN, Of, P, PSI, Problem, SQUINT, State, V};
 use timeline::Timeline;
 
-/// Smallest pivot of a factorisation, relative to the diagonal: a smaller one is rounding of some 15 terms.
-const MIN_PIVOT: f64 = 1e-14;
+use pivot::MIN_PIVOT;
+
 /// Change of a clock's advance that moves the states, seconds.
 const MOVED_S: f64 = 1e-3;
 /// Largest number of such moves.

@@ -5,6 +5,7 @@
 
 mod angles;
 mod describe;
+mod greys;
 mod read;
 
 pub use read::{SiddFile, is_sidd};
@@ -20,16 +21,7 @@ use crate::laid::Laid;
 use crate::nitf::{MAX_BYTES, Product};
 use crate::written::Written;
 
-/// Remap from power to grey.
-#[derive(Clone, Copy)]
-pub struct Greys<'a> {
-    /// Name of the remap, such as `Density`.
-    pub name: &'a str,
-    /// Levels of black and white, dB of magnitude.
-    pub levels_db: [f64; 2],
-    /// Grey of a power; 0 for NaN.
-    pub of: &'a dyn Fn(f32) -> u8,
-}
+pub use greys::Greys;
 
 /// SIDD file without its pixels.
 #[derive(Clone, Debug)]

@@ -10,6 +10,7 @@ mod chain;
 pub mod clock;
 pub mod converter;
 pub mod interference;
+mod moment;
 pub mod phase_noise;
 mod stream;
 pub mod thermal;
@@ -20,9 +21,11 @@ use super::experiment::Experiment;
 use converter::Quantiser;
 use interference::Interference;
 use phase_noise::Oscillator;
-use subaperture_model::radar::{Radar, Waveform};
+use subaperture_model::radar::Radar;
 
 pub use chain::Chain;
+
+pub use moment::Moment;
 
 /// Prepared receiver impairments of a radar.
 #[derive(Debug)]
@@ -33,21 +36,6 @@ pub(super) struct Impairments {
     oscillator: Option<Oscillator>,
     interference: Vec<Interference>,
     quantiser: Option<Quantiser>,
-}
-
-/// Pulse to which impairments are applied.
-#[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
-    /// Waveform actually transmitted and sampled.
-    pub waveform: &'a Waveform,
-    /// Index of the pulse among those of all transmitters.
-    pub pulse: usize,
-    /// Index of the receiver.
-    pub receiver: usize,
-    /// True time of the pulse, seconds.
-    pub time_s: f64,
-    /// Delay of the reference, seconds.
-    pub delay_s: f64,
 }
 
 impl Impairments {

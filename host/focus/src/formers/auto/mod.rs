@@ -14,15 +14,16 @@
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use super::entry::{Entry, of};
 use super::options::ERROR_DB;
-use super::{Entry, FORMERS, former, of};
-use crate::accuracy::{Settings, misses};
+use super::{bp, ffbp};
 use crate::former::{chosen, misfit};
+use crate::goal::{Settings, misses};
 use crate::{DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::monitor::Monitor;
 
 /// Names of the candidates; the first wins if two are equally fast.
-pub const CANDIDATES: [&str; 2] = ["bp", "ffbp"];
+pub const CANDIDATES: [Entry; 2] = [bp::ENTRY, ffbp::ENTRY];
 
 /// Fastest former within a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,9 +49,7 @@ impl Auto {
     }
 
     fn candidates(&self) -> impl Iterator<Item = Box<dyn ImageFormer>> {
-        let named = |name: &&str| FORMERS.iter().find(|entry| entry.name == *name);
-        let entries = CANDIDATES.iter().filter_map(named);
-        entries.map(|entry| entry.within(self.error_db))
+        CANDIDATES.iter().map(|entry| entry.within(self.error_db))
     }
 }
 
@@ -152,12 +151,9 @@ impl ImageFormer for Auto {
             former: name,
             choices,
         } = chosen(ENTRY.name, choices)?;
-        if !CANDIDATES.contains(&name.as_str()) {
+        let Some(entry) = CANDIDATES.iter().find(|entry| entry.name == name) else {
             return Err(misfit(ENTRY.name, "it is by another former"));
-        }
-        let settings = json!({ "error_db": self.error_db });
-        let taken =
-            former(&name, &settings).map_err(|error| misfit(ENTRY.name, &error.to_string()))?;
-        taken.open(spec, &choices)
+        };
+        entry.within(self.error_db).open(spec, &choices)
     }
 }

@@ -31,17 +31,17 @@
 
 mod blurs;
 mod choice;
+mod choices;
 mod cost;
+mod meaning;
 mod parts;
 mod sweeping;
 mod tiles;
 
 use std::ops::Range;
 
-use glam::DVec3;
 use serde_json::json;
 
-use self::blurs::Blurs;
 use self::choice::Shares;
 use self::parts::PulseParts;
 use super::options::ERROR_DB;
@@ -49,27 +49,19 @@ use super::{Entry, of};
 use crate::compared::SWATH;
 use crate::former::{chosen, misfit};
 use crate::patch::{PatchSize, Patches};
-use crate::read_ahead::BLOCKS_HELD;
 use crate::{
     DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
     Reason, Remedy, rounding,
 };
 use subaperture_kernels::tile::{self, MAX_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Pulses summed per pixel before they are added to it, if scratch memory has room for their profiles. The number is part of
-/// the plan, so that the summation order does not depend on memory.
-const SUMMED_PULSES: usize = 64;
-/// Pulses summed per pixel with intra-pulse motion, which takes many profiles per pulse.
-const SUMMED_BLURRED: usize = 16;
-/// Largest upsampling factor; float32 limits the error to about -130 dB.
-const MAX_OVERSAMPLING: f64 = 4096.0;
-/// Largest number of intervals beyond the ends of a profile.
-const MAX_MARGIN: usize = 1 << 18;
-/// Largest number of partial sums computed at a time.
-const MAX_PARTS: usize = 4;
+pub(crate) use choices::Choices;
+use choices::{
+    MAX_MARGIN, MAX_OVERSAMPLING, MAX_PARTS, PixelPaths, SUMMED_BLURRED, SUMMED_PULSES, pulse_bytes,
+};
+pub(crate) use meaning::Meaning;
 
 /// Backprojection with upsampled range profiles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -77,28 +69,6 @@ const MAX_PARTS: usize = 4;
 pub struct Backprojection {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
-}
-
-/// Meaning of grid points.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Meaning {
-    /// Positions of stationary points.
-    Places,
-    /// Velocities of a target at a given position and time; the grid has metres per second in place of metres.
-    Velocities { position_m: DVec3, epoch_s: f64 },
-}
-
-impl Meaning {
-    /// Position and velocity at the time of a pulse, metres and metres per second, for a grid point.
-    fn target(&self, pulse: &Pulse, point: DVec3) -> (DVec3, DVec3) {
-        match *self {
-            Self::Places => (point, DVec3::ZERO),
-            Self::Velocities {
-                position_m,
-                epoch_s,
-            } => (position_m + point * (pulse.time_s - epoch_s), point),
-        }
-    }
 }
 
 impl Default for Backprojection {
@@ -165,37 +135,6 @@ impl ImageFormer for Backprojection {
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         open(spec, chosen(ENTRY.name, choices)?, Meaning::Places)
     }
-}
-
-/// Parameters fixed by a plan.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(crate) struct Choices {
-    /// Degree of the splines that interpolate profiles.
-    degree: usize,
-    /// Upsampling factor of range profiles.
-    oversampling: f64,
-    /// Intervals beyond the ends of a profile.
-    margin: usize,
-    /// Pulses summed per pixel before they are added to it.
-    summed_pulses: usize,
-    way: PixelPaths,
-}
-
-/// Computation of pixel paths.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum PixelPaths {
-    /// Exact path for each pixel.
-    Points,
-    /// Path polynomials over tiles of `side` x `side` pixels, used where their RMS phase error is at most `phase_rad`.
-    Tiles { side: usize, phase_rad: f64 },
-    /// Exact path and range rate for each pixel, for intra-pulse motion.
-    Blurs(Blurs),
-}
-
-/// Bytes for a pulse, its buffered copies, and the given number of derived values.
-fn pulse_bytes(num_samples: usize, values: usize) -> u64 {
-    (8 * BLOCKS_HELD * num_samples + 4 * values) as u64
 }
 
 /// Decide on a plan for a grid with the given meaning.

@@ -7,10 +7,12 @@
 //!
 //! Neglected for antennas at rest: the setup of Horner's rule, about 50 operations per pixel and pulse.
 
-use super::BLOCK_PULSES;
 use crate::ImageSpec;
 use crate::cost::{Copies, Cost, StageCost};
 use crate::read_ahead::BLOCKS_HELD;
+
+/// Largest number of buffered pulses, so that progress and cancellation are prompt.
+pub(super) const BLOCK_PULSES: usize = 16;
 
 /// Name of the only stage.
 pub(super) const SUM: &str = "sum";

@@ -49,9 +49,6 @@ pub struct Exact;
 /// Number of pixels summed together.
 pub(crate) const LANES: usize = horner::TOGETHER;
 
-/// Largest number of buffered pulses, so that progress and cancellation are prompt.
-const BLOCK_PULSES: usize = 16;
-
 /// Position and float64 sum of a pixel.
 const PIXEL_BYTES: u64 = 24 + 16;
 
@@ -215,7 +212,7 @@ fn sum_at(
     let num_samples = collection.num_samples;
     let num_pulses = collection.pulses.len();
     let pulse_bytes = (8 * BLOCKS_HELD * num_samples) as u64;
-    let wanted = num_pulses.min(BLOCK_PULSES);
+    let wanted = num_pulses.min(cost::BLOCK_PULSES);
     let remedies = &[Remedy::MoreMemory];
     let block = budget.take_block("a pulse", pulse_bytes, wanted, remedies)?;
     let mut sums = vec![Complex64::ZERO; points.len()];

@@ -2,11 +2,14 @@
 //! over each axis; per pixel the two-way paths, 22, from each of [`FIT_PULSES`] pulses, a phasor, 20, interpolation `4 W^2`. All steps except the pixels
 //! are done once and shared by all tiles. Accuracy about 25 %: pre-emphasis and positions are omitted.
 
+use super::plane::FIT_PULSES;
 use super::raster::{RasterSize, SPREADING, TRANSFORMS};
-use super::{BLOCK_PULSES, FIT_PULSES};
 use crate::ImageSpec;
 use crate::cost::{Copies, Cost, StageCost, transform};
 use crate::read_ahead::BLOCKS_HELD;
+
+/// Pulses gridded at a time.
+pub(super) const BLOCK_PULSES: usize = 256;
 
 /// Stage name of pixel interpolation.
 pub(super) const PIXELS: &str = "pixels";

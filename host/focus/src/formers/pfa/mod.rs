@@ -57,9 +57,9 @@ use serde_json::json;
 
 use super::options::ERROR_DB;
 use super::{Entry, of};
-use crate::accuracy::misses;
 use crate::budget::Budget;
 use crate::former::{chosen, misfit};
+use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
@@ -73,11 +73,8 @@ use subaperture_model::monitor::{Monitor, during};
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
-use plane::{Extent, FIT_PULSES, Plane};
+use plane::{Extent, Plane};
 use raster::{Raster, RasterSize, Readable, Track};
-
-/// Pulses gridded at a time.
-const BLOCK_PULSES: usize = 256;
 
 /// Former by the polar format algorithm.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -244,7 +241,7 @@ impl<'a, const W: usize> Opened<'a, W> {
         let block = budget.take_block(
             "a pulse",
             (8 * BLOCKS_HELD * num_samples) as u64,
-            num_pulses.min(BLOCK_PULSES),
+            num_pulses.min(cost::BLOCK_PULSES),
             &[Remedy::MoreMemory],
         )?;
         read_ahead(

@@ -107,7 +107,7 @@ impl RangeDopplerBackprojection {
 }
 
 pub(super) const ENTRY: Entry = Entry {
-    name: "rdbp",
+    name: options::NAME,
     summary: "sub-CPI range-Doppler backprojection: any track, fast",
     options: &options::ALL,
     of: of::<RangeDopplerBackprojection>,

@@ -2,6 +2,9 @@
 
 use crate::formers::options::{ERROR_DB, FormerOption, OptionType, OptionWord};
 
+/// Name of the former.
+pub(super) const NAME: &str = "rdbp";
+
 const MODE: &str = "mode";
 const PRECISE: &str = "precise";
 const THESIS: &str = "thesis";

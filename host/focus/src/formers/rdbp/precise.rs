@@ -36,8 +36,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::mapper::{Mapper, Shapes};
+use super::options::NAME;
 use super::plan::{MAX_SPAN, Plan};
-use super::{ENTRY, cost, times};
+use super::{cost, times};
 use crate::budget::{Budget, on_threads};
 use crate::cost::Cost;
 use crate::former::misfit;
@@ -116,7 +117,7 @@ impl Choices {
         let mut shapes = Shapes::new();
         for (&inputs, &span) in &self.spans {
             if !(0.0..MAX_SPAN).contains(&span) {
-                return Err(misfit(ENTRY.name, "a Doppler span is none"));
+                return Err(misfit(NAME, "a Doppler span is none"));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(band, inputs as f64 + sweep_pulses);
@@ -195,7 +196,7 @@ impl<'a, const W: usize> Opened<'a, W> {
         for &count in &choices.sub_cpis {
             let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
-                return Err(misfit(ENTRY.name, "sub-CPIs are not those of its pulses"));
+                return Err(misfit(NAME, "sub-CPIs are not those of its pulses"));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
@@ -203,7 +204,7 @@ impl<'a, const W: usize> Opened<'a, W> {
         let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
         if first != collection.pulses.len() || !patches {
             return Err(misfit(
-                ENTRY.name,
+                NAME,
                 "it is of other pulses, or its patches are empty",
             ));
         }

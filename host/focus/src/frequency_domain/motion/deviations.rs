@@ -5,7 +5,7 @@
 //! the direction across the track are `h / rho` and `sqrt(1 - (h / rho)^2)`. The terms beyond degree `p`
 //! decay as `eta^(p + 1)` or faster, where `eta` is half the interval of `1 / rho` over its centre ([`Interval::degree`]).
 
-use super::Motion;
+use super::positions::Positions;
 use crate::probes::spread;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
@@ -82,7 +82,7 @@ impl Deviation {
 pub(super) fn fitted(
     collection: &Collection,
     grid: &ImageGrid,
-    motion: &Motion,
+    positions: &Positions,
     intervals: &[Interval],
     degree: usize,
 ) -> Option<Vec<Deviation>> {
@@ -94,7 +94,7 @@ pub(super) fn fitted(
         let mut coefficients = [0.0; COEFFICIENTS];
         let right = &mut coefficients[..count];
         for &point in &points {
-            let range_m = motion.range_m(n, point);
+            let range_m = positions.range_m(n, point);
             let excess_m = pulse.path_m(point) / 2.0 - range_m;
             let basis = chebyshev(interval.place(range_m));
             for i in 0..count {

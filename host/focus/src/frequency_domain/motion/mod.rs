@@ -62,6 +62,7 @@
 //! The error of the second-order compensation described above was not measured.
 
 mod deviations;
+mod positions;
 mod profiles;
 pub(super) mod uneven;
 pub(super) mod warp;
@@ -72,6 +73,7 @@ use rayon::prelude::*;
 use super::bounds::Bounds;
 use crate::FormError;
 use crate::straight_track::StraightTrack;
+pub(super) use positions::Positions;
 pub(super) use profiles::Profiles;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Pulse};
@@ -107,12 +109,8 @@ impl Compensation {
 
 /// Recorded track relative to the fitted line.
 pub(super) struct Motion {
-    pub(super) track: StraightTrack,
+    pub(super) positions: Positions,
     pub(super) compensation: Compensation,
-    /// Along-track pulse positions from the line's centre, metres; `None` for even positions.
-    places_m: Option<Vec<f64>>,
-    /// First and last along-track pulse position, metres.
-    span_m: [f64; 2],
     /// Excess two-way path of each pulse to the reference point relative to the line, metres; empty for
     /// [`Compensation::Ranges`].
     excess_m: Vec<f64>,
@@ -135,54 +133,29 @@ impl Motion {
         compensation: Compensation,
     ) -> Result<Self, FormError> {
         let pulses = &collection.pulses;
-        let places_m: Option<Vec<f64>> = (compensation != Compensation::Point)
-            .then(|| pulses.iter().map(|pulse| track.place_m(pulse)).collect());
-        let span_m = match &places_m {
-            Some(places_m) => (places_m.iter())
-                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &s| {
-                    [low.min(s), high.max(s)]
-                }),
-            None => [0, track.num_pulses - 1].map(|n| track.along_m(n)),
+        let positions = match compensation {
+            Compensation::Point => Positions::even(track),
+            Compensation::Places | Compensation::Ranges => Positions::recorded(track, pulses),
         };
         let mut motion = Self {
-            track,
+            positions,
             compensation,
-            places_m,
-            span_m,
             excess_m: Vec::new(),
             profiles: None,
         };
+        let positions = &motion.positions;
         if compensation == Compensation::Ranges {
-            let profiles = Profiles::new(collection, grid, &motion, bounds, wavenumbers)?;
+            let profiles = Profiles::new(collection, grid, positions, bounds, wavenumbers)?;
             motion.profiles = Some(profiles);
         } else {
             let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
             let reference = grid.position_m(rows / 2, columns / 2);
             let of_pulses = pulses.par_iter().enumerate();
             motion.excess_m = of_pulses
-                .map(|(n, pulse)| pulse.path_m(reference) - 2.0 * motion.range_m(n, reference))
+                .map(|(n, pulse)| pulse.path_m(reference) - 2.0 * positions.range_m(n, reference))
                 .collect();
         }
         Ok(motion)
-    }
-
-    /// Along-track position of pulse `n` from the line's centre, metres.
-    pub(super) fn along_m(&self, n: usize) -> f64 {
-        match &self.places_m {
-            Some(places_m) => places_m[n],
-            None => self.track.along_m(n),
-        }
-    }
-
-    /// First and last along-track pulse position, metres.
-    pub(super) fn span_m(&self) -> [f64; 2] {
-        self.span_m
-    }
-
-    /// Range `rho` from pulse `n` on the line to a point of the scene, metres.
-    fn range_m(&self, n: usize, point: DVec3) -> f64 {
-        let on_line = self.track.centre_m + self.track.direction * self.along_m(n);
-        (point - on_line).length()
     }
 
     /// Two-way path correction of pulse `n` for the whole scene, metres; not for [`Compensation::Ranges`].
@@ -192,7 +165,7 @@ impl Motion {
 
     /// Residual two-way path of pulse `n` to `point`, metres.
     pub(super) fn left_m(&self, n: usize, pulse: &Pulse, point: DVec3) -> f64 {
-        let range_m = self.range_m(n, point);
+        let range_m = self.positions.range_m(n, point);
         let excess_m = pulse.path_m(point) - 2.0 * range_m;
         match &self.profiles {
             Some(profiles) => excess_m - 2.0 * profiles.deviation_m(n, range_m),
@@ -205,11 +178,6 @@ impl Motion {
         self.profiles.as_ref()
     }
 
-    /// Whether pulses have individual along-track positions.
-    pub(super) fn is_uneven(&self) -> bool {
-        self.places_m.is_some()
-    }
-
     /// Memory in addition to the samples, bytes: positions, deviations, gridding tables.
     pub(super) fn bytes(&self) -> u128 {
         let of_pulse = match self.compensation {
@@ -217,7 +185,7 @@ impl Motion {
             Compensation::Places => size_of::<f64>() + uneven::PULSE_BYTES,
             Compensation::Ranges => size_of::<f64>() + uneven::PULSE_BYTES + profiles::PULSE_BYTES,
         };
-        (of_pulse * self.track.num_pulses) as u128
+        (of_pulse * self.positions.track.num_pulses) as u128
     }
 
     /// Complex scratch values per thread for interpolating profiles with the given number of samples.
@@ -230,7 +198,7 @@ impl Motion {
 
     /// Relative RMS errors of the compensation kernels, in addition to [`Self::left_m`].
     pub(super) fn floors(&self) -> [f64; 2] {
-        let spread = if self.places_m.is_some() {
+        let spread = if self.positions.is_uneven() {
             uneven::ERROR
         } else {
             0.0

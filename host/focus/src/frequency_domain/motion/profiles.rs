@@ -26,8 +26,9 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::Bounds;
 use super::deviations::{Deviation, Interval, fitted};
-use super::{Bounds, Motion};
+use super::positions::Positions;
 use crate::frequency_domain::fall::Fall;
 use crate::{FormError, Reason, Remedy};
 use subaperture_model::geometry::ImageGrid;
@@ -66,16 +67,16 @@ pub(in crate::frequency_domain) struct Profiles {
 }
 
 impl Profiles {
-    /// Choose the sampling for the arguments of [`Motion::new`].
+    /// Choose the sampling for the arguments of [`Motion::new`](super::Motion::new).
     pub(super) fn new(
         collection: &Collection,
         grid: &ImageGrid,
-        motion: &Motion,
+        positions: &Positions,
         bounds: &Bounds,
         wavenumbers: &[f64],
     ) -> Result<Self, FormError> {
         let ranges: Vec<[f64; 2]> = (0..collection.pulses.len())
-            .map(|n| ranges_m(bounds, motion.along_m(n)))
+            .map(|n| ranges_m(bounds, positions.along_m(n)))
             .collect();
         let length_m = ranges
             .iter()
@@ -103,7 +104,7 @@ impl Profiles {
         let of_falls = 2.0 * BETA / fall_m;
         let of_degree = |degree| -> Result<(Vec<Deviation>, f64), FormError> {
             let deviations =
-                fitted(collection, grid, motion, &intervals, degree).ok_or_else(|| {
+                fitted(collection, grid, positions, &intervals, degree).ok_or_else(|| {
                     unsuited("the track strays from its line by more than numbers hold")
                 })?;
             let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);

@@ -240,7 +240,7 @@ mod tests {
                     &mut out,
                 );
                 // Pixels are seen at these ranges and in between.
-                let at = |x: f64, y: f64| motion.range_m(n, glam::DVec3::new(x, y, 0.0));
+                let at = |x: f64, y: f64| motion.positions.range_m(n, glam::DVec3::new(x, y, 0.0));
                 let (near_m, far_m) = (at(0.0, -20.0), at(12.0, 20.0).max(at(-12.0, 20.0)));
                 for i in 0..=400 {
                     let range_m = near_m + (far_m - near_m) * f64::from(i) / 400.0;

@@ -15,6 +15,8 @@
 
 mod aperture;
 pub mod default_grid;
+mod geometry;
+use geometry::{angle_between, median, phase_centre, positive};
 
 use glam::DVec3;
 use serde::Serialize;
@@ -281,10 +283,6 @@ impl Survey {
     }
 }
 
-fn phase_centre(pulse: &Pulse) -> DVec3 {
-    pulse.transmitter_m.midpoint(pulse.receiver_m)
-}
-
 /// Centre of the declared extent, or else the mean of the phase reference points; on the plane of the default grid.
 fn scene_centre(collection: &Collection) -> DVec3 {
     if let Some(extent) = collection.extent {
@@ -352,17 +350,6 @@ fn nyquist_step_m(looks: &Looks, extent: &Extent, limit_m: f64) -> [Option<f64>;
     widest.map(|extent| positive(1.0 / extent).filter(|&step_m| step_m < limit_m))
 }
 
-fn positive(value: f64) -> Option<f64> {
-    (value.is_finite() && value > 0.0).then_some(value)
-}
-
-/// Median of the values; `None` unless positive.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().and_then(positive)
-}
-
 /// Geodetic position of a frame's origin.
 fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
     match frame {
@@ -371,15 +358,10 @@ fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
     }
 }
 
-/// Angle between two vectors, radians; 0 for a zero vector.
-fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    // Accurate for small angles, unlike the arc cosine.
-    libm::atan2(a.cross(b).length(), a.dot(b))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
     use crate::phase_history::Sweep;
 
     /// Monostatic pass along x at height and ground distance `range_m / sqrt(2)`.

@@ -38,14 +38,15 @@ mod news;
 mod questions;
 mod run;
 mod runs;
+mod state;
 mod streaming;
 #[cfg(test)]
 mod tests;
 
 use std::mem;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use subaperture_core::link::{Command, Refusal, State as ModuleState, Status};
+use subaperture_core::link::{Command, Refusal, State as ModuleState};
 
 use super::ending::LinkError;
 use super::identity::Identity;
@@ -59,58 +60,11 @@ use questions::{ATTEMPTS, Question};
 use runs::Runs;
 use streaming::{Clock, Stream};
 
-/// Maximum wait in one step, so that Ctrl-C is noticed.
-pub(super) const TICK: Duration = Duration::from_millis(20);
+pub(super) use state::{Event, Step, TICK};
+use state::{State, since};
 
 /// Maximum number of failures without a map in between.
 const FRUITLESS: u32 = 8;
-
-/// Input event of the state machine.
-pub(super) enum Event {
-    /// The conversation starts.
-    Begun,
-    /// Bytes were exchanged with the module and processed.
-    Exchanged,
-    /// The requested pulse was queued.
-    Sent,
-    /// The line was reconnected.
-    Connected,
-    /// An external operation failed.
-    Failed(LinkError),
-}
-
-/// Action requested by the state machine.
-pub(super) enum Step {
-    /// Exchange bytes with the module, waiting at most this long.
-    Exchange(Duration),
-    /// Send the pulse with this number.
-    Pulse(u32),
-    /// Restart the conversation for this reason. Reconnect, unless the reason is a restart of the module.
-    Restart(LinkError),
-    /// Stop; the conversation is over.
-    Over(Result<(), LinkError>),
-}
-
-/// State of a conversation.
-#[derive(Clone, Copy, Debug)]
-enum State {
-    /// Asking the module for its identity.
-    Greeting,
-    /// Configuring the module.
-    Configuring(Setting),
-    /// Starting a run.
-    Starting,
-    /// Sending pulses.
-    Streaming(Stream),
-    /// Stopping the run. Holds the last status.
-    Stopping(Status),
-    /// Waiting for the last maps. Holds the last status and its time.
-    Draining(Status, Instant),
-    /// Reconnecting the line.
-    Reconnecting,
-    /// Finished.
-    Over,
-}
 
 /// Times of the last events.
 struct Times {
@@ -386,8 +340,4 @@ impl<'c> Conversation<'c> {
     fn wait(&self) -> Step {
         Step::Exchange(TICK.min(self.ledger.settings.answer))
     }
-}
-
-fn since(then: Instant, now: Instant) -> Duration {
-    now.saturating_duration_since(then)
 }

@@ -43,6 +43,7 @@
 //! 6` per sweep; below 4 ms for 150 carriers, mixing included. Memory: four `k` x `k` matrices of float64, 32 MiB at
 //! the maximum of 1024 carriers.
 
+mod path;
 mod phases;
 
 use num_complex::Complex64;
@@ -52,6 +53,8 @@ use subaperture_signal::phase::phasor;
 use super::error::ProfileError;
 use super::sweep::{Steps, Sweep};
 use phases::Phases;
+
+pub use path::Leakage;
 
 /// Largest range of echoes beyond the leakage, as a fraction of the unambiguous range.
 pub const MAX_REACH: f64 = 0.48;
@@ -65,16 +68,6 @@ const MIN_CARRIERS: usize = 8;
 const MIN_RATIO: f64 = 2.0;
 /// Tolerance on unexplained power: fraction of the echoes' power, and multiple of the noise power.
 const UNEXPLAINED: (f64, f64) = (0.05, 3.0);
-
-/// Direct waves from the transmitter to both receivers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Leakage {
-    /// Delay from the transmitter's to each receiver's phase centre, seconds.
-    pub delays_s: [f64; 2],
-    /// Calibrated frequency response of each receiver's leakage, if any: received with an empty scene, with phases such
-    /// that receiver 0's response has its geometric delay.
-    pub shapes: Option<[Vec<Complex64>; 2]>,
-}
 
 /// Responses and leakage estimated for a sweep.
 #[derive(Clone, Debug, PartialEq)]

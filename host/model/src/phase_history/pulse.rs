@@ -1,0 +1,48 @@
+//! Geometry and frequency axis of one pulse.
+
+use glam::DVec3;
+
+use super::sweep::Sweep;
+
+/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the moment of sample `K/2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Time of the pulse, seconds from the collection's start.
+    pub time_s: f64,
+    /// Phase centre of the transmitting antenna.
+    pub transmitter_m: DVec3,
+    /// Phase centre of the receiving antenna.
+    pub receiver_m: DVec3,
+    /// Point to which the phase is compensated (CPHD's SRP).
+    pub reference_m: DVec3,
+    /// Two-way path length to which the phase is compensated, metres. Usually [`Pulse::path_m`] of `reference_m`, computed from
+    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]. A path stored separately
+    /// is rounded independently in each pulse, which adds phase noise.
+    pub reference_path_m: f64,
+    /// Frequency of sample 0, hertz.
+    pub start_hz: f64,
+    /// Frequency step from sample to sample, hertz; positive.
+    pub step_hz: f64,
+    /// Intra-pulse motion of the antennas.
+    pub sweep: Sweep,
+}
+
+impl Pulse {
+    /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
+    #[inline]
+    pub fn path_m(&self, point: DVec3) -> f64 {
+        (point - self.transmitter_m).length() + (point - self.receiver_m).length()
+    }
+
+    /// Path to `point` relative to the one the phase is compensated to, metres.
+    #[inline]
+    pub fn relative_path_m(&self, point: DVec3) -> f64 {
+        self.path_m(point) - self.reference_path_m
+    }
+
+    /// Frequency of sample `k`, hertz.
+    #[inline]
+    pub fn frequency_hz(&self, k: usize) -> f64 {
+        self.start_hz + k as f64 * self.step_hz
+    }
+}
