@@ -208,6 +208,8 @@ mod tests {
 
     use super::super::chance::gauss;
     use super::super::rigid::without_rigid_motion;
+    use subaperture_model::phase_history::Pulse;
+
     use super::*;
 
     const WAVELENGTH_M: f64 = 3.9e-3;

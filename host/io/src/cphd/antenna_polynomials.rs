@@ -1,6 +1,6 @@
 //! Polynomials of the `Antenna` branch, of one or two variables, as terms.
 
-use super::xml::{Element, MetadataError};
+use crate::container::{Element, MetadataError};
 
 /// Most coefficients of a polynomial.
 const MAX_COEFFICIENTS: usize = 1024;

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::record::{COSINES, Field, POSITION, Words};
-use super::xml::{Element, MetadataError};
+use crate::container::record::{COSINES, Field, POSITION, Words};
+use crate::container::{Element, MetadataError};
 
 /// Per-vector parameters of the transmitting and of the receiving antenna: element, its X axis, Y axis and electrical boresight.
 const NAMES: [[&str; 4]; 2] = [

@@ -395,7 +395,12 @@ impl FileChannel for Cphd {
             amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
             warnings: no_signal(&name, &missing, num_vectors)
                 .into_iter()
-                .chain(info.unused_patterns(chosen, layout.antennas.as_ref().err().map(String::as_str)))
+                .chain(
+                    info.unused_patterns(
+                        chosen,
+                        layout.antennas.as_ref().err().map(String::as_str),
+                    ),
+                )
                 .collect(),
             missing,
             arrival,

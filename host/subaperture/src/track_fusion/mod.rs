@@ -262,7 +262,7 @@ fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Mod
     let model = Model::default();
     Model {
         // Jointly estimated increments are noisy individually but accurate in sum.
-        doubted: None,
+        outlier_sigmas: None,
         receiver_arm_m: arm_m,
         inertial_arm_m: arm_m,
         squint_rad: Assumed {

@@ -1,5 +1,7 @@
 //! Tests of the state machine without a line: events and time are supplied.
 
+use subaperture_core::link::Status;
+
 use super::*;
 use crate::link::counts::Counts;
 use crate::link::intake::DiscardMaps;

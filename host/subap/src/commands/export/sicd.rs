@@ -32,14 +32,14 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let (grid, record) = super::recorded(one, &image)?;
     let sicd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
-        .map_err(explained)?;
+        .map_err(with_advice)?;
     for sentence in sicd.assumptions() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
     let wrote = sicd.write(one.out, &image.pixels, &writing);
     interrupt::check()?;
-    wrote.map_err(explained)?;
+    wrote.map_err(with_advice)?;
     writing.finish();
     Ok(Written::file(one.out, sicd.bytes()))
 }

@@ -3,7 +3,7 @@
 use subaperture::maps::Levels;
 use subaperture::sicd::{Formed, Greys, Sidd};
 
-use super::sicd::{explained, now_ns, placing};
+use super::sicd::{now_ns, placing, with_advice};
 use super::{One, Written};
 use crate::args::RemapName;
 use crate::config::Session;
@@ -42,14 +42,14 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     };
     let sidd = Formed::of_record(&grid, &record)
         .and_then(|formed| Sidd::new(&formed, &placing(one), &greys, now_ns()))
-        .map_err(explained)?;
+        .map_err(with_advice)?;
     for sentence in sidd.assumptions() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
     let wrote = sidd.write(one.out, &image.pixels, &greys, &writing);
     interrupt::check()?;
-    wrote.map_err(explained)?;
+    wrote.map_err(with_advice)?;
     writing.finish();
     Ok(Written::file(one.out, sidd.bytes()))
 }

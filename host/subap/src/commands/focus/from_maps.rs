@@ -15,8 +15,8 @@ use subaperture::module::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
 use super::deliver::{Whole, deliver};
-use super::explained;
 use super::record::Record;
+use super::with_advice;
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;
@@ -72,7 +72,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         ahead.announce(session, &typed.rehearsal)?;
         return Ok(());
     }
-    let (formed, report) = form(&task).map_err(explained)?;
+    let (formed, report) = form(&task).map_err(with_advice)?;
     progress.finish();
     warn(&report, error_db, grid.num_pixels());
     for (key, value) in &formed.settings {

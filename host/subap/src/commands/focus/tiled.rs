@@ -35,7 +35,7 @@ use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::sinks::{ArraySink, StoreSink, claim};
 use super::summary::describe;
-use super::{Job, beam, check, explained, missed, record};
+use super::{Job, beam, check, missed, record, with_advice};
 use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming::{self, Surveying};
 use crate::config::Session;

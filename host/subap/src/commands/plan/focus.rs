@@ -27,7 +27,8 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let survey = forming::survey(history)?;
     let grid = surface::grid(session, &typed.image, history, || &survey)?;
     air.report(session, &grid);
-    let (plan, comparison) = tiled::plan_recording(session, &typed.image, history, &grid, numerics)?;
+    let (plan, comparison) =
+        tiled::plan_recording(session, &typed.image, history, &grid, numerics)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
