@@ -2,8 +2,8 @@
 //!
 //! Both the phase history and the focused raw echoes come from the same float32 echoes through the same adapter. Their images differ by
 //! - positions in a CPHD: Earth-centred float64 of 6.4e6 m, so each coordinate is off by at most half a step of 0.93 nm, a two-way path by
-//! less than 2 sqrt(3) 0.47 nm = 1.6 nm, and with its reference by 3.2 nm. One range for all pulses is met by moving the reference point,
-//! to 20 nm. In phase this is 2 pi path / lambda: -104 dB at 77 GHz, -127 dB at 10 GHz, with one range -107 dB;
+//!   less than 2 sqrt(3) 0.47 nm = 1.6 nm, and with its reference by 3.2 nm. One range for all pulses is met by moving the reference point,
+//!   to 20 nm. In phase this is 2 pi path / lambda: -104 dB at 77 GHz, -127 dB at 10 GHz, with one range -107 dB;
 //! - the spline between the positions of a sweep, see `io::recording::write`: below 10 nm of 25 cm, -132 dB;
 //! - float32 rounding of the samples, 3e-8 of each: -150 dB.
 //!

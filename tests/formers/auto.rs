@@ -184,6 +184,9 @@ fn edited_plan_that_names_another_former_is_refused() {
             Ok(_) => panic!("{other} is opened"),
             Err(error) => error.to_string(),
         };
-        assert!(message.contains("it is by another former"), "{message}");
+        assert!(
+            message.contains("found that of another former"),
+            "{message}"
+        );
     }
 }

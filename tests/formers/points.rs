@@ -3,7 +3,7 @@
 //! Table 4.1 of Schone 2020 is within the domain of all formers: 1.5 degrees of aperture seen broadside, 2 % of bandwidth, a straight
 //! track. There theory is a separable response ([`subaperture::resolution::theory`]). It neglects
 //! - the rotation of the band by 0.75 degrees at the ends of the aperture, which blurs the end of the band along x by `0.5 B / f_0` = 1 %
-//! of its 1.7 cycles/m, of second order in the width;
+//!   of its 1.7 cycles/m, of second order in the width;
 //! - 30 m off the centre, another 0.35 degrees.
 
 use std::fmt::Write;

@@ -22,7 +22,7 @@ pub(super) fn check_size(grid: &ImageGrid) -> Result<(), FormError> {
         return Ok(());
     }
     let why = format!(
-        "the grid has {rows} x {columns} pixels, an image of {}: at most {MAX_SIDE} a side and {MAX_PIXELS} in all are formed",
+        "the grid has {rows} x {columns} pixels, an image of {}: expected at most {MAX_SIDE} a side and {MAX_PIXELS} in total",
         subaperture_model::quantity::bytes(pixels.saturating_mul(8)),
     );
     Err(FormError::Unsuited(
@@ -50,16 +50,18 @@ pub(super) fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), For
 }
 
 pub(super) fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
-    let what = if collection.pulses.is_empty() {
-        "the collection holds no pulses"
+    let why = if collection.pulses.is_empty() {
+        "the collection has no pulses"
     } else if collection.num_samples == 0 {
-        "the collection's pulses hold no samples"
+        "the collection's pulses have no samples"
     } else if grid.num_pixels() == 0 {
-        "the grid holds no pixels"
+        "the grid has no pixels"
     } else {
         return Ok(());
     };
-    Err(FormError::unsuited(format!("{what}: there is no image")))
+    Err(FormError::unsuited(format!(
+        "{why}: no image can be formed"
+    )))
 }
 
 /// Refuse pixels on a surface for a former that requires a plane.

@@ -1,4 +1,4 @@
-//! Items of the gallery and what they show.
+//! Items of the gallery and their findings.
 
 use std::path::PathBuf;
 

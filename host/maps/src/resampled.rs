@@ -5,8 +5,7 @@
 //!
 //! Two kinds of target pixels:
 //! - **points** of the image's own surface ([`Resampled::on_points`], [`Resampled::projected_on_points`]): exact positions in the scene. Complex
-//! values of an image that was
-//!   formed here equal those that its image former would compute at these points.
+//!   values of an image that was formed here equal those that its image former would compute at these points.
 //! - **ground positions** ([`Resampled::at_places`], [`Resampled::projected_at_places`]): each is projected into the image as for a map ([`crate::Ortho`]).
 //!
 //! [`Resampled::off_surface_m`] is the distance between target pixels and the image's surface; the caller decides whether it is acceptable.

@@ -69,7 +69,7 @@ fn integer_formats_are_scaled_and_vectors_without_signal_left_out() {
         assert_refused(&by_hand.bytes(), "vector 2: AmpSF is 1e-300");
         by_hand.amp_sf = Some([0.5, 3.0, 0.125]);
         by_hand.signal_pvp = Some([2, 0, 3]);
-        assert_refused(&by_hand.bytes(), "SIGNAL is 1 in none of its 3 vectors");
+        assert_refused(&by_hand.bytes(), "SIGNAL is 0 in all of its 3 vectors");
         by_hand.signal_pvp = Some([1, 0, 1]);
         assert_eq!(cphd.info().version, "1.0.1");
         assert_eq!(cphd.info().classification.as_deref(), Some("SECRET NOT"));

@@ -55,12 +55,12 @@ pub(crate) const PLACE_CELLS: f64 = 0.5;
 /// Robust passes over the steps of a pulse.
 const PASSES: usize = 3;
 
-/// A vector of the plane.
+/// Vector in the plane.
 fn flat(axes: [DVec3; 2], [x, y]: [f64; 2]) -> DVec3 {
     axes[0] * x + axes[1] * y
 }
 
-/// Displacements by steps from pulse to pulse, the first at zero; each step with a prior of zero and spread `spread_m`.
+/// Displacements accumulated from steps between pulses, the first zero; each step has a prior of zero mean and standard deviation `spread_m`.
 pub(crate) fn steps(
     rows: &[Sighted],
     axes: [DVec3; 2],

@@ -10,20 +10,20 @@ const MIN_VARIANCE: f64 = 1e-4;
 /// Residual, in standard deviations, at which a weight is halved (Cauchy, 95 % efficient).
 const HALVED_AT: f64 = 2.385;
 
-/// A history with the geometry that it was taken by.
+/// History with its geometry.
 #[derive(Clone)]
 pub(crate) struct Sighted<'a> {
-    /// Which point it is of.
+    /// Index of the point.
     pub(crate) point: usize,
-    /// Where the point was taken to be.
+    /// Assumed position of the point, metres.
     pub(crate) place_m: DVec3,
-    /// The pulses, with the recorded antennas.
+    /// Pulses with the recorded antennas.
     pub(crate) pulses: &'a [Pulse],
-    /// Radians a metre of path, of each.
+    /// Wavenumber of each pulse, radians per metre of path.
     pub(crate) wavenumbers: Vec<f64>,
-    /// A value a turn.
+    /// Values, one per turn.
     pub(crate) values: Vec<Complex64>,
-    /// Power of all that is not the point.
+    /// Power of noise and other scatterers.
     pub(crate) rest: f64,
 }
 
@@ -42,7 +42,7 @@ impl Sighted<'_> {
         -self.wavenumbers[n] * (pulse.path_m(there_m) - pulse.path_m(self.place_m))
     }
 
-    /// How it grows with the displacement along both axes, radians a metre.
+    /// Derivatives of the phase by the displacement along both axes, radians per metre.
     pub(super) fn slopes(
         &self,
         n: usize,

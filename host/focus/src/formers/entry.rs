@@ -23,7 +23,7 @@ impl Entry {
             Some(_) => serde_json::json!({ "error_db": error_db }),
             None => serde_json::json!({}),
         };
-        (self.of)(&settings).expect("what is left out of settings is as by default")
+        (self.of)(&settings).expect("omitted settings have defaults")
     }
 }
 

@@ -35,7 +35,7 @@ pub(crate) trait ChannelFile: Sized {
     }
 }
 
-/// An open channel.
+/// Open channel of a file.
 pub(crate) trait FileChannel: PhaseHistory + Sized {
     /// File of the channel.
     type File: ChannelFile;

@@ -22,7 +22,7 @@ pub fn parse(xml: &str, memory_bytes: u64) -> Result<Document<'_>, MetadataError
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))
 }
 
-/// XML element.
+/// XML element with attributes and children.
 #[derive(Clone, Copy, Debug)]
 pub struct Element<'a, 'i>(Node<'a, 'i>);
 
@@ -37,7 +37,7 @@ impl<'a, 'i> Element<'a, 'i> {
         self.0.tag_name().name()
     }
 
-    /// Namespace; empty if there is none.
+    /// Namespace.
     pub fn namespace(self) -> &'a str {
         self.0.tag_name().namespace().unwrap_or_default()
     }
@@ -56,7 +56,7 @@ impl<'a, 'i> Element<'a, 'i> {
         self.0.children().filter(own).map(Self)
     }
 
-    /// All child elements.
+    /// All child elements, in document order.
     pub fn elements(self) -> impl Iterator<Item = Self> {
         self.0.children().filter(Node::is_element).map(Self)
     }
@@ -74,7 +74,7 @@ impl<'a, 'i> Element<'a, 'i> {
     /// First child of this name.
     ///
     /// # Errors
-    /// [`MetadataError`] if there is none.
+    /// [`MetadataError`] if the element is missing.
     pub fn child(self, name: &str) -> Result<Self, MetadataError> {
         self.optional(name)
             .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))

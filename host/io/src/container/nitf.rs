@@ -18,9 +18,9 @@ const SEARCHED_BYTES: u64 = 1000;
 #[derive(Debug)]
 pub struct NitfFile {
     source: Source,
-    /// Image segments.
+    /// Image segments of the file, in order.
     pub images: Vec<Segment>,
-    /// Data extension segments.
+    /// Data extension segments of the file, in order.
     pub extensions: Vec<Segment>,
 }
 
@@ -42,7 +42,7 @@ impl NitfFile {
         })
     }
 
-    /// The file.
+    /// File that holds the segments.
     pub fn source(&self) -> &Source {
         &self.source
     }
@@ -88,7 +88,7 @@ impl NitfFile {
     /// Read the XML of the first extension whose beginning contains `standard`. It takes at most `memory_bytes` once parsed.
     ///
     /// # Errors
-    /// [`ReadError::Malformed`] if there is none, or it is truncated, longer than [`MAX_XML_BYTES`] or not UTF-8; [`ReadError::Memory`]; [`ReadError::Io`].
+    /// [`ReadError::Malformed`] if the file has no such segment, or it is truncated, longer than [`MAX_XML_BYTES`] or not UTF-8; [`ReadError::Memory`]; [`ReadError::Io`].
     pub fn xml(&self, standard: &str, memory_bytes: u64) -> Result<String, ReadError> {
         for Segment { data, .. } in &self.extensions {
             let searched = data.size.min(SEARCHED_BYTES);
@@ -144,19 +144,19 @@ pub struct PixelSegment {
 #[derive(Debug)]
 pub struct Pixels {
     source: Source,
-    /// Rows and columns.
+    /// Rows and columns of the image.
     size: (usize, usize),
     pixel_bytes: usize,
     segments: Vec<PixelSegment>,
 }
 
 impl Pixels {
-    /// The file.
+    /// File that holds the image.
     pub fn source(&self) -> &Source {
         &self.source
     }
 
-    /// Rows and columns.
+    /// Rows and columns of the image.
     pub fn size(&self) -> (usize, usize) {
         self.size
     }
@@ -320,13 +320,13 @@ impl FileHeader {
 pub struct Layout {
     /// Identifier (`IID1`).
     pub name: String,
-    /// Number of rows.
+    /// Number of rows of the segment.
     pub rows: usize,
-    /// Number of columns.
+    /// Number of columns of the segment.
     pub columns: usize,
     /// Pixel value type (`PVTYPE`).
     pub kind: String,
-    /// Number of bands.
+    /// Number of bands of the segment.
     pub bands: usize,
     /// Order of bands and pixels (`IMODE`).
     pub mode: String,

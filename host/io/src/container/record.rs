@@ -81,7 +81,7 @@ impl Field {
     }
 }
 
-/// A record.
+/// Bytes of one record.
 #[derive(Clone, Copy)]
 pub(crate) struct Words<'b> {
     /// Owner of the record: a vector or a pulse.

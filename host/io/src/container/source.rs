@@ -17,7 +17,7 @@ pub(crate) const CHUNK_BYTES: usize = 1 << 20;
 pub struct Block {
     /// First byte, from the beginning of the file.
     pub offset: u64,
-    /// Number of bytes.
+    /// Size of the block, bytes.
     pub size: u64,
 }
 
@@ -72,7 +72,7 @@ impl Source {
         &self.path
     }
 
-    /// Path as text.
+    /// Path of the file as text.
     #[cfg(feature = "cphd")]
     pub(crate) fn name(&self) -> String {
         self.path.display().to_string()

@@ -59,7 +59,7 @@ impl ChannelInfo {
 }
 
 /// The metadata of a CPHD file. Text is as in the file; what the standard requires but image
-/// formation can do without is `None` where a file lacks it.
+/// formation can do without is optional.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CphdInfo {
     /// Version, such as `1.1.0`.

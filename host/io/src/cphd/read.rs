@@ -362,7 +362,7 @@ impl FileChannel for Cphd {
         let missing = std::mem::take(&mut vectors.missing);
         if vectors.pulses.is_empty() && num_vectors > 0 {
             return Err(source.malformed(format!(
-                "channel '{}': SIGNAL is 1 in none of its {num_vectors} vectors, so that none holds an echo of the scene",
+                "channel '{}': SIGNAL is 0 in all of its {num_vectors} vectors: expected 1 in those that hold echoes of the scene",
                 chosen.id
             )));
         }

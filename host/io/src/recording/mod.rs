@@ -24,7 +24,7 @@
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
 //! - `radar.motion` states whether the radar moves during a sweep; motion during a pulse is neglected.
 //!
-//! - A radar with several alternating transmitters and several receivers is one description: every antenna pair in use is a pulse, and the
+//! A radar with several alternating transmitters and several receivers is one description: every antenna pair in use is a pulse, and the
 //! pairs of a pulse follow each other in order of time. Phase offset and level of an antenna are keys of its section.
 //!
 //! [`write()`] writes echoes, also simulated ones, as such a recording. Memory: the arrays, the samples and the phase history at once,

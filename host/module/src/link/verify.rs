@@ -228,7 +228,7 @@ impl<'a, S: MapSink> Verified<'a, S> {
         (self.same, self.different)
     }
 
-    /// Wrapped sink.
+    /// Wrapped sink of the maps.
     pub fn into_inner(self) -> S {
         self.inner
     }

@@ -152,7 +152,10 @@ impl ImageFormer for Auto {
             choices,
         } = chosen(ENTRY.name, choices)?;
         let Some(entry) = CANDIDATES.iter().find(|entry| entry.name == name) else {
-            return Err(misfit(ENTRY.name, "it is by another former"));
+            return Err(misfit(
+                ENTRY.name,
+                "expected the plan of one of its candidates, found that of another former",
+            ));
         };
         entry.within(self.error_db).open(spec, &choices)
     }

@@ -117,7 +117,10 @@ impl Choices {
         let mut shapes = Shapes::new();
         for (&inputs, &span) in &self.spans {
             if !(0.0..MAX_SPAN).contains(&span) {
-                return Err(misfit(NAME, "a Doppler span is none"));
+                return Err(misfit(
+                    NAME,
+                    "expected Doppler extents from 0 to 1e6 cycles per pulse",
+                ));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(band, inputs as f64 + sweep_pulses);
@@ -196,7 +199,10 @@ impl<'a, const W: usize> Opened<'a, W> {
         for &count in &choices.sub_cpis {
             let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
-                return Err(misfit(NAME, "sub-CPIs are not those of its pulses"));
+                return Err(misfit(
+                    NAME,
+                    "expected sub-CPIs of at least one pulse that cover the pulses",
+                ));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
@@ -205,7 +211,7 @@ impl<'a, const W: usize> Opened<'a, W> {
         if first != collection.pulses.len() || !patches {
             return Err(misfit(
                 NAME,
-                "it is of other pulses, or its patches are empty",
+                "expected sub-CPIs that cover all pulses, and patches of at least one pixel",
             ));
         }
         Ok(Self {

@@ -105,7 +105,9 @@ impl Profiles {
         let of_degree = |degree| -> Result<(Vec<Deviation>, f64), FormError> {
             let deviations =
                 fitted(collection, grid, positions, &intervals, degree).ok_or_else(|| {
-                    unsuited("the track strays from its line by more than numbers hold")
+                    unsuited(
+                        "the deviation of the track from its line exceeds the range of float64",
+                    )
                 })?;
             let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);
             Ok((deviations, SLOPE_MARGIN * last * steepest))
