@@ -31,12 +31,11 @@ const SEARCHED: [&str; 5] = [
 ];
 
 /// Files that name a particular former, and the reason.
-const EXCEPTIONS: [(&str, &str); 8] = [
+const EXCEPTIONS: [(&str, &str); 7] = [
     (
         "host/focus/src/live/mod.rs",
         "a live image is backprojected pulse by pulse",
     ),
-    ("host/focus/src/frequency_domain", "a stage of that name"),
     (
         "host/planner/src/radar.rs",
         "the thesis's mode, whose lobes are planned",
@@ -352,7 +351,7 @@ fn listed_commands_exist() {
             }
         }
         assert!(
-            help.contains("Pulses a sub-CPI (rdbp only) [default: the most"),
+            help.contains("Pulses per sub-CPI (rdbp only) [default: the most"),
             "{help}"
         );
         assert!(

@@ -100,7 +100,7 @@ struct Plan {
 impl Plan {
     fn new(sheet: &Sheet, limit: usize) -> Self {
         let font = Typeface::sans(LABEL_PX, false);
-        let (width, height) = plot_size(sheet, limit);
+        let (width, height) = plot_size(sheet.count, sheet.proportions, limit);
         let (low, high) = sheet.across;
         let (least, most) = (low.min(high), low.max(high));
         let across = ticks_apart(least, most, (width / 60).max(2), width as f64, |label| {
@@ -175,13 +175,12 @@ pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Result<Can
 
 /// Width and height of the plot, the longer side at most `limit` pixels. Small images are enlarged by
 /// an integer factor, to about 60 % of the limit or more.
-fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
-    let (across, up) = sheet.proportions;
-    let pixels = if across >= up {
-        sheet.count.1
-    } else {
-        sheet.count.0
-    };
+pub(super) fn plot_size(
+    count: (usize, usize),
+    (across, up): (f64, f64),
+    limit: usize,
+) -> (usize, usize) {
+    let pixels = if across >= up { count.1 } else { count.0 };
     let longer = if pixels > limit {
         limit
     } else {
@@ -204,6 +203,14 @@ fn repeats(side: usize, pixels: usize) -> usize {
         true => side / pixels,
         false => 1,
     }
+}
+
+/// Rows and columns of a plot of `height` x `width` without repeated ones.
+pub(super) fn distinct(count: (usize, usize), (height, width): (usize, usize)) -> (usize, usize) {
+    (
+        height / repeats(height, count.0),
+        width / repeats(width, count.1),
+    )
 }
 
 fn draw(

@@ -20,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 mod canvas;
+mod cells;
 mod colours;
 mod composite;
 mod error;
@@ -38,6 +39,7 @@ use layout::{Drawn, Sheet};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::ImageSourceError;
 
+pub use cells::PictureCells;
 pub use colours::Colours;
 pub use composite::{Channel, ColourSource, MAX_HUES};
 pub use heat::{HeatMap, heat};
@@ -188,11 +190,8 @@ impl<'a> Panel<'a> {
         let count = (shown.rows.count, shown.columns.count);
         let covered = (count.0 * self.looks[0], count.1 * self.looks[1]);
         let (down, across) = (height.min(count.0), width.min(count.1));
-        let mut cells = image.powers(covered, down, across)?;
-        if (down, across) != (height, width) {
-            let line = |row: usize| &cells[row * across..];
-            cells = raster::resample((down, across), line, |&x| x, height, width);
-        }
+        let cells = image.powers(covered, down, across)?;
+        let mut cells = cells::enlarged(cells, (down, across), (height, width));
         // Angles increase to the left.
         if self.grid.polar {
             cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
@@ -207,7 +206,6 @@ impl<'a> Panel<'a> {
     fn sheet(&self) -> Sheet<'_> {
         let grid = self.shown_grid();
         let [across, up] = &self.axes;
-        let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
         let (first, last) = across.edges(&grid.columns);
         let (lowest, highest) = up.edges(&grid.rows);
         Sheet {
@@ -226,10 +224,7 @@ impl<'a> Panel<'a> {
             bar_label: "dB",
             note: self.reference,
             arrows: self.orientation.arrows(&grid),
-            proportions: match grid.polar {
-                true => (grid.columns.count as f64, grid.rows.count as f64),
-                false => (length(&grid.columns), length(&grid.rows)),
-            },
+            proportions: cells::proportions(&grid),
             colours: match self.paint {
                 ColourSource::Levels => self.colours,
                 _ => Colours::Grey,
@@ -279,12 +274,17 @@ pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
 /// As [`quicklook`].
 pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
     let a_cell = BYTES_A_CELL + panel.paint.bytes_a_cell();
-    let side = ((memory_bytes / a_cell) as f64).sqrt() as usize;
     page(
         std::slice::from_ref(panel),
         1,
-        side.clamp(MIN_SHOWN, LONGEST),
+        longest(memory_bytes, a_cell),
     )
+}
+
+/// Longest side of a single picture drawn with `memory_bytes`, pixels.
+fn longest(memory_bytes: u64, bytes_a_cell: u64) -> usize {
+    let side = ((memory_bytes / bytes_a_cell) as f64).sqrt() as usize;
+    side.clamp(MIN_SHOWN, LONGEST)
 }
 
 /// Memory per pixel while drawing, bytes: power, a copy for automatic levels, colour, and a copy for

@@ -45,6 +45,7 @@ pub(super) fn resample<'l, T: 'l>(
 }
 
 /// As [`resample`], for blocks of a row in any order. Memory: the cells and the longest block, not the image.
+#[derive(Debug)]
 pub(super) struct Reduced {
     size: (usize, usize),
     height: usize,
@@ -106,6 +107,7 @@ impl Reduced {
 }
 
 /// Range of source pixels, the first and last fractional.
+#[derive(Debug)]
 struct Span {
     first: usize,
     last: usize,

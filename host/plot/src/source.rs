@@ -2,7 +2,7 @@
 
 use subaperture_model::image::{Image, ImageSource, ImageSourceError, power};
 
-use crate::raster;
+use crate::{cells, raster};
 
 /// Image source of a picture.
 #[derive(Clone, Copy, Debug)]
@@ -48,11 +48,8 @@ impl Source<'_> {
                     }
                     let window = parts.window(&place)?;
                     let [down, across] = place;
-                    let lines = window.pixels.chunks_exact(across.len());
-                    for (row, values) in (down.start..down.end.min(rows)).zip(lines) {
-                        let powers = values.iter().map(|&z| power(z));
-                        reduced.add(row, across.start, powers);
-                    }
+                    let place = [down.start..down.end.min(rows), across];
+                    cells::add_window(&mut reduced, &place, &window);
                 }
                 Ok(reduced.finish())
             }

@@ -22,6 +22,7 @@ const BOUNDS: Bounds = Bounds {
     overview_bytes: 64 << 20,
     computing: 2,
     request_bytes: 256 << 20,
+    picture_bytes: Some(64 << 20),
     answer_bytes: 16 << 20,
 };
 
@@ -188,6 +189,56 @@ fn tiles_of_every_level_are_mean_powers() {
     }
 }
 
+/// The levels at the start are those of the picture that `quicklook` draws: here of cells of 2 x 2 pixels, sorted by hand. Points one
+/// pixel wide would be 12 dB lower in an overview of 400 cells a side.
+#[test]
+fn levels_at_the_start_are_those_of_the_picture() {
+    let side = 3200;
+    let value = |i: usize| {
+        let (row, column) = (i / side, i % side);
+        let bright = row.is_multiple_of(40) && column.is_multiple_of(20);
+        let db = if bright {
+            30.0
+        } else {
+            (row * 7 + column * 3) as f64 % 8.0
+        };
+        Complex32::new(10f64.powf(db / 20.0) as f32, 0.0)
+    };
+    let image = Image {
+        rows: side,
+        columns: side,
+        pixels: (0..side * side).map(value).collect(),
+    };
+    let power = |row: usize, column: usize| f64::from(image.pixels[row * side + column].norm_sqr());
+    let mut cells: Vec<f64> = (0..1600 * 1600)
+        .map(|i| {
+            let (row, column) = (2 * (i / 1600), 2 * (i % 1600));
+            let all = [[0, 0], [0, 1], [1, 0], [1, 1]];
+            all.map(|[r, c]| power(row + r, column + c))
+                .iter()
+                .sum::<f64>()
+                / 4.0
+        })
+        .collect();
+    cells.sort_by(f64::total_cmp);
+    let db = |i: usize| 10.0 * cells[i].log10();
+    let last = cells.len() - 1;
+    let top = db(last - cells.len() / 1000).max(db(last) - 12.0).ceil();
+    let span = (top - (db(last / 2) - 6.0).floor()).clamp(40.0, 60.0);
+    let server = serve(
+        vec![Product::new("a".to_owned(), Pixels::whole(Box::new(image)))],
+        Vec::new(),
+    );
+    let about = &settled(&server)["images"][0];
+    assert_eq!(about["scale"], json!([top, span]));
+    // Each cell is counted once, in bins of 1 dB up to the highest.
+    let counts = about["histogram"]["counts"].as_array().unwrap();
+    let total: u64 = counts.iter().map(|n| n.as_u64().unwrap()).sum();
+    assert_eq!(total, 1600 * 1600);
+    let first = about["histogram"]["first_db"].as_f64().unwrap();
+    assert_eq!(first + counts.len() as f64 - 1.0, db(last).floor());
+}
+
 /// Unknown paths, foreign host names and file paths are refused.
 #[test]
 fn unknown_paths_and_hosts_are_refused() {
@@ -198,6 +249,7 @@ fn unknown_paths_and_hosts_are_refused() {
         "/",
         "/view.css",
         "/view.js",
+        "/histogram.js",
         "/measure.js",
         "/leaflet.js",
         "/leaflet.css",

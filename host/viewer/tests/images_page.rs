@@ -147,6 +147,17 @@ fn page_displays_compares_and_measures_images() {
         (first - 253.0).abs() <= 2.0 && (quarter - 191.0).abs() <= 2.0,
         "{first} {quarter}"
     );
+    // The line of the white level is dragged from 0 dB to -10 dB: the black level stays.
+    browser.run(
+        "const canvas = document.getElementById('histogram'), box = canvas.getBoundingClientRect(); canvas.setPointerCapture = () => {}; \
+         const send = (kind, db) => canvas.dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX: box.left + atLevel(db, box.width), clientY: box.top + 9 })); \
+         send('pointerdown', 0); send('pointermove', -10); send('pointerup', -10); return 1",
+    );
+    assert_eq!(
+        browser.run("return [view.top, view.span, view.own]"),
+        json!([-10, 30, true])
+    );
+    browser.run("choose(0, 40); return 1");
     browser.press("]");
     browser.wait("document.getElementById('top-text').textContent === '1 dB'");
     assert!(colour("shown", 300, COLUMNS / 4)[0].as_f64().unwrap() < quarter - 4.0);

@@ -97,7 +97,7 @@ fn bounds(
     held_bytes: u64,
     map_bytes: u64,
 ) -> anyhow::Result<Bounds> {
-    // No pictures are drawn by this command, so their memory is available.
+    // The share of pictures is for levels, which are those of a picture.
     let all = session.memory_bytes + session.memory.picture_bytes;
     let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES + SERVER_BYTES;
     let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
@@ -119,6 +119,9 @@ fn bounds(
             text::bytes(all.into())
         );
     }
+    // As much as `focus` draws with, for the same levels as its picture.
+    let picture_bytes = Some(session.memory.picture_bytes).filter(|bytes| *bytes <= rest / 4);
+    let rest = rest - picture_bytes.unwrap_or(0);
     let answer_bytes = (rest / 8).min(MAX_ANSWERS_BYTES);
     let most_bytes = COMPUTING_BYTES.max(map_bytes);
     let computing = (rest / 2 / most_bytes).clamp(1, session.threads as u64);
@@ -128,6 +131,7 @@ fn bounds(
         overview_bytes: left.max(MIN_OVERVIEW_BYTES),
         computing: computing as usize,
         request_bytes,
+        picture_bytes,
         answer_bytes,
     })
 }

@@ -25,6 +25,9 @@ pub struct Bounds {
     pub computing: usize,
     /// Memory of one request while it is computed, bytes, in addition to some megabytes for a tile.
     pub request_bytes: u64,
+    /// Memory of drawing a picture with the same automatic levels, bytes; taken for one image at a time. `None`: levels of a coarser
+    /// overview.
+    pub picture_bytes: Option<u64>,
     /// Memory of all responses being sent, bytes. A larger response is sent alone.
     pub answer_bytes: u64,
 }
@@ -109,7 +112,7 @@ impl Gallery {
 /// Read all previews, then all overviews, then the tiles of incomplete images as they arrive. Complete files are then
 /// checked.
 fn read_all(gallery: &Weak<Gallery>) {
-    let Some(count) = gallery.upgrade().map(|g| g.shown.len()) else {
+    let Some((count, bounds)) = gallery.upgrade().map(|g| (g.shown.len(), g.bounds)) else {
         return;
     };
     let each = |what: &mut dyn FnMut(usize, &Shown)| -> bool {
@@ -136,7 +139,7 @@ fn read_all(gallery: &Weak<Gallery>) {
             if shown.state().settled {
                 return;
             }
-            match shown.take(&mut has[i], &nobody_else) {
+            match shown.take(&mut has[i], bounds.picture_bytes, &nobody_else) {
                 Err(error) => shown.fail(error.to_string()),
                 Ok(_) if has[i].len() == shown.product.pixels.num_pieces() => {
                     let fault = shown.product.check.as_ref().and_then(|check| check().err());

@@ -7,7 +7,7 @@
 //!
 //! | path | content |
 //! |---|---|
-//! | `/`, `/view.css`, `/view.js`, `/measure.js`, `/doppler.js`, `/leaflet.css`, `/leaflet.js`, `/licences` | the page |
+//! | `/`, `/view.css`, `/view.js`, `/histogram.js`, `/measure.js`, `/doppler.js`, `/leaflet.css`, `/leaflet.js`, `/licences` | the page |
 //! | `/colours` | colour maps, JSON |
 //! | `/state` | images shown, and the progress of their overviews, JSON |
 //! | `/tile/IMAGE/LEVEL/ROW/COLUMN` | 256 x 256 cells of `2^LEVEL` pixels a side: mean power in 16-bit tenths of dB, little-endian; the lowest number marks a missing level |
@@ -28,10 +28,14 @@
 //! and takes 20 MB; a point response thousands of pixels wide takes up to 170 MB. The number of concurrent computations
 //! is [`Bounds::computing`]; further requests wait. 48 MiB of decoded tiles are cached per tiled image. Connections are
 //! limited as for the capture page.
+//!
+//! The levels at the start and the histogram are those of the picture that [`subaperture_plot::quicklook_within`] draws of the same image
+//! within [`Bounds::picture_bytes`]; of an image whose tiles are not all there, those of its overview of at most 512 x 512 cells.
 
 mod cut;
 mod doppler;
 mod gallery;
+mod histogram;
 mod layer;
 mod look;
 mod overview;

@@ -39,6 +39,10 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
             get(|| file(SCRIPT, include_str!("page/view.js"))),
         )
         .route(
+            "/histogram.js",
+            get(|| file(SCRIPT, include_str!("page/histogram.js"))),
+        )
+        .route(
             "/measure.js",
             get(|| file(SCRIPT, include_str!("page/measure.js"))),
         )

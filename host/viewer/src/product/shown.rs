@@ -5,9 +5,10 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, RwLock};
 
 use serde_json::{Value, json};
 use subaperture_model::image::{ImageSource, ImageSourceError, power};
-use subaperture_plot::automatic_levels_db;
+use subaperture_plot::{PictureCells, automatic_levels_db};
 
 use super::Product;
+use super::histogram::Histogram;
 use super::overview::{Overview, coarsest, size_at};
 use super::pixels::{Glance, Piece};
 use super::tile::{cells, encode, glanced, phases, powers};
@@ -15,7 +16,7 @@ use super::tile::{cells, encode, glanced, phases, powers};
 /// Coarsest level that is computed from pixels on request, 2048 x 2048 of them per tile. If memory keeps none of the
 /// next levels, cells of the finest level kept are used instead.
 const COARSEST_COMPUTED: u32 = 3;
-/// Maximum rows and columns of the overview level used for automatic levels.
+/// Maximum rows and columns of the overview level used for automatic levels of an incomplete image.
 const SCALE_SIDE: usize = 512;
 
 /// Progress of an image.
@@ -31,6 +32,8 @@ pub(super) struct State {
     pub(super) settled: bool,
     /// Automatic levels: upper level and dynamic range, dB.
     pub(super) scale: Option<[f64; 2]>,
+    /// Levels that `scale` was chosen from.
+    histogram: Option<Histogram>,
     /// First fault found.
     pub(super) fault: Option<String>,
 }
@@ -41,6 +44,16 @@ pub(super) struct Shown {
     glance: OnceLock<Glance>,
     overview: RwLock<Overview>,
     state: Mutex<State>,
+}
+
+impl State {
+    /// Set the automatic levels and the histogram, if a power is positive.
+    fn set_levels(&mut self, powers: &[f64]) {
+        if let Some(scale) = automatic_levels_db(powers) {
+            self.scale = Some(scale);
+            self.histogram = Histogram::of(powers);
+        }
+    }
 }
 
 impl Shown {
@@ -74,15 +87,17 @@ impl Shown {
         let powers: Vec<f64> = glance.image.pixels.iter().map(|&z| power(z)).collect();
         let _ = self.glance.set(glance);
         let mut state = self.state();
-        state.scale = automatic_levels_db(&powers);
+        state.set_levels(&powers);
         state.revision += 1;
         Ok(())
     }
 
-    /// Read the pieces added since `has` was filled. Returns `false` if stopped.
+    /// Read the pieces added since `has` was filled. Returns `false` if stopped. An image that is complete has the levels of its picture, drawn
+    /// with `picture_bytes`.
     pub(super) fn take(
         &self,
         has: &mut HashSet<Piece>,
+        picture_bytes: Option<u64>,
         stop: &dyn Fn() -> bool,
     ) -> Result<bool, ImageSourceError> {
         let pixels = &self.product.pixels;
@@ -90,12 +105,19 @@ impl Shown {
         if pieces.is_empty() {
             return Ok(true);
         }
+        let complete = pieces.len() == pixels.num_pieces();
+        let mut cells = picture_bytes
+            .filter(|_| complete)
+            .map(|bytes| PictureCells::new(&self.product.any_grid(), bytes));
         let places = pieces.iter().flat_map(|&piece| pixels.places_of(piece));
         for place in places {
             if stop() {
                 return Ok(false);
             }
             let part = pixels.window(&place)?;
+            if let Some(cells) = &mut cells {
+                cells.add(&place, &part);
+            }
             let mut overview = self
                 .overview
                 .write()
@@ -110,11 +132,14 @@ impl Shown {
             .write()
             .unwrap_or_else(PoisonError::into_inner);
         overview.fold();
-        let small = overview.small(SCALE_SIDE);
+        let powers = match cells {
+            Some(cells) => cells.finish(),
+            None => overview.small(SCALE_SIDE),
+        };
         drop(overview);
         let mut state = self.state();
         state.ready = true;
-        state.scale = automatic_levels_db(&small).or(state.scale);
+        state.set_levels(&powers);
         state.revision += 1;
         Ok(true)
     }
@@ -194,6 +219,7 @@ impl Shown {
             "ready": state.ready,
             "settled": state.settled,
             "scale": state.scale,
+            "histogram": state.histogram.as_ref().map(Histogram::to_json),
             "peak_db": (peak > 0.0).then(|| 10.0 * peak.log10()),
             "fault": state.fault,
         })

@@ -12,7 +12,7 @@ const THESIS: &str = "thesis";
 pub(super) const ALL: [FormerOption; 5] = [
     FormerOption {
         name: MODE,
-        summary: "How range-Doppler maps are made and read",
+        summary: "Method of computing range-Doppler maps and of reading them",
         takes: OptionType::Word(&[
             OptionWord {
                 name: PRECISE,
@@ -44,7 +44,7 @@ pub(super) const ALL: [FormerOption; 5] = [
     },
     FormerOption {
         name: "sub_cpi",
-        summary: "Pulses a sub-CPI",
+        summary: "Pulses per sub-CPI",
         takes: OptionType::Count,
         default: "largest length within the error bound; 40 in mode thesis",
         at: &[],

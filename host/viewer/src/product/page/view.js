@@ -189,6 +189,7 @@ function levels() {
   strip.width = 256;
   table.forEach(([r, g, b], i) => { ink.fillStyle = `rgb(${r},${g},${b})`; ink.fillRect(i, 0, 1, strip.height); });
   planes.shown?.repaint(); planes.other?.repaint();
+  drawHistogram();
 }
 function choose(top, span) {
   view.own = true;
