@@ -351,11 +351,11 @@ fn listed_commands_exist() {
             }
         }
         assert!(
-            help.contains("Pulses per sub-CPI (rdbp only) [default: the most"),
+            help.contains("Pulses per sub-CPI (rdbp only) [default: largest length"),
             "{help}"
         );
         assert!(
-            help.contains("predict to miss it (all but exact) [default: -60; rdbp: -60, none"),
+            help.contains("a larger predicted error (all but exact) [default: -60; rdbp: -60, none"),
             "{help}"
         );
     }
