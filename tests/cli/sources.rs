@@ -355,7 +355,9 @@ fn listed_commands_exist() {
             "{help}"
         );
         assert!(
-            help.contains("a larger predicted error (all but exact) [default: -60; rdbp: -60, none"),
+            help.contains(
+                "a larger predicted error (all but exact) [default: -60; rdbp: -60, none"
+            ),
             "{help}"
         );
     }

@@ -2,12 +2,14 @@
 
 use core::fmt;
 
+use embedded_hal::digital::OutputPin;
+use embedded_io::{Read, ReadReady, Write, WriteReady};
+
 #[cfg(feature = "board-an500")]
 mod an500;
 #[cfg(feature = "board-h743")]
 mod h743;
 
-mod interface;
 #[cfg(all(not(feature = "defmt"), feature = "board-microbit"))]
 mod semihosting;
 
@@ -30,6 +32,50 @@ compile_error!("no board selected: add --features board-an500, board-h743 or boa
 compile_error!("several boards selected: add --no-default-features to --features board-...");
 
 // The micro:bit represents devices without atomic exchange and floating point: it has a log but no `Board`.
+
+/// Hardware interface of the application.
+pub trait Board: Sized {
+    /// Serial link. `read` and `write` block until at least one byte can be transferred. Check `read_ready` and
+    /// `write_ready` first to avoid blocking.
+    type Link: Read + ReadReady + Write + WriteReady;
+    /// Status light; high is on.
+    type Light: OutputPin;
+
+    /// Board name for the start-up banner.
+    const NAME: &'static str;
+    /// Rate of [`Board::ticks`] in hertz.
+    const TICKS_HZ: u32;
+    /// Watchdog timeout in milliseconds.
+    const WATCHDOG_MS: u32;
+
+    /// Initialise and return the board. `None` if it was taken before. The watchdog starts when it is first fed.
+    fn take() -> Option<Self>;
+
+    /// Serial link of the board.
+    fn link(&mut self) -> &mut Self::Link;
+
+    /// Sleep until the link has received something. May return early: check again and repeat.
+    fn wait(&mut self);
+
+    /// Status light of the board.
+    fn light(&mut self) -> &mut Self::Light;
+
+    /// Free-running counter at [`Board::TICKS_HZ`], wrapping.
+    fn ticks(&self) -> u32;
+
+    /// Start or feed the watchdog.
+    fn feed_watchdog(&mut self);
+
+    /// Reset the board.
+    fn reset(&mut self) -> ! {
+        reset()
+    }
+
+    /// Log a line for a debugger. Discarded if none is attached.
+    fn log(&mut self, message: fmt::Arguments<'_>) {
+        log(message);
+    }
+}
 
 /// Reset the board, for code that does not own it.
 pub fn reset() -> ! {
@@ -63,8 +109,6 @@ pub fn log(_message: fmt::Arguments<'_>) {}
 use defmt_rtt as _;
 #[cfg(all(feature = "defmt", feature = "board-an500"))]
 use defmt_semihosting as _;
-
-pub use interface::Board;
 
 /// End a test program: the emulator exits with success or failure; a board waits.
 pub fn end(_success: bool) -> ! {
