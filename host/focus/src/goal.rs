@@ -75,7 +75,7 @@ pub const DEFAULT_ERROR_DB: f64 = -60.0;
 
 /// Margin of the planned error below the error bound, dB.
 ///
-/// The effect of a plan's error depends on the scene ([`accuracy`]). The error measured on a sample of pixels
+/// The effect of a plan's error depends on the scene ([`crate::accuracy`]). The error measured on a sample of pixels
 /// also varies, since a few bright reflectors can hold most of the image power: by +-3 dB on
 /// random thousands of pixels of the GOTCHA scene. The margin keeps nearly all of this variation within the bound.
 pub const MARGIN_DB: f64 = 4.0;

@@ -21,7 +21,7 @@ pub struct Item {
     pub source: &'static str,
     /// Short statement of the subject shown.
     pub title: &'static str,
-    /// Approximate time relative to that of [`expect()`]'s image.
+    /// Approximate time relative to that of [`expect()`](crate::expect())'s image.
     pub work: f64,
     /// Function that computes the finding.
     pub reproduce: fn(&Context) -> Result<Finding, ItemError>,

@@ -316,7 +316,7 @@ pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Fault>> {
     })
 }
 
-/// Radio settings of the [radio] section.
+/// Radio settings of the `[radio]` section.
 pub(crate) fn configuration(radio: &Values) -> Configuration {
     let source = |key: &str| match radio.text(key) {
         "external" => Source::External,

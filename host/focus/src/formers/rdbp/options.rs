@@ -1,4 +1,4 @@
-//! Options of [`RangeDopplerBackprojection`](super::RangeDoppler) and [`Thesis`](super::Thesis).
+//! Options of [`RangeDopplerBackprojection`](super::RangeDopplerBackprojection) and [`Thesis`](super::Thesis).
 
 use crate::formers::options::{ERROR_DB, FormerOption, OptionType, OptionWord};
 
