@@ -99,7 +99,7 @@ fn every_command_on_images_opens_every_format() {
         assert_eq!(compared["correlation"], 1.0, "{image}");
         let exported = run(at, &format!("export {image} -o copy.zarr"));
         match image {
-            "growing" => exported.failed(1, &["growing", "1 of its 3 tiles", "focus"]),
+            "growing" => exported.failed(1, &["growing", "1 of 3 tiles", "focus"]),
             _ => {
                 exported.succeeded();
                 let compared = json(at, &format!("compare {image} copy.zarr"));
@@ -243,7 +243,7 @@ fn info_describes_every_kind_of_file() {
         ("layer.json", "GeoJSON", "1 features"),
         ("track.csv", "track", "3 fixes"),
         ("phases.csv", "phases", "2 pulses"),
-        ("log.nmea", "navigation log", "1 places"),
+        ("log.nmea", "navigation log", "1 positions"),
         ("product/image.png", "picture", "pixels"),
         ("map.kmz", "map", "KMZ"),
         ("growing", "image", "1 of 3 are formed"),

@@ -161,7 +161,7 @@ fn pixels_outside_the_beam_are_zero_or_refused() {
     let grid = "--grid x=100:160:1,y=999:1001.1:1 -a bp --out edge";
     let edge = run(at, &format!("focus strip.cphd {grid} --beam 2deg"));
     edge.succeeded();
-    assert!(edge.stderr.contains("seen by no pulse"), "{edge:?}");
+    assert!(edge.stderr.contains("illuminated by no pulse"), "{edge:?}");
     let grid = "--grid x=1000:1060:1,y=999:1001.1:1 -a bp --out away";
     run(at, &format!("focus strip.cphd {grid} --beam 2deg")).failed(1, &["no pulse sees the grid"]);
     run(
