@@ -124,13 +124,12 @@ impl Projection {
             }
         };
         let spacing_m = |name| {
-            let spacing = root.at(&["Grid", name, "SS"])?;
-            let spacing_m = spacing.number()?;
+            let spacing_m = number(&["Grid", name, "SS"])?;
             match spacing_m > 0.0 {
                 true => Ok(spacing_m),
-                false => {
-                    Err(spacing.fault(format!("expected a positive number, found {spacing_m}")))
-                }
+                false => Err(root.fault(format!(
+                    "expected a positive number in Grid/{name}/SS, found {spacing_m}"
+                ))),
             }
         };
         let centre = |name, first: &str| {

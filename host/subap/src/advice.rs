@@ -7,6 +7,7 @@ use std::io;
 use subaperture::describe::{DescriptionError, RenderedFault};
 use subaperture::focus::plan::PlanError as ImagePlanError;
 use subaperture::focus::{FormError, Remedy};
+use subaperture::images::OpenError;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::product::ReadError as ProductError;
 use subaperture::io::tiles::StoreError;
@@ -131,6 +132,9 @@ fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'stati
         return Some(&**error);
     }
     if let Some(ProductError::Tiles(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    if let Some(OpenError::File(error)) = error.downcast_ref() {
         return Some(error);
     }
     match error.downcast_ref() {

@@ -29,7 +29,7 @@ pub(crate) trait ChannelFile: Sized {
 
     fn table(&self) -> Table<'_>;
 
-    /// Check what the format has besides the arrays of channels.
+    /// Check contents that only this format has.
     fn check(&self) -> Result<(), String> {
         Ok(())
     }

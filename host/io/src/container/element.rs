@@ -76,8 +76,7 @@ impl<'a, 'i> Element<'a, 'i> {
     /// # Errors
     /// [`MetadataError`] if the element is missing.
     pub fn child(self, name: &str) -> Result<Self, MetadataError> {
-        self.optional(name)
-            .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))
+        self.optional(name).ok_or_else(|| self.missing(name))
     }
 
     /// Element at a path of names below this one.
@@ -88,9 +87,13 @@ impl<'a, 'i> Element<'a, 'i> {
     /// Element at a path of names below this one.
     ///
     /// # Errors
-    /// [`MetadataError`] names the first element that is missing.
+    /// [`MetadataError`] if there is none.
     pub fn at(self, path: &[&str]) -> Result<Self, MetadataError> {
-        path.iter().try_fold(self, |at, name| at.child(name))
+        self.find(path).ok_or_else(|| self.missing(&path.join("/")))
+    }
+
+    fn missing(self, path: &str) -> MetadataError {
+        self.fault(format!("no element {path}; the standard requires it"))
     }
 
     /// Value of an attribute.

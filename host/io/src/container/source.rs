@@ -33,7 +33,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// Open a file.
+    /// Open a file for positioned reads.
     ///
     /// # Errors
     /// [`ReadError::Io`] if the system refuses, or it is a folder.

@@ -76,39 +76,19 @@ impl<'a> HostCore<'a> {
         let wanted = self.job.wanted();
         let range = wanted.first_pulse(sub_cpi)..wanted.first_pulse(sub_cpi + 1);
         let capacity = self.capacity;
-        let (pulses, frequencies) = (
-            usize::from(capacity.pulses),
-            usize::from(capacity.frequencies),
-        );
-        let mut weights = vec![0.0; frequencies];
-        let mut patches = vec![Patch::EMPTY; self.job.patches.len()];
-        let mut stored = vec![Pulse::EMPTY; 2 * pulses];
-        let (first, second) = stored.split_at_mut(pulses);
-        match self.job.pulses.encoding() {
+        let pulses = usize::from(capacity.pulses);
+        self.maps = match self.job.pulses.encoding() {
             Encoding::Complex32 => {
-                let mut samples = vec![Complex32::ZERO; 2 * pulses * frequencies];
-                let (a, b) = samples.split_at_mut(pulses * frequencies);
-                let mut cells = vec![Complex32::ZERO; FixedSlices::cells_len(&capacity)];
-                let mut row = vec![Complex32::ZERO; capacity.range_bins.into()];
-                let mut column = vec![Complex32::ZERO; pulses];
+                let zero = Complex32::ZERO;
+                let mut cells = vec![zero; FixedSlices::cells_len(&capacity)];
+                let mut row = vec![zero; capacity.range_bins.into()];
+                let mut column = vec![zero; pulses];
                 let mut phases = vec![PulsePhase::EMPTY; pulses];
                 let engine = FloatEngine::new(&mut cells, &mut row, &mut column, &mut phases);
-                let stores = [Store::new(a, first), Store::new(b, second)];
-                let processor = SubCpiProcessor::from_parts(
-                    engine,
-                    capacity,
-                    &mut weights,
-                    &mut patches,
-                    stores,
-                )
-                .expect(LENT);
-                self.maps = run(processor, &mut self.job, range, |bytes| {
-                    complex32s(bytes).collect()
-                })?;
+                let decode = |bytes: &[u8]| complex32s(bytes).collect();
+                run(engine, zero, capacity, &mut self.job, range, decode)?
             }
             Encoding::Sc16 => {
-                let mut samples = vec![Sc16::ZERO; 2 * pulses * frequencies];
-                let (a, b) = samples.split_at_mut(pulses * frequencies);
                 let zero = Complex { re: 0, im: 0 };
                 let slices = FixedSlices {
                     cells: &mut vec![Sc16::ZERO; FixedSlices::cells_len(&capacity)],
@@ -119,31 +99,37 @@ impl<'a> HostCore<'a> {
                     folded: &mut vec![zero; pulses],
                 };
                 let engine = FixedEngine::new(slices, &capacity).expect(LENT);
-                let stores = [Store::new(a, first), Store::new(b, second)];
-                let processor = SubCpiProcessor::from_parts(
-                    engine,
-                    capacity,
-                    &mut weights,
-                    &mut patches,
-                    stores,
-                )
-                .expect(LENT);
-                self.maps = run(processor, &mut self.job, range, |bytes| {
-                    sc16s(bytes).collect()
-                })?;
+                let decode = |bytes: &[u8]| sc16s(bytes).collect();
+                run(engine, Sc16::ZERO, capacity, &mut self.job, range, decode)?
             }
-        }
+        };
         Ok(())
     }
 }
 
-/// Compute the maps of one sub-CPI.
+/// Compute the maps of one sub-CPI on an engine whose buffers suit `capacity`.
 fn run<E: Engine<Sample: Sample>>(
-    mut processor: SubCpiProcessor<'_, E>,
+    engine: E,
+    zero: E::Sample,
+    capacity: Capacity,
     job: &mut Job<'_>,
     pulses: Range<u32>,
     decode: impl Fn(&[u8]) -> Vec<E::Sample>,
 ) -> Result<Vec<(MapHeader, Vec<u8>)>, ReadError> {
+    let (depth, frequencies) = (
+        usize::from(capacity.pulses),
+        usize::from(capacity.frequencies),
+    );
+    let mut weights = vec![0.0; frequencies];
+    let mut patches = vec![Patch::EMPTY; job.patches.len()];
+    let mut headers = vec![Pulse::EMPTY; 2 * depth];
+    let mut samples = vec![zero; 2 * depth * frequencies];
+    let (first, second) = headers.split_at_mut(depth);
+    let (a, b) = samples.split_at_mut(depth * frequencies);
+    let stores = [Store::new(a, first), Store::new(b, second)];
+    let processor =
+        SubCpiProcessor::from_parts(engine, capacity, &mut weights, &mut patches, stores);
+    let mut processor = processor.expect(LENT);
     let sound = "settings were checked when this core was made";
     processor.configure(&job.setup).expect(sound);
     processor
