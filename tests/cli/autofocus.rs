@@ -85,7 +85,7 @@ fn phases_are_estimated_written_and_corrected() {
         at,
         &format!("focus shaken.cphd {GRID} --phase mine.csv --out d"),
     )
-    .failed(1, &["mine.csv", "1 entries", "512 pulses"]);
+    .failed(1, &["mine.csv", "1 entries", "one entry per pulse (512)"]);
     run(
         at,
         &format!("focus shaken.cphd {GRID} --phase none.csv --out d"),

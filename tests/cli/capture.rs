@@ -225,7 +225,7 @@ fn full_disk_keeps_the_earlier_samples() {
     let out = disk.path().join("full");
     let words = ["capture", "thesis.toml", "-o", out.to_str().unwrap()];
     let ran: Ran = command(at, words).output().unwrap().into();
-    ran.failed(1, &["full.sigmf-", "No space left", "make room"]);
+    ran.failed(1, &["full.sigmf-", "No space left", "free disk space"]);
     let recording = Recording::open(&out).unwrap();
     let steps = recording.steps().len();
     // A step of 1000 samples of two channels has 8000 bytes, and its line some 300.
@@ -384,7 +384,7 @@ fn wrong_options_and_keys_are_reported_with_advice() {
     assert!(
         probed
             .stderr
-            .contains("warning: the plan does not suit this radio")
+            .contains("warning: the plan is not possible on this radio")
     );
     assert_eq!(listing(at), before);
 }

@@ -307,7 +307,7 @@ fn detected_images_are_compared_within_their_levels() {
     let found = bytes.windows(name.len()).position(|w| w == name).unwrap();
     bytes[found + 1] = b'x';
     fs::write(at.join("foreign.nitf"), bytes).unwrap();
-    run(at, "compare a foreign.nitf").failed(1, &["greys", "no stated scale"]);
+    run(at, "compare a foreign.nitf").failed(1, &["grey levels", "no stated scale"]);
 }
 
 #[test]

@@ -171,7 +171,7 @@ fn exported_sidd_is_read_and_placed_by_sarkit() {
     assert!(
         measured
             .stderr
-            .contains("density.nitf: responses of points need complex values")
+            .contains("density.nitf: point responses need complex values")
     );
     run(at, "quality density.nitf --at 0,0").failed(1, &["density.nitf", "complex values"]);
 }

@@ -330,7 +330,7 @@ fn live_view_changes_no_sample_and_reports_who_can_connect() {
     );
     let (_, told) = captured("open", "--listen 0.0.0.0:0");
     assert!(
-        told.contains("warning: --listen 0.0.0.0:") && told.contains("whoever reaches"),
+        told.contains("warning: --listen 0.0.0.0:") && told.contains("everyone who can reach"),
         "{told}"
     );
 }

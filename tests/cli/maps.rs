@@ -132,7 +132,7 @@ fn missing_maps_are_reported() {
         &format!("focus --from-maps a.maps --out cut --grid {GRID}"),
     );
     ran.succeeded();
-    assert!(ran.stderr.contains("a.maps breaks off"), "{ran:?}");
+    assert!(ran.stderr.contains("a.maps is truncated"), "{ran:?}");
     let line = "focus --from-maps a.maps --out coarse --error-db -120";
     run(folder.path(), line).failed(1, &["the predicted error is", "--allow-error"]);
     let ran = run(folder.path(), &format!("{line} --allow-error"));

@@ -37,7 +37,7 @@ fn damaged_log_reports_losses_and_gives_a_track() {
     let printed = ran.succeeded();
     assert!(
         printed.contains(
-            "INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, one in 0.0500 s"
+            "INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, interval 0.0500 s"
         ),
         "{printed}"
     );

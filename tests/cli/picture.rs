@@ -117,7 +117,7 @@ fn product_is_coloured_by_sub_aperture() {
         (
             "picture a.npy -o b.png --sub-apertures 3",
             1,
-            &["a.npy", "not known"][..],
+            &["a.npy", "sub-apertures need the record"][..],
         ),
         (
             "picture image -o b.png --sub-apertures 1",

@@ -293,7 +293,7 @@ fn coarse_image_is_refused_and_measured_from_its_recording() {
     }
     let text = run(at, "quality coarse --at 3,-2 --from s.cphd");
     for part in [
-        "formed of the recording by exact",
+        "formed from the recording by exact",
         "theory, as lit",
         "x 3.00",
     ] {
@@ -353,7 +353,7 @@ fn positions_are_in_scene_coordinates_on_any_plane() {
             "{said}"
         );
     }
-    run(at, "quality upright --at 3,-2").failed(2, &["vertical", "X,Y,Z"]);
+    run(at, "quality vertical --at 3,-2").failed(2, &["vertical", "X,Y,Z"]);
 }
 
 /// A beam that illuminates part of the pass: the response agrees with the theory of weighted pulses, not with that of equal pulses.

@@ -272,7 +272,7 @@ fn file_size_that_is_no_multiple_of_a_pulse_is_explained() {
     ran.succeeded();
     assert!(
         ran.stderr
-            .contains("warning: resolution and geometry are those at x 0 m"),
+            .contains("warning: resolution and geometry apply at x 0 m"),
         "{ran:?}"
     );
     assert!(ran.stderr.contains("is at the antennas"), "{ran:?}");

@@ -355,7 +355,7 @@ fn command_refuses_or_exits_with_status_3() {
         3,
         &[
             "predicted error",
-            "above the -60 dB asked: paths over so large a grid",
+            "above the bound of -60 dB: paths over so large a grid",
             "a smaller --grid",
             "allow a larger error with --error-db -",
         ],

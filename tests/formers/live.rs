@@ -271,8 +271,8 @@ fn invalid_pulses_are_refused_and_leave_image_unchanged() {
                 of_samples(63, Complex32::new(f32::INFINITY, 0.0)),
                 "sample 63",
             ),
-            (*good, row[1..].to_vec(), "63 samples"),
-            (*good, Vec::new(), "0 samples"),
+            (*good, row[1..].to_vec(), "got 63"),
+            (*good, Vec::new(), "got 0"),
             (
                 spoilt(&|p| p.transmitter_m.y = f64::NAN),
                 row.to_vec(),

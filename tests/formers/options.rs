@@ -88,6 +88,6 @@ fn settings_are_those_of_the_given_options() {
         json!({ "mode": "fast" }),
         json!({ "error_db": 3 }),
     ] {
-        assert!(refusal(wrong.clone()).contains("cannot be"), "{wrong}");
+        assert!(refusal(wrong.clone()).contains("is not a valid"), "{wrong}");
     }
 }

@@ -108,7 +108,7 @@ fn export_refuses_impossible_maps_with_a_remedy() {
         ("image -o a.tif --layout complex --looks 3", 2, "--looks"),
         ("image -o a.tif --place 91,0", 2, "-90 to 90"),
         ("image -o a.tif --speed 3m/s", 2, "--format sicd"),
-        ("image -o a.nitf --looks 3", 2, "of maps"),
+        ("image -o a.nitf --looks 3", 2, "apply to maps"),
         ("image -o theirs.tif", 1, "no map that subap wrote"),
         ("image -o theirs.png", 1, "theirs.pgw"),
         ("image -o a.tif --pixel 3km", 1, "use smaller pixels"),

@@ -19,8 +19,6 @@ use subaperture_model::phase_history::{Collection, Pulse};
 /// Largest number of rows, of columns and of pulses that are sampled.
 const NODES: usize = 129;
 const PULSES: usize = 33;
-/// Rows and columns sampled for a statement on all pixels in all pulses.
-const FEW: usize = 17;
 
 /// Shares of a grid's pixels that pulses do not cover, from 0 to 1. Shares are those of up to 129 rows, 129 columns and 33 pulses spread evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +27,6 @@ pub struct Coverage {
     pub none: f64,
     /// Pixels that some pulses cover and others do not.
     pub part: f64,
-    /// Whether certainly no pulse covers any pixel of the grid.
-    pub is_outside: bool,
 }
 
 impl Coverage {
@@ -59,7 +55,6 @@ impl Coverage {
         Some(Self {
             none: share(none),
             part: share(part),
-            is_outside: none == count && is_outside(all, grid),
         })
     }
 }
@@ -67,43 +62,6 @@ impl Coverage {
 /// Path beyond the end of a pulse's interval, metres; negative within.
 fn excess_m(pulse: &Pulse, place_m: glam::DVec3) -> f64 {
     pulse.relative_path_m(place_m).abs() - 0.5 * SPEED_OF_LIGHT_M_S / pulse.step_hz
-}
-
-/// Whether the paths of all pixels are certainly beyond the interval, for every pulse: a path changes by at most twice the distance between two places.
-fn is_outside(pulses: &[Pulse], grid: &ImageGrid) -> bool {
-    if grid.relief.is_some() {
-        return false;
-    }
-    let rows: Vec<usize> = spread(grid.rows.count, FEW).collect();
-    let columns: Vec<usize> = spread(grid.columns.count, FEW).collect();
-    let mut apart_m: f64 = 0.0;
-    for row in rows.windows(2) {
-        for column in columns.windows(2) {
-            let [near, far] = [0, 1].map(|i| grid.position_m(row[i], column[i]));
-            apart_m = apart_m.max(near.distance(far));
-        }
-    }
-    if rows.len() == 1 || columns.len() == 1 {
-        let ends = [0, 1].map(|end| {
-            let at = |nodes: &[usize]| {
-                if end == 0 {
-                    nodes[0]
-                } else {
-                    nodes[nodes.len() - 1]
-                }
-            };
-            grid.position_m(at(&rows), at(&columns))
-        });
-        apart_m = ends[0].distance(ends[1]);
-    }
-    rows.iter().all(|&row| {
-        columns.iter().all(|&column| {
-            let place_m = grid.position_m(row, column);
-            pulses
-                .iter()
-                .all(|pulse| excess_m(pulse, place_m) > 2.0 * apart_m)
-        })
-    })
 }
 
 /// Up to `most` numbers below `count`, evenly, the first and the last among them.
@@ -156,13 +114,8 @@ mod tests {
         // 100 rows at -49.5 to 49.5 m. Those from -24.5 to 24.5 m are covered.
         let wide = coverage("x=0:1:1,y=-49.5:50:1");
         assert!((wide.none - 50.0 / 100.0).abs() < 1e-12, "{wide:?}");
-        assert!(!wide.is_outside);
         let outside = coverage("x=-5:5:1,y=60:80:1");
         assert_eq!(outside.none, 1.0);
-        assert!(outside.is_outside);
-        // Covered between sampled rows only: 50 m of 200 km.
-        let huge = coverage("x=0:1:1,y=-100700:100000:10");
-        assert!(!huge.is_outside, "{huge:?}");
         let grid: ImageGrid = "x=-5:5:1,y=60:80:1".parse().unwrap();
         assert_eq!(Coverage::of(&collection(0.0), &grid), None);
     }

@@ -58,8 +58,8 @@ impl Survey {
         if self.centre_at_antennas {
             let [x, y, z] = self.scene_centre_m;
             return Err(NoDefaultGrid(format!(
-                "the recording does not say where its scene is, and the place taken for its centre, x {x} m, y {y} m, z {z} m, lies at the \
-                 antennas; its extent or a reference point would say"
+                "the recording does not state the position of its scene, and the assumed centre, x {x} m, y {y} m, z {z} m, lies at the \
+                 antennas: state the scene's extent or a reference point"
             )));
         }
         let (Some(range_m), Some(cross_m)) =

@@ -38,7 +38,7 @@ pub(crate) fn former(
     let progress = session.progress("choosing the beam");
     let chosen = choose(choice, history, grid, target_m_s, &progress)?;
     progress.finish();
-    covered(history, grid)?;
+    warn_of_ambiguity(history, grid);
     match &chosen.rejected {
         Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
             "{rejected}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
@@ -64,18 +64,11 @@ pub(crate) fn former(
     Ok(Box::new(InBeam::new(plain, beam)?))
 }
 
-/// Warn of pixels whose delays are not recorded.
-///
-/// # Errors
-/// [`Usage`] for a grid without a recorded pixel.
-fn covered(history: &dyn PhaseHistory, grid: &ImageGrid) -> anyhow::Result<()> {
+/// Warn of pixels outside the unambiguous interval of ranges.
+fn warn_of_ambiguity(history: &dyn PhaseHistory, grid: &ImageGrid) {
     let Some(coverage) = Coverage::of(history.collection(), grid) else {
-        return Ok(());
+        return;
     };
-    if coverage.is_outside {
-        let fault = "--grid: expected pixels within the recorded interval of ranges, found none: choose a grid about the recording's scene (subap info)";
-        return Err(Usage(fault.to_owned()).into());
-    }
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     if coverage.none + coverage.part > 0.0 {
         messages::warning(format!(
@@ -84,7 +77,6 @@ fn covered(history: &dyn PhaseHistory, grid: &ImageGrid) -> anyhow::Result<()> {
             percent(coverage.part)
         ));
     }
-    Ok(())
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {
