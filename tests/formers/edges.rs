@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use num_complex::Complex64;
+use subaperture::Focusing;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
@@ -15,7 +16,7 @@ use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{PointTargetHistory, Scatterer};
+use subaperture::simulate::{PointTargetHistory, Preset, Scatterer, Variation};
 use subaperture_tests::error_db;
 
 const ERROR_DB: f64 = -50.0;
@@ -222,4 +223,25 @@ fn extreme_positions_and_grids_do_not_panic() {
     )
     .unwrap_err();
     assert!(error.remedies().contains(&Remedy::SmallerGrid), "{error:?}");
+}
+
+#[test]
+fn image_warns_of_pixels_outside_the_recorded_ranges() {
+    // Profiles of 192 m about the scene's middle, on a track in the direction of x at y = -5 km.
+    let history = Preset::Table41.simulate(&Variation::default());
+    for (rows, shares) in [
+        ("200:204", Some("100.0 % of the pixels")),
+        ("80:84", None),
+        ("94:98", Some("50.0 % of the pixels")),
+    ] {
+        let grid = grid(&format!("x=-2:2:1,y={rows}:1"));
+        let image = Focusing::new(&history, &grid).allow_error().by(&Exact);
+        let warnings = image.unwrap().warnings;
+        let named = "lie outside the recorded interval of ranges";
+        let found = warnings.iter().find(|warning| warning.contains(named));
+        match shares {
+            Some(shares) => assert!(found.unwrap().contains(shares), "{warnings:?}"),
+            None => assert_eq!(found, None),
+        }
+    }
 }

@@ -57,6 +57,18 @@ impl Coverage {
             part: share(part),
         })
     }
+
+    /// Warning of pixels that pulses do not cover; `None` if all pulses cover all pixels.
+    pub fn warning(&self) -> Option<String> {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        (self.none + self.part > 0.0).then(|| {
+            format!(
+                "image: {} of the pixels lie outside the recorded interval of ranges in all pulses, and {} in some: echoes of other ranges appear there",
+                percent(self.none),
+                percent(self.part)
+            )
+        })
+    }
 }
 
 /// Path beyond the end of a pulse's interval, metres; negative within.
@@ -111,6 +123,7 @@ mod tests {
         };
         let within = coverage("x=-5:5:1,y=-24:24:1");
         assert_eq!((within.none, within.part), (0.0, 0.0));
+        assert_eq!(within.warning(), None);
         // 100 rows at -49.5 to 49.5 m. Those from -24.5 to 24.5 m are covered.
         let wide = coverage("x=0:1:1,y=-49.5:50:1");
         assert!((wide.none - 50.0 / 100.0).abs() < 1e-12, "{wide:?}");

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use crate::FocusedImage;
 use subaperture_focus::beam::{BeamChoice, EstimateError, InBeam, choose};
+use subaperture_focus::coverage::Coverage;
 use subaperture_focus::{
     BoundPolicy, FormError, ImageFormer, Numerics, Task, TimeModel, formers, machine,
 };
@@ -137,7 +138,8 @@ impl<'a> Focusing<'a> {
     /// [`FormError`]; [`FormError::Unsuited`] if a requested beam does not suit the recording, the grid or a former of another crate.
     pub fn by<F: ImageFormer + ?Sized>(self, former: &F) -> Result<FocusedImage, FormError> {
         let start = Instant::now();
-        let mut warnings = Vec::new();
+        let coverage = Coverage::of(self.history.collection(), self.grid);
+        let mut warnings: Vec<String> = (coverage.iter()).filter_map(Coverage::warning).collect();
         let mut image = match self.in_beam(former, &mut warnings)? {
             Some(in_beam) => self.formed(&in_beam)?,
             None => self.formed(former)?,

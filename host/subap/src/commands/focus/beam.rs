@@ -38,7 +38,10 @@ pub(crate) fn former(
     let progress = session.progress("choosing the beam");
     let chosen = choose(choice, history, grid, target_m_s, &progress)?;
     progress.finish();
-    warn_of_ambiguity(history, grid);
+    let coverage = Coverage::of(history.collection(), grid);
+    if let Some(warning) = coverage.and_then(|coverage| coverage.warning()) {
+        messages::warning(warning);
+    }
     match &chosen.rejected {
         Some(rejected @ Rejected::Undecided { .. }) => messages::warning(format!(
             "{rejected}. Give the approximate direction with --beam auto --squint DEG, or use all pulses with --beam none"
@@ -62,21 +65,6 @@ pub(crate) fn former(
         ));
     }
     Ok(Box::new(InBeam::new(plain, beam)?))
-}
-
-/// Warn of pixels outside the unambiguous interval of ranges.
-fn warn_of_ambiguity(history: &dyn PhaseHistory, grid: &ImageGrid) {
-    let Some(coverage) = Coverage::of(history.collection(), grid) else {
-        return;
-    };
-    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    if coverage.none + coverage.part > 0.0 {
-        messages::warning(format!(
-            "image: {} of the pixels lie outside the recorded interval of ranges in all pulses, and {} in some: echoes of other ranges appear there",
-            percent(coverage.none),
-            percent(coverage.part)
-        ));
-    }
 }
 
 fn choice(typed: &Imaging) -> BeamChoice {
