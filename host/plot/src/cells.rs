@@ -3,7 +3,7 @@
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, PixelBlock, power};
 
-use super::layout::plot_size;
+use super::layout::{BYTES_A_CELL, distinct, longest, plot_size};
 use super::raster::{Reduced, resample};
 
 /// Mean powers on the cells of the picture that [`super::quicklook_within`] draws of an image, gathered from windows of the image
@@ -22,9 +22,9 @@ impl PictureCells {
     /// Cells of the picture of an image on `grid`, drawn with `memory_bytes`.
     pub fn new(grid: &ImageGrid, memory_bytes: u64) -> Self {
         let count = (grid.rows.count, grid.columns.count);
-        let longest = super::longest(memory_bytes, super::BYTES_A_CELL);
+        let longest = longest(memory_bytes, BYTES_A_CELL);
         let (width, height) = plot_size(count, proportions(grid), longest);
-        let size = super::layout::distinct(count, (height, width));
+        let size = distinct(count, (height, width));
         let gathered = (size.0.min(count.0), size.1.min(count.1));
         Self {
             reduced: Reduced::new(count, gathered.0, gathered.1),

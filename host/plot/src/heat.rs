@@ -2,7 +2,7 @@
 
 use super::canvas::Packing;
 use super::colours::{PALE, RED};
-use super::layout::{Drawn, Sheet, page};
+use super::layout::{Drawn, LONGEST, Sheet, page};
 use super::raster::resample;
 use super::scale::Levels;
 use super::{Colours, PlotError, edges};
@@ -91,5 +91,5 @@ pub fn heat(heat: &HeatMap) -> Result<Vec<u8>, PlotError> {
             Ok(Drawn::Levels(cells, levels))
         }),
     };
-    page(&[sheet], 1, super::LONGEST)?.into_png(Packing::Small)
+    page(&[sheet], 1, LONGEST)?.into_png(Packing::Small)
 }

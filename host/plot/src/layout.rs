@@ -40,6 +40,21 @@ const MIN_SIDE: usize = 160;
 const KEY_STEP: usize = 26;
 const MAX_KEY_PX: f32 = 200.0;
 
+/// Longest side of a single picture drawn with `memory_bytes`, pixels.
+pub(super) fn longest(memory_bytes: u64, bytes_a_cell: u64) -> usize {
+    let side = ((memory_bytes / bytes_a_cell) as f64).sqrt() as usize;
+    side.clamp(MIN_SHOWN, LONGEST)
+}
+
+/// Memory per pixel while drawing, bytes: power, a copy for automatic levels, colour, and a copy for
+/// encoding.
+pub(super) const BYTES_A_CELL: u64 = 24;
+
+/// Largest side of a single picture, pixels.
+pub(super) const LONGEST: usize = 1600;
+/// Smallest side of a single picture where memory is limited, pixels.
+const MIN_SHOWN: usize = 400;
+
 /// Tick values and labels.
 type Ticks = Vec<(f64, String)>;
 

@@ -35,7 +35,7 @@ mod source;
 mod ticks;
 
 use canvas::Packing;
-use layout::{Drawn, Sheet};
+use layout::{BYTES_A_CELL, Drawn, LONGEST, Sheet, longest};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::ImageSourceError;
 
@@ -280,20 +280,6 @@ pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, Plo
         longest(memory_bytes, a_cell),
     )
 }
-
-/// Longest side of a single picture drawn with `memory_bytes`, pixels.
-fn longest(memory_bytes: u64, bytes_a_cell: u64) -> usize {
-    let side = ((memory_bytes / bytes_a_cell) as f64).sqrt() as usize;
-    side.clamp(MIN_SHOWN, LONGEST)
-}
-
-/// Memory per pixel while drawing, bytes: power, a copy for automatic levels, colour, and a copy for
-/// encoding.
-const BYTES_A_CELL: u64 = 24;
-
-/// Largest side of a single picture, and smallest where memory is limited, pixels.
-const LONGEST: usize = 1600;
-const MIN_SHOWN: usize = 400;
 
 /// Draw several pictures on one page as PNG, `columns` side by side, row by row. Largest side of each: 1600 pixels for one column,
 /// 800 for two, 560 for three or more.

@@ -11,18 +11,8 @@ use subaperture_model::phase_history::{
     PhaseSign, ReadError,
 };
 
+use super::samples::SignStated;
 use super::{RecordingFile, Take};
-
-/// Source of the sign in a description.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SignStated {
-    /// Samples are real: their analytic signal has the sign of image formers.
-    Real,
-    /// Stated by the key `recording.phase`.
-    Stated(PhaseSign),
-    /// Not stated. Histories are then read as `minus`.
-    Unstated,
-}
 
 /// Value of the key for a sign.
 fn value(sign: PhaseSign) -> &'static str {

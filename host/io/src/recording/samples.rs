@@ -13,12 +13,22 @@ use std::sync::Arc;
 use num_complex::Complex32;
 
 use super::arrays::Source;
-use super::phase::SignStated;
 use crate::input::open_file;
 use crate::npy::{Array, Range, Values as Numbers};
 use subaperture_describe::error::{ALLOW_MORE_MEMORY, Fault};
 use subaperture_describe::values::Values;
 use subaperture_model::phase_history::PhaseSign;
+
+/// Source of the sign in a description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SignStated {
+    /// Samples are real: their analytic signal has the sign of image formers.
+    Real,
+    /// Stated by the key `recording.phase`.
+    Stated(PhaseSign),
+    /// Not stated. Histories are then read as `minus`.
+    Unstated,
+}
 
 /// Samples as recorded: a row for every receiver in every sweep.
 pub(super) struct Samples {

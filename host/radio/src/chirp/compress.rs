@@ -15,12 +15,8 @@ use num_complex::Complex64;
 use subaperture_fft::{Fft, Transforms};
 use subaperture_signal::phase::phasor;
 
-use super::Plan;
+use super::{LOOP_SAMPLES, Plan};
 use crate::transceiver::Sample;
-
-/// Largest delay of the reference after transmission, in samples: cable delay plus internal delay of the radio. The
-/// search for the reference covers as many lags.
-pub(super) const LOOP_SAMPLES: usize = 8;
 
 /// Newton iterations to the peak of the reference, starting within half a sample; convergence is quadratic.
 const STEPS: usize = 4;

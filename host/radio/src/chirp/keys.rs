@@ -1,10 +1,13 @@
 //! TOML keys of a chirp plan.
 
-use subaperture_describe::Description;
+use std::io;
+use std::path::Path;
+
 use subaperture_describe::error::Fault;
 use subaperture_describe::schema::{
     Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
 };
+use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::units::Dimension;
 
 use super::Plan;
@@ -30,7 +33,7 @@ static CHIRP: Section = Section {
             "bandwidth",
             FREQUENCY,
             Requirement::Required("\"16 MHz\""),
-            " (2 bandwidth). At most the radio's bandwidth and sample rate./ (2 bandwidth). At most the radio's bandwidth and sample rate.",
+            "Swept bandwidth. Range resolution is c / (2 bandwidth). At most the radio's bandwidth and sample rate.",
         ),
         Key::new(
             "duration",
@@ -87,7 +90,25 @@ pub fn reference() -> String {
     SCHEMA.reference()
 }
 
-pub(super) fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
+impl Plan {
+    /// Read a plan from a TOML file.
+    ///
+    /// # Errors
+    /// The outer error if the file cannot be read, the inner one if its text is invalid.
+    pub fn read(path: &Path) -> io::Result<Result<Self, DescriptionError>> {
+        Description::read(path).map(|description| Self::describe(&description))
+    }
+
+    /// Make a plan from a parsed description.
+    ///
+    /// # Errors
+    /// All faults of the text, with their lines.
+    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
+        build(description).map_err(|faults| description.explain(faults))
+    }
+}
+
+fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let chirp = top.section("chirp");
     let built = Plan {

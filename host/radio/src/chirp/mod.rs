@@ -36,11 +36,8 @@ mod compress;
 mod keys;
 
 use std::f64::consts::PI;
-use std::io;
-use std::path::Path;
 
 use num_complex::{Complex32, Complex64};
-use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::cis;
 
@@ -51,6 +48,10 @@ use crate::transceiver::{Configuration, Ranges};
 pub use capture::{ChirpSummary, capture};
 pub use compress::{ChirpProfile, Compressor, Replica};
 pub use keys::reference;
+
+/// Largest delay of the reference after transmission, in samples: cable delay plus internal delay of the radio. The
+/// search for the reference covers as many lags.
+const LOOP_SAMPLES: usize = 8;
 
 /// Plan of a chirp capture.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,22 +81,6 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Read a plan from a TOML file.
-    ///
-    /// # Errors
-    /// The outer error if the file cannot be read, the inner one if its text is invalid.
-    pub fn read(path: &Path) -> io::Result<Result<Self, DescriptionError>> {
-        Description::read(path).map(|description| Self::describe(&description))
-    }
-
-    /// Make a plan from a parsed description.
-    ///
-    /// # Errors
-    /// All faults of the text, with their lines.
-    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
-        keys::build(description).map_err(|faults| description.explain(faults))
-    }
-
     /// Range resolution `c / (2 B)`, metres.
     pub fn resolution_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / (2.0 * self.bandwidth_hz)
@@ -118,12 +103,12 @@ impl Plan {
 
     /// Number of values of a range profile.
     pub fn lags(&self) -> usize {
-        (self.reach_m / self.spacing_m()).ceil() as usize + 1 + compress::LOOP_SAMPLES
+        (self.reach_m / self.spacing_m()).ceil() as usize + 1 + LOOP_SAMPLES
     }
 
     /// Samples of a burst: its pulses, and the tail for the last pulse's farthest echo.
     pub fn samples(&self) -> usize {
-        let span = self.chirp_samples() + compress::LOOP_SAMPLES + self.lags();
+        let span = self.chirp_samples() + LOOP_SAMPLES + self.lags();
         let pulses = self.pulses.max(1);
         self.period().saturating_mul(pulses - 1) + self.period().max(span)
     }

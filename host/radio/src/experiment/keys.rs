@@ -1,16 +1,16 @@
 //! TOML keys of an experiment beyond those of its plan.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use subaperture_describe::Description;
 use subaperture_describe::error::Fault;
 use subaperture_describe::schema::{
     Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
 };
 use subaperture_describe::values::Values;
+use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
 use subaperture_model::units::Dimension;
 
-use super::{Device, Experiment, Simulated, Usrp, live};
+use super::{Device, Experiment, ExperimentError, Simulated, Usrp, live, unread};
 use crate::antennas::Reference;
 use crate::fault::Faults;
 use crate::plan::{Plan, keys as plan};
@@ -208,7 +208,47 @@ pub(super) static SCHEMA: Schema = Schema {
     introduction: "A radio experiment is a TOML file with the capture plan, the radio, and the files.",
 };
 
-pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
+/// Reference text of all keys, with type, default and description.
+pub fn reference() -> String {
+    SCHEMA.reference()
+}
+
+impl Experiment {
+    /// Read an experiment file, and override keys with `settings` (pairs such as `plan.steps` and `50`). Its text may take
+    /// [`DEFAULT_MEMORY_BYTES`] when it is parsed.
+    ///
+    /// # Errors
+    /// If the file cannot be read; otherwise all faults of its text.
+    pub fn read(path: &Path, settings: &[(String, String)]) -> Result<Self, ExperimentError> {
+        Self::read_within(path, settings, DEFAULT_MEMORY_BYTES)
+    }
+
+    /// As [`Self::read`], for a text that takes at most `memory_bytes` when it is parsed.
+    ///
+    /// # Errors
+    /// If the file cannot be read; otherwise all faults of its text.
+    pub fn read_within(
+        path: &Path,
+        settings: &[(String, String)],
+        memory_bytes: u64,
+    ) -> Result<Self, ExperimentError> {
+        let mut description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
+        for (key, value) in settings {
+            description.set(&SCHEMA, "--set", key, value)?;
+        }
+        Ok(Self::describe(&description)?)
+    }
+
+    /// Make an experiment from a parsed description.
+    ///
+    /// # Errors
+    /// All faults of the text, with their lines.
+    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
+        build(description).map_err(|faults| description.explain(faults))
+    }
+}
+
+fn build(description: &Description) -> Result<Experiment, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let folder = description.folder();
     let (device, files) = (top.section("device"), top.section("files"));

@@ -13,7 +13,7 @@ mod live;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use subaperture_describe::{DEFAULT_MEMORY_BYTES, Description, DescriptionError};
+use subaperture_describe::DescriptionError;
 use subaperture_simulate::scenario::Scenario;
 
 use crate::antennas::Reference;
@@ -25,6 +25,7 @@ use crate::sigmf::{Recording, SigmfError};
 use crate::simulated::{Analogue, SimulatedRadio, Wiring};
 use crate::transceiver::Transceiver;
 
+pub use keys::reference;
 pub use live::{BodyMotion, Live};
 
 /// Capture plan, radio and live imaging settings, as described in one TOML file.
@@ -103,50 +104,12 @@ pub enum ExperimentError {
     Radio(#[from] RadioError),
 }
 
-/// Reference text of all keys, with type, default and description.
-pub fn reference() -> String {
-    keys::SCHEMA.reference()
-}
-
 fn unread(path: &Path) -> impl FnOnce(io::Error) -> ExperimentError {
     let path = path.to_owned();
     move |source| ExperimentError::Read { path, source }
 }
 
 impl Experiment {
-    /// Read an experiment file, and override keys with `settings` (pairs such as `plan.steps` and `50`). Its text may take
-    /// [`DEFAULT_MEMORY_BYTES`] when it is parsed.
-    ///
-    /// # Errors
-    /// If the file cannot be read; otherwise all faults of its text.
-    pub fn read(path: &Path, settings: &[(String, String)]) -> Result<Self, ExperimentError> {
-        Self::read_within(path, settings, DEFAULT_MEMORY_BYTES)
-    }
-
-    /// As [`Self::read`], for a text that takes at most `memory_bytes` when it is parsed.
-    ///
-    /// # Errors
-    /// If the file cannot be read; otherwise all faults of its text.
-    pub fn read_within(
-        path: &Path,
-        settings: &[(String, String)],
-        memory_bytes: u64,
-    ) -> Result<Self, ExperimentError> {
-        let mut description = Description::read_within(path, memory_bytes).map_err(unread(path))?;
-        for (key, value) in settings {
-            description.set(&keys::SCHEMA, "--set", key, value)?;
-        }
-        Ok(Self::describe(&description)?)
-    }
-
-    /// Make an experiment from a parsed description.
-    ///
-    /// # Errors
-    /// All faults of the text, with their lines.
-    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
-        keys::build(description).map_err(|faults| description.explain(faults))
-    }
-
     /// Open the radio, run `act` with it, and close it. Opening a USRP takes seconds. A simulated scene and its pulses
     /// are refused if they exceed `memory_bytes`.
     ///

@@ -1,3 +1,5 @@
+use subaperture_describe::Description;
+
 use super::*;
 
 fn parse(text: &str) -> Result<Experiment, String> {

@@ -1,11 +1,14 @@
 //! TOML keys of a stepped-frequency capture plan.
 
-use subaperture_describe::Description;
+use std::io;
+use std::path::Path;
+
 use subaperture_describe::error::Fault;
 use subaperture_describe::schema::{
     Bounds, Key, Presence, Requirement, Schema, Section, ValueType,
 };
 use subaperture_describe::values::Values;
+use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::units::Dimension;
 
 use super::{Order, Plan};
@@ -245,7 +248,25 @@ pub fn reference() -> String {
     SCHEMA.reference()
 }
 
-pub(super) fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
+impl Plan {
+    /// Read a plan from a TOML file.
+    ///
+    /// # Errors
+    /// The outer error if the file cannot be read, the inner one if its text is invalid.
+    pub fn read(path: &Path) -> io::Result<Result<Self, DescriptionError>> {
+        Description::read(path).map(|description| Self::describe(&description))
+    }
+
+    /// Make a plan from a parsed description.
+    ///
+    /// # Errors
+    /// All faults of the text, with their lines.
+    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
+        build(description).map_err(|faults| description.explain(faults))
+    }
+}
+
+fn build(description: &Description) -> Result<Plan, Vec<Fault>> {
     let top = description.resolve(&SCHEMA)?;
     let built = plan(&top)?;
     debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");

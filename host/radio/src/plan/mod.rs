@@ -13,12 +13,8 @@
 
 pub(crate) mod keys;
 
-use std::io;
-use std::path::Path;
-
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 use crate::antennas::{Antennas, Reference};
@@ -83,22 +79,6 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Read a plan from a TOML file.
-    ///
-    /// # Errors
-    /// The outer error if the file cannot be read, the inner one if its text is invalid.
-    pub fn read(path: &Path) -> io::Result<Result<Self, DescriptionError>> {
-        Description::read(path).map(|description| Self::describe(&description))
-    }
-
-    /// Make a plan from a parsed description.
-    ///
-    /// # Errors
-    /// All faults of the text, with their lines.
-    pub fn describe(description: &Description) -> Result<Self, DescriptionError> {
-        keys::build(description).map_err(|faults| description.explain(faults))
-    }
-
     /// Carrier spacing, hertz.
     pub fn step_hz(&self) -> f64 {
         (self.stop_hz - self.start_hz) / self.steps as f64
@@ -265,6 +245,8 @@ pub const MAX_SAMPLES: usize = 1 << 22;
 
 #[cfg(test)]
 mod tests {
+    use subaperture_describe::Description;
+
     use super::*;
 
     pub(crate) fn parse(text: &str) -> Result<Plan, String> {
