@@ -19,7 +19,7 @@ fn seen(reflectors: &[Reflector], noise: f64, window: Window) -> Detections {
     let recording = Recording {
         radar: &radar,
         truth: &still,
-        told: &still,
+        recorded: &still,
         reflectors,
         noise,
         seed: 5,

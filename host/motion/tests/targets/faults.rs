@@ -23,7 +23,7 @@ fn recorded(radar: &Radar, reflectors: &[Reflector], noise: f64) -> Recorded {
     Recording {
         radar,
         truth: &walk(PULSES),
-        told: &straight(PULSES),
+        recorded: &straight(PULSES),
         reflectors,
         noise,
         seed: 3,

@@ -111,11 +111,11 @@ pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     (-2.0 * a.ln()).sqrt() * (TAU * b).cos()
 }
 
-/// Recording of a radar on the track `truth` with the recorded track `told`, and noise of RMS `noise` per sample.
+/// Recording of a radar on the track `truth` with the recorded track `recorded`, and noise of RMS `noise` per sample.
 pub(crate) struct Recording<'a> {
     pub(crate) radar: &'a Radar,
     pub(crate) truth: &'a [Truth],
-    pub(crate) told: &'a [Truth],
+    pub(crate) recorded: &'a [Truth],
     pub(crate) reflectors: &'a [Reflector],
     pub(crate) noise: f64,
     pub(crate) seed: u64,
@@ -134,9 +134,9 @@ impl Recording<'_> {
             for (r, r_arm) in self.radar.receivers_m.iter().enumerate() {
                 let mut pulses = Vec::new();
                 let mut samples = Vec::new();
-                for (n, (truth, told)) in self.truth.iter().zip(self.told).enumerate() {
+                for (n, (truth, recorded)) in self.truth.iter().zip(self.recorded).enumerate() {
                     let level = |p: DVec2| p.extend(0.0);
-                    let [tx, rx] = [t_arm, r_arm].map(|arm| level(antenna(told, *arm)));
+                    let [tx, rx] = [t_arm, r_arm].map(|arm| level(antenna(recorded, *arm)));
                     let reference_m = DVec3::new(0.0, 12.0, 0.0);
                     let pulse = Pulse {
                         time_s: n as f64 * PERIOD_S,

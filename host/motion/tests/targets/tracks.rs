@@ -45,16 +45,16 @@ pub(crate) fn reflectors() -> [Reflector; 7] {
     ]
 }
 
-/// Recording on the track `truth` with the recorded track `told`, at an SNR of 30 dB over all samples of a unit reflector.
+/// Recording on the track `truth` with the recorded track `recorded`, at an SNR of 30 dB over all samples of a unit reflector.
 pub(crate) fn walked<'a>(
     radar: &'a Radar,
-    [truth, told]: [&'a [Truth]; 2],
+    [truth, recorded]: [&'a [Truth]; 2],
     reflectors: &'a [Reflector],
 ) -> Recording<'a> {
     Recording {
         radar,
         truth,
-        told,
+        recorded,
         reflectors,
         noise: (radar.samples as f64).sqrt() * 10f64.powf(-30.0 / 20.0),
         seed: 1,
@@ -163,7 +163,7 @@ fn on_rail(places_m: &[f64]) -> Recovered {
     let recording = Recording {
         radar: &radar,
         truth: &truth,
-        told: &truth,
+        recorded: &truth,
         reflectors: &room(),
         noise: 16.0 * 10f64.powf(-30.0 / 20.0),
         seed: 9,
