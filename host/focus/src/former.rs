@@ -12,10 +12,11 @@
 //! - memory determines only how many pulses are read at a time, how many threads work and how many tiles share a pass over
 //!   the pulses.
 //!
-//! Choices are JSON, so that another process on another machine can open the same plan.
+//! Choices have a JSON form, so that another process on another machine can open the same plan.
 
 use super::error::FormError;
 use super::formed::Formed;
+use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal};
 use super::spec::{Decision, ImageSpec, Tile, Work};
 use super::task::Task;
@@ -108,7 +109,7 @@ pub trait ImageFormer: Send + Sync {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError>;
 
     /// Form the image of `task` within the error bound.
@@ -151,24 +152,5 @@ pub trait ImageFormer: Send + Sync {
     /// Make the same former with a planned error of `error_db`; `None` if its error cannot be reduced.
     fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
         None
-    }
-}
-
-/// Parse the choices of a former.
-///
-/// # Errors
-/// [`FormError::Choices`].
-pub(crate) fn chosen<T: serde::de::DeserializeOwned>(
-    former: &'static str,
-    choices: &serde_json::Value,
-) -> Result<T, FormError> {
-    T::deserialize(choices).map_err(|error| misfit(former, &error.to_string()))
-}
-
-/// Error for choices that do not belong to this former and image.
-pub(crate) fn misfit(former: &'static str, mismatch: &str) -> FormError {
-    FormError::Choices {
-        former,
-        mismatch: mismatch.to_owned(),
     }
 }

@@ -36,7 +36,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp;
-use super::former::chosen;
+use super::former_choices::FormerChoices;
 use super::{
     BoundPolicy, Decision, ErrorGoal, FormError, Formed, Forming, ImageFormer, ImageSpec, Task,
     accuracy,
@@ -192,9 +192,9 @@ impl ImageFormer for VelocityPlane {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        bp::open(spec, chosen(self.name(), choices)?, self.meaning())
+        bp::open(spec, choices.of(self.name())?, self.meaning())
     }
 }
 

@@ -18,6 +18,7 @@ use super::accuracy;
 use super::compared::Planned;
 use super::cost::Cost;
 pub use super::fingerprint::Fingerprint;
+use super::former_choices::FormerChoices;
 use super::goal::{BoundPolicy, ErrorGoal, misses};
 use super::patch::PatchSize;
 pub use super::sink::{ImageSink, InMemory, Sink};
@@ -53,7 +54,7 @@ pub struct Plan {
     /// Settings of the former ([`ImageFormer::settings`]).
     pub settings: serde_json::Value,
     /// Parameters chosen by the former.
-    pub(super) choices: serde_json::Value,
+    pub(super) choices: FormerChoices,
     /// Summary of the choices: a JSON object.
     pub summary: serde_json::Value,
     /// Pixel grid of the image.

@@ -8,6 +8,7 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
 
 use super::cost::Cost;
 use super::error::FormError;
+use super::former_choices::FormerChoices;
 use super::numerics::Numerics;
 use super::patch::{PatchSize, Rectangle};
 
@@ -33,8 +34,8 @@ pub struct ImageSpec<'a> {
 /// Plan of a former for an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// Parameters chosen by the former: JSON, for [`ImageFormer::open`](super::ImageFormer::open).
-    pub choices: serde_json::Value,
+    /// Parameters chosen by the former, for [`ImageFormer::open`](super::ImageFormer::open).
+    pub choices: FormerChoices,
     /// Summary of the choices for people and records: a JSON object.
     pub settings: serde_json::Value,
     /// Planned relative RMS error, dB ([`super::accuracy`]).

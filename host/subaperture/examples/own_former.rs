@@ -6,8 +6,8 @@ use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::focus::cost::Copies;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::{
-    Cost, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason, StageCost, Tile,
-    Work,
+    Cost, Decision, ErrorGoal, FormError, FormerChoices, Forming, ImageFormer, ImageSpec, Reason,
+    StageCost, Tile, Work,
 };
 use subaperture::image::Comparison;
 use subaperture::monitor::{Monitor, during};
@@ -51,7 +51,7 @@ impl ImageFormer for Recurrence {
             Reason::new("float32 limits the error: raise the bound")
         })?;
         Ok(Decision {
-            choices: json!({}),
+            choices: FormerChoices::default(),
             settings: json!({ "recurrence": "over frequency" }),
             planned_db: PLANNED_DB,
             grain: PatchSize::PIXEL,
@@ -59,7 +59,11 @@ impl ImageFormer for Recurrence {
         })
     }
 
-    fn open<'a>(&self, spec: ImageSpec<'a>, _: &Value) -> Result<Box<dyn Forming + 'a>, FormError> {
+    fn open<'a>(
+        &self,
+        spec: ImageSpec<'a>,
+        _: &FormerChoices,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(Box::new(Opened { spec }))
     }
 }

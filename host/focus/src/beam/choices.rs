@@ -4,12 +4,12 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Beam;
 use crate::compared::SWATH;
 use crate::cost::{Buffer, Copies, Cost, StageCost};
-use crate::former::{chosen, misfit};
+use crate::former_choices::{FormerChoices, misfit};
 use crate::patch::PatchSize;
 use crate::{Decision, ErrorGoal, FormError, ImageFormer, ImageSpec};
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -20,7 +20,7 @@ use subaperture_model::phase_history::{BlockIllumination, Collection, Weights};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Choices {
-    each: Vec<Value>,
+    each: Vec<FormerChoices>,
     /// Index into `each` for each block; `None` for a block that no pulse illuminates.
     of_block: Vec<Option<usize>>,
 }
@@ -29,10 +29,10 @@ impl Choices {
     /// Parse stored plans and check their number of blocks.
     pub(super) fn of(
         former: &'static str,
-        value: &Value,
+        choices: &FormerChoices,
         lit: &BlockIllumination,
     ) -> Result<Self, FormError> {
-        let choices: Self = chosen(former, value)?;
+        let choices: Self = choices.of(former)?;
         let fits = |block: usize| match choices.of_block[block] {
             Some(index) => index < choices.each.len() && !lit.pulses(block).is_empty(),
             None => lit.pulses(block).is_empty(),
@@ -47,7 +47,7 @@ impl Choices {
     }
 
     /// Plan of one block; `None` for a block that no pulse illuminates.
-    pub(super) fn get(&self, block: usize) -> Option<&Value> {
+    pub(super) fn get(&self, block: usize) -> Option<&FormerChoices> {
         Some(&self.each[self.of_block[block]?])
     }
 }
@@ -153,7 +153,7 @@ pub(super) fn decide(
     let cost = cost(seen(), lit, spec);
     let [rows, columns] = lit.side();
     Ok(Decision {
-        choices: json!(unlike(&decisions)),
+        choices: FormerChoices::new(unlike(&decisions)),
         settings,
         planned_db,
         grain: PatchSize { rows, columns },
@@ -166,10 +166,12 @@ fn unlike(decisions: &[Option<Decision>]) -> Choices {
     let mut known = HashMap::new();
     let of_block = decisions.iter().map(|decision| {
         let choices = &decision.as_ref()?.choices;
-        let index = known.entry(choices.to_string()).or_insert_with(|| {
-            each.push(choices.clone());
-            each.len() - 1
-        });
+        let index = known
+            .entry(choices.to_json().to_string())
+            .or_insert_with(|| {
+                each.push(choices.clone());
+                each.len() - 1
+            });
         Some(*index)
     });
     let of_block = of_block.collect();

@@ -39,6 +39,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::Value;
 
+use crate::former_choices::FormerChoices;
 use crate::{Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -138,7 +139,7 @@ impl ImageFormer for InBeam {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let lit = Arc::clone(lit_of(spec.weights)?);
         let former = self.former.name();

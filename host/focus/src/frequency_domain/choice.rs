@@ -12,11 +12,12 @@ use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::prediction::{self, Prediction};
 use super::{Axes, RangeMethod, Sizes, cost};
+use crate::former_choices::FormerChoices;
 use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::straight_track::StraightTrack;
 use crate::sub_cpi::shared_band;
-use crate::{Decision, ErrorGoal, FormError, ImageSpec, Reason, former, rounding};
+use crate::{Decision, ErrorGoal, FormError, ImageSpec, Reason, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
@@ -298,7 +299,7 @@ pub(crate) fn decide(
         all.extend(own);
     }
     Ok(Decision {
-        choices: json!(Choices { compensation }),
+        choices: FormerChoices::new(Choices { compensation }),
         settings: all,
         planned_db,
         grain: PatchSize::PIXEL,
@@ -314,9 +315,9 @@ pub(super) fn chosen(
     former: &'static str,
     spec: &ImageSpec,
     method: &dyn RangeMethod,
-    choices: &serde_json::Value,
+    choices: &FormerChoices,
 ) -> Result<Fitted, FormError> {
-    let Choices { compensation } = former::chosen(former, choices)?;
+    let Choices { compensation } = choices.of(former)?;
     Ground::new(spec.collection, spec.grid, method)?.fitted(compensation)
 }
 

@@ -68,6 +68,7 @@ use rayon::prelude::*;
 use super::budget::Budget;
 use super::read_ahead::BLOCKS_HELD;
 use super::{FormError, Forming, ImageSpec, Remedy, Tile, Work};
+use crate::former_choices::FormerChoices;
 use subaperture_model::monitor::during;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{cis, narrow};
@@ -91,7 +92,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         former: &'static str,
         spec: ImageSpec<'a>,
         method: M,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Self, FormError> {
         let fitted = choice::chosen(former, &spec, &method, choices)?;
         Ok(Self {

@@ -17,7 +17,7 @@ use serde_json::json;
 use super::entry::{Entry, of};
 use super::options::ERROR_DB;
 use super::{bp, ffbp};
-use crate::former::{chosen, misfit};
+use crate::former_choices::{FormerChoices, misfit};
 use crate::goal::{Settings, misses};
 use crate::{DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec};
 use subaperture_model::monitor::Monitor;
@@ -67,12 +67,12 @@ pub fn selected<'a>(settings: &'a Settings, former: &'a str) -> &'a str {
 }
 
 /// Parameters fixed by a plan.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Choices {
     /// Name of the selected former, one of [`CANDIDATES`].
     former: String,
     /// Choices of the selected former.
-    choices: serde_json::Value,
+    choices: FormerChoices,
 }
 
 impl ImageFormer for Auto {
@@ -134,7 +134,7 @@ impl ImageFormer for Auto {
         let Some((mut decision, name)) = best else {
             return Err(refusal.unwrap_or_else(|| FormError::unsuited("no former takes it")));
         };
-        decision.choices = json!(Choices {
+        decision.choices = FormerChoices::new(Choices {
             former: name.to_owned(),
             choices: decision.choices,
         });
@@ -145,12 +145,12 @@ impl ImageFormer for Auto {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let Choices {
             former: name,
             choices,
-        } = chosen(ENTRY.name, choices)?;
+        } = choices.of(ENTRY.name)?;
         let Some(entry) = CANDIDATES.iter().find(|entry| entry.name == name) else {
             return Err(misfit(
                 ENTRY.name,

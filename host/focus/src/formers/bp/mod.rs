@@ -47,7 +47,7 @@ use self::parts::PulseParts;
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::compared::SWATH;
-use crate::former::{chosen, misfit};
+use crate::former_choices::{FormerChoices, misfit};
 use crate::patch::{PatchSize, Patches};
 use crate::{
     DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, MARGIN_DB,
@@ -131,9 +131,9 @@ impl ImageFormer for Backprojection {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(spec, chosen(ENTRY.name, choices)?, Meaning::Places)
+        open(spec, choices.of(ENTRY.name)?, Meaning::Places)
     }
 }
 
@@ -213,7 +213,7 @@ pub(crate) fn decide(
         settings["pulse_parts"] = blurs.parts.into();
     }
     Ok(Decision {
-        choices: json!(choices),
+        choices: FormerChoices::new(choices),
         settings,
         planned_db,
         grain: Patches::new(spec.grid, PatchSize::square(side)).size(),

@@ -29,6 +29,7 @@ use rayon::prelude::*;
 
 use super::Entry;
 use crate::budget::Budget;
+use crate::former_choices::FormerChoices;
 use crate::patch::PatchSize;
 use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
@@ -87,7 +88,7 @@ impl ImageFormer for Exact {
         _: &dyn Monitor,
     ) -> Result<Decision, FormError> {
         Ok(Decision {
-            choices: serde_json::json!({}),
+            choices: FormerChoices::default(),
             settings: serde_json::json!({}),
             planned_db: rounding::total_db(&[
                 rounding::LARGEST_FLOAT32,
@@ -101,7 +102,7 @@ impl ImageFormer for Exact {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        _: &serde_json::Value,
+        _: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(Box::new(Opened { spec }))
     }

@@ -61,7 +61,7 @@ use serde_json::json;
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
-use crate::former::{chosen, misfit};
+use crate::former_choices::{FormerChoices, misfit};
 use crate::patch::Patches;
 use crate::sub_cpi::shared_band;
 use crate::{
@@ -163,16 +163,16 @@ impl ImageFormer for FastFactorised {
             planned_db,
             grain: tree.patch_size(tree.levels),
             cost: cost::cost(&descents, &refiner),
-            choices: json!(choices),
+            choices: FormerChoices::new(choices),
         })
     }
 
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Opened::new(spec, chosen(ENTRY.name, choices)?)?))
+        Ok(Box::new(Opened::new(spec, choices.of(ENTRY.name)?)?))
     }
 }
 

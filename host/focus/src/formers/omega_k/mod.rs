@@ -52,6 +52,7 @@ use subaperture_fft::{Fft, Transforms};
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::cost::transform;
+use crate::former_choices::FormerChoices;
 use crate::frequency_domain::{
     self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
 };
@@ -130,7 +131,7 @@ impl ImageFormer for OmegaK {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(Box::new(Strip::new(ENTRY.name, spec, Stolt, choices)?))
     }

@@ -58,7 +58,7 @@ use serde_json::json;
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former::{chosen, misfit};
+use crate::former_choices::{FormerChoices, misfit};
 use crate::goal::misses;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
@@ -166,7 +166,7 @@ impl ImageFormer for PolarFormat {
             }
         })?;
         Ok(Decision {
-            choices: json!(Choices {
+            choices: FormerChoices::new(Choices {
                 taps,
                 centre_m: plane.centre_m.to_array(),
             }),
@@ -186,9 +186,9 @@ impl ImageFormer for PolarFormat {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let choices: Choices = chosen("pfa", choices)?;
+        let choices: Choices = choices.of("pfa")?;
         if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
             return Err(misfit(
                 ENTRY.name,

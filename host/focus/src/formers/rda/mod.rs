@@ -55,6 +55,7 @@ use subaperture_fft::{Fft, Transforms};
 use super::options::{ERROR_DB, FormerOption, OptionType};
 use super::{Entry, of};
 use crate::cost::transform;
+use crate::former_choices::FormerChoices;
 use crate::frequency_domain::{
     self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS,
 };
@@ -159,7 +160,7 @@ impl ImageFormer for RangeDopplerAlgorithm {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let method = self.expansion(spec.collection)?;
         Ok(Box::new(Strip::new(ENTRY.name, spec, method, choices)?))

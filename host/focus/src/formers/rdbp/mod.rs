@@ -26,7 +26,7 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::compared::SWATH;
-use crate::former::chosen;
+use crate::former_choices::FormerChoices;
 use crate::{
     DEFAULT_ERROR_DB, Decision, ErrorGoal, FormError, Forming, ImageFormer, ImageSpec, Reason,
     Remedy,
@@ -149,7 +149,11 @@ impl ImageFormer for RangeDopplerBackprojection {
         match self.mode {
             Mode::Thesis(options) => {
                 let sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
-                thesis::Choices::new(sub_cpi, &options)?.decide(spec, goal)
+                let choices = thesis::Choices::new(sub_cpi, &options)?;
+                Ok(Decision {
+                    choices: FormerChoices::new(Choices::Thesis(choices)),
+                    ..choices.decide(spec, goal)?
+                })
             }
             Mode::Precise => {
                 let request = Request {
@@ -168,7 +172,7 @@ impl ImageFormer for RangeDopplerBackprojection {
                 let choices = precise::Choices::new(spec, &plan, monitor)?;
                 let (grain, cost) = choices.grain_and_cost(spec)?;
                 Ok(Decision {
-                    choices: json!({ "precise": choices }),
+                    choices: FormerChoices::new(Choices::Precise(choices)),
                     settings: json!({
                         "mode": "precise",
                         "sub_cpi_pulses": plan.sub_cpi_length,
@@ -189,9 +193,9 @@ impl ImageFormer for RangeDopplerBackprojection {
     fn open<'a>(
         &self,
         spec: ImageSpec<'a>,
-        choices: &serde_json::Value,
+        choices: &FormerChoices,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(match chosen("rdbp", choices)? {
+        Ok(match choices.of("rdbp")? {
             Choices::Precise(choices) => choices.open(spec)?,
             Choices::Thesis(choices) => Box::new(thesis::Opened::new(spec, choices)?),
         })
@@ -199,7 +203,7 @@ impl ImageFormer for RangeDopplerBackprojection {
 }
 
 /// Parameters fixed by a plan of either mode.
-#[derive(serde::Deserialize)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Choices {
     Precise(precise::Choices),

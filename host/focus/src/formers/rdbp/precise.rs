@@ -41,7 +41,7 @@ use super::plan::{MAX_SPAN, Plan};
 use super::{cost, times};
 use crate::budget::{Budget, on_threads};
 use crate::cost::Cost;
-use crate::former::misfit;
+use crate::former_choices::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle};
 use crate::read_ahead::{BLOCKS_HELD, read_ahead};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};

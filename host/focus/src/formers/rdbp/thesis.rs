@@ -48,6 +48,7 @@ use super::cost;
 use super::layout::Layout;
 use super::mapper::{MAPS, PIXELS};
 use crate::budget::Budget;
+use crate::former_choices::FormerChoices;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::read_ahead::{BLOCKS_HELD, read_ahead};
@@ -156,7 +157,7 @@ impl Choices {
                 .helped_by(&[Remedy::Smaller(&["sub_cpi"]), PRECISE])
         })?;
         Ok(Decision {
-            choices: json!({ "thesis": self }),
+            choices: FormerChoices::new(*self),
             settings: json!({
                 "mode": "thesis",
                 "keystone": self.keystone,
