@@ -6,7 +6,7 @@ use subaperture::focus::SCRATCH_BYTES;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::{FormError, ImageFormer, ImageSpec, Task, Tile, Work};
+use subaperture::focus::{FormError, FormerChoices, ImageFormer, ImageSpec, Task, Tile, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::monitor::Silent;
@@ -59,7 +59,8 @@ fn compensated(
         scratch_bytes: SCRATCH_BYTES,
         numerics: Default::default(),
     };
-    let forming = former.open(spec, &json!({ "compensation": compensation }))?;
+    let choices = FormerChoices::new(json!({ "compensation": compensation }));
+    let forming = former.open(spec, &choices)?;
     let work = Work {
         history,
         memory_bytes: 1 << 30,

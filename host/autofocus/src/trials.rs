@@ -52,6 +52,7 @@ pub struct Scan {
 
 /// Reason why a search has no result.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TuneError<E> {
     /// The merit of a value could not be evaluated.
     #[error(transparent)]

@@ -152,6 +152,7 @@ impl Finding {
 
 /// Error of computing an item.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ItemError {
     /// An image could not be formed.
     // Not transparent: callers search the chain for this cause to detect cancellation.

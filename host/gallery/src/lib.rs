@@ -37,6 +37,7 @@ pub(crate) use item::{NOT_DONE, NOT_GIVEN};
 
 /// Error of a run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// An item could not be computed.
     #[error("{id}: {source}")]

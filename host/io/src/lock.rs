@@ -46,6 +46,7 @@ pub struct Lock {
 }
 
 /// Error of taking a lock.
+#[non_exhaustive]
 pub enum LockError {
     /// Another process holds the lock; its description.
     Busy(String),

@@ -262,6 +262,7 @@ pub fn setup(about: &About, plan: &Plan, set: &Configuration) -> Setup {
 
 /// Reason why a capture could not begin.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CaptureError {
     /// Error of the radio, or of the plan for it.
     #[error(transparent)]

@@ -2,6 +2,7 @@
 
 /// Error of a radio.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RadioError {
     /// A setting outside the limits of the device.
     #[error(

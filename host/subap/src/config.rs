@@ -211,7 +211,7 @@ pub(crate) fn note_inferred(history: &dyn PhaseHistory) {
         if convention.is_inferred() {
             let name = &history.collection().name;
             messages::note(&format!(
-                "{name}: phase of {convention}: inferred because it gives the sharpest image of all conventions",
+                "{name}: phase convention inferred from the sharpest image: {convention}",
             ));
         }
     }

@@ -84,6 +84,7 @@ pub struct Usrp {
 
 /// Error of an experiment, or of opening its radio.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExperimentError {
     /// A file cannot be read.
     #[error("cannot read {path}: {source}")]

@@ -50,6 +50,7 @@ use crate::sigmf::SigmfError;
 
 /// Reason why a capture cannot become phase history.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum HistoryError {
     /// Error of the recording.
     #[error(transparent)]

@@ -4,6 +4,7 @@ use crate::sigmf::SigmfError;
 
 /// Reason why no range profile could be computed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ProfileError {
     /// The recording cannot be read.
     #[error(transparent)]
@@ -35,6 +36,7 @@ pub enum ProfileError {
 
 /// Reason why a calibration cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CalibrationError {
     /// The calibration was made with another set-up.
     #[error("the calibration of {date} was made with {what}: calibrate again")]

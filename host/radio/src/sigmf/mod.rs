@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 
 /// Error of reading or writing a recording.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SigmfError {
     /// The file could not be read or written.
     #[error("{path}: {source}")]

@@ -78,7 +78,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     let found = found.map_err(|error| match error {
         TuneError::Failed(error) => anyhow::Error::new(error),
         TuneError::Cancelled => FormError::Cancelled.into(),
-        TuneError::Nothing => anyhow::Error::new(error),
+        error => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
     let record = record(session, typed, &found, &recording, start)?;
