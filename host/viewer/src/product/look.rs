@@ -7,8 +7,7 @@ use super::pixels::Pixels;
 use super::tile::{average, cells};
 use subaperture_model::geometry::ImageGrid;
 
-/// Coarsest level of a sub-aperture tile. With margins, 1152 x 1152 pixels are transformed for it: 11 MB, of which 8 MB
-/// are kept.
+/// Coarsest level of a sub-aperture tile: 1024 x 1024 pixels, 8 MB, computed from patches of 768 x 768 pixels, 5 MB each in two copies.
 pub(super) const COARSEST: u32 = 2;
 
 /// Maximum memory of a sub-aperture tile, bytes.
