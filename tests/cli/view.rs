@@ -20,11 +20,13 @@ struct Served {
 
 impl Served {
     fn begin(folder: &Path, line: &str) -> Self {
-        let mut child = command(folder, line.split_whitespace())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut command = command(folder, line.split_whitespace());
+        command.stderr(Stdio::null());
+        Self::of(command)
+    }
+
+    fn of(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut url = String::new();
         let mut lines = BufReader::new(child.stdout.take().unwrap());
         lines.read_line(&mut url).unwrap();
@@ -326,13 +328,14 @@ fn memory_holds_under_fifty_clients() {
                 scope.spawn(move || {
                     for n in 0..12 {
                         let image = (client + n) % 2;
-                        let path = match (client + n) % 7 {
+                        let path = match (client + n) % 8 {
                             0 => format!("/tile/{image}/3/0/0"),
                             1 => format!("/tile/{image}/{}/{}/1", n % 3, client % 3),
                             2 => format!("/phase/{image}/{}/2", client % 5),
                             3 => format!("/point/{image}/833/1000/20"),
                             4 => format!("/look/{image}/0/500/1/1/1"),
                             5 => format!("/doppler/0/{n}/{image}/800/900"),
+                            6 => format!("/statistics/{image}/100/{n}/900/1900"),
                             _ => format!("/cut/{image}/0/0/1600/1900"),
                         };
                         served.ask(&path);
@@ -389,6 +392,51 @@ fn slow_clients_do_not_close_the_viewer() {
         slow.push(stream);
     }
     assert_eq!(served.settled()["images"][0]["name"], "image");
+}
+
+/// `--open` runs the system's opener with the printed URL. If the opener fails or is missing, the page is served with a warning.
+#[cfg(target_os = "linux")]
+#[test]
+fn open_starts_the_default_browser() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = folder();
+    let at = folder.path();
+    let opener = at.join("bin/xdg-open");
+    fs::create_dir(at.join("bin")).unwrap();
+    let served = |script: Option<&str>| {
+        match script {
+            Some(script) => {
+                fs::write(&opener, format!("#!/bin/sh\n{script}\n")).unwrap();
+                fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
+            }
+            None => fs::remove_file(&opener).unwrap(),
+        }
+        let mut command = command(at, ["view", "image", "--open"]);
+        command.env("PATH", at.join("bin")).stderr(Stdio::piped());
+        Served::of(command)
+    };
+    let recorded = at.join("url");
+    let script = format!("echo \"$@\" > {0}.new && /bin/mv {0}.new {0}", recorded.display());
+    let shown = served(Some(&script));
+    let begun = Instant::now();
+    while !recorded.exists() {
+        assert!(begun.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let url = format!("http://{}{}/\n", shown.address, shown.secret);
+    assert_eq!(fs::read_to_string(&recorded).unwrap(), url);
+    drop(shown);
+    for (script, reason) in [(Some("exit 3"), "exit status: 3"), (None, "cannot run xdg-open")] {
+        let mut shown = served(script);
+        let stderr = BufReader::new(shown.child.stderr.take().unwrap());
+        let mut lines = stderr.lines().map_while(Result::ok);
+        let warning = lines.find(|line| line.contains("--open")).unwrap();
+        assert!(warning.contains("warning") && warning.contains(reason), "{warning}");
+        assert_eq!(shown.settled()["images"][0]["name"], "image");
+        let (code, _) = shown.end("-INT");
+        assert_eq!(code, Some(0));
+    }
 }
 
 /// Other users of this machine can reach the port, but see no data without the secret.

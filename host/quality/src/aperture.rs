@@ -117,7 +117,8 @@ impl Aperture {
         let bounds = bounds(part);
         // Mean of the filter over an interval of the aperture.
         let mean = |from: f64, to: f64| {
-            let under = |t: f64| step_integral(t - bounds[0], edge) - step_integral(t - bounds[1], edge);
+            let under =
+                |t: f64| step_integral(t - bounds[0], edge) - step_integral(t - bounds[1], edge);
             (under(to) - under(from)) / (to - from)
         };
         let count = self.weights.len() as f64;
@@ -183,12 +184,7 @@ impl Aperture {
         let first = cell.map(|k| k * SIDE);
         let last = cell.map(|k| (k + 1) * SIDE);
         match self.mapping {
-            Mapping::Seen { .. } => vec![
-                first,
-                [first[0], last[1]],
-                [last[0], first[1]],
-                last,
-            ],
+            Mapping::Seen { .. } => vec![first, [first[0], last[1]], [last[0], first[1]], last],
             Mapping::Columns { .. } => vec![first],
         }
     }
@@ -285,7 +281,14 @@ pub fn parts_of(
             let within = [0, 1].map(|i| {
                 (cell[i] * SIDE).max(place[i].start)..((cell[i] + 1) * SIDE).min(place[i].end)
             });
-            if !add_cell(image, grid, aperture, (cell, &within), parts, (place, &mut shown))? {
+            if !add_cell(
+                image,
+                grid,
+                aperture,
+                (cell, &within),
+                parts,
+                (place, &mut shown),
+            )? {
                 return Ok(None);
             }
         }
@@ -330,7 +333,8 @@ fn add_cell(
             for row in 0..within[0].len() {
                 let from = &kept.pixels[(first[0] + row) * kept.columns + first[1]..];
                 let line = &mut image.pixels[(to[0] + row) * image.columns + to[1]..];
-                for (column, (z, kept)) in line.iter_mut().zip(from).take(within[1].len()).enumerate()
+                for (column, (z, kept)) in
+                    line.iter_mut().zip(from).take(within[1].len()).enumerate()
                 {
                     let pixel = [within[0].start + row, within[1].start + column];
                     *z += match nodes.len() {
@@ -657,7 +661,9 @@ mod tests {
     fn noise(rows: usize, columns: usize, centre: impl Fn(usize) -> f64) -> Image {
         let mut state = 1u64;
         let mut turns = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
         let waves: Vec<[f64; 3]> = (0..24)
@@ -681,7 +687,12 @@ mod tests {
     }
 
     /// Largest difference of windows from the image in one piece, relative to the image's RMS.
-    fn largest_difference(image: &Image, grid: &ImageGrid, aperture: &Aperture, side: usize) -> f32 {
+    fn largest_difference(
+        image: &Image,
+        grid: &ImageGrid,
+        aperture: &Aperture,
+        side: usize,
+    ) -> f32 {
         let size = [image.rows, image.columns];
         let part = [0.25, 0.5];
         let seen = |place: &PixelBlock| {

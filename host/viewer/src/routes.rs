@@ -173,3 +173,76 @@ fn event(live: &LiveState, last: Option<u64>) -> (Bytes, u64, Option<u64>) {
     let sweep = rows.last().map(|row| row.sweep);
     (Bytes::from(format!("data: {text}\n\n")), revision, sweep)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use subaperture_radio::live::{MAX_PIXELS, Picture, Status};
+
+    use super::*;
+
+    /// Another task makes progress while images of a million pixels and their events are encoded: the thread that serves other requests is free. Encoding on
+    /// that thread would never yield to the task. Each of ten encodings takes milliseconds, so that not all can end before they are first waited for.
+    #[test]
+    fn other_requests_are_served_while_images_are_encoded() {
+        let live = Arc::new(LiveState::new(Status::default(), 8));
+        let encoder = Arc::new(Encoder {
+            live: Arc::clone(&live),
+            pictures: Semaphore::new(1),
+            events: Semaphore::new(1),
+            encoded: Mutex::new(None),
+        });
+        let mut client = ClientStream {
+            board: Arc::clone(&encoder),
+            revision: 0,
+            sweep: None,
+            at: None,
+        };
+        let mut runtime = tokio::runtime::Builder::new_current_thread();
+        let runtime = runtime
+            .max_blocking_threads(CAPTURE_THREADS)
+            .build()
+            .unwrap();
+        let count = Arc::new(AtomicUsize::new(0));
+        let progress = |before: &mut usize| {
+            let now = count.load(Ordering::Relaxed);
+            let more = now - *before;
+            *before = now;
+            more
+        };
+        runtime.block_on(async {
+            let counted = Arc::clone(&count);
+            tokio::spawn(async move {
+                loop {
+                    counted.fetch_add(1, Ordering::Relaxed);
+                    tokio::task::yield_now().await;
+                }
+            });
+            let (mut before, mut pictures, mut events) = (0, 0, 0);
+            for n in 0..10 {
+                live.show_picture(Picture {
+                    columns: 1024,
+                    x_m: [0.0, 1.0],
+                    y_m: [0.0, 1.0],
+                    levels_db: vec![n as f32; MAX_PIXELS],
+                    pulses: n,
+                });
+                progress(&mut before);
+                let bytes = Arc::clone(&encoder).picture().await.unwrap();
+                pictures += progress(&mut before);
+                assert_eq!(bytes.len(), 2 * MAX_PIXELS);
+                assert_eq!(bytes[..2], (10 * n as i16).to_le_bytes());
+                // The second client shares the first one's bytes.
+                let again = Arc::clone(&encoder).picture().await.unwrap();
+                assert_eq!(again.as_ptr(), bytes.as_ptr());
+                progress(&mut before);
+                let event = client.changed().await;
+                events += progress(&mut before);
+                let text = std::str::from_utf8(&event).unwrap();
+                assert!(text.contains(&format!("\"pulses\":{n}")), "{text}");
+            }
+            assert!(pictures > 0 && events > 0, "{pictures} {events}");
+        });
+    }
+}

@@ -106,8 +106,7 @@ fn bounds(
 ) -> anyhow::Result<Bounds> {
     // The share of pictures is for levels, which are those of a picture.
     let all = session.memory_bytes + session.memory.picture_bytes;
-    let taken_bytes =
-        (GLANCE_BYTES + MAX_STATE_BYTES) * images + CONNECTIONS_BYTES + SERVER_BYTES;
+    let taken_bytes = (GLANCE_BYTES + MAX_STATE_BYTES) * images + CONNECTIONS_BYTES + SERVER_BYTES;
     let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
     if rest < MIN_OVERVIEW_BYTES {
         let least_bytes = session.memory.total_bytes + MIN_OVERVIEW_BYTES - rest

@@ -56,7 +56,8 @@ impl Axes {
             };
         };
         let (down, across) = (grid.rows, grid.columns);
-        let middle = |start: f64, step: f64, count: usize| start + step * (count as f64 - 1.0) / 2.0;
+        let middle =
+            |start: f64, step: f64, count: usize| start + step * (count as f64 - 1.0) / 2.0;
         let centre = grid.point_m(
             middle(down.start, down.step, down.count),
             middle(across.start, across.step, across.count),
@@ -104,9 +105,7 @@ impl Axes {
     }
 
     pub(super) fn to_json(&self) -> Value {
-        let axis = |axis: &Labelled| {
-            json!({ "name": axis.name, "unit": axis.unit, "start": axis.start, "step": axis.step })
-        };
+        let axis = |axis: &Labelled| json!({ "name": axis.name, "unit": axis.unit, "start": axis.start, "step": axis.step });
         json!({
             "rows": axis(&self.rows),
             "columns": axis(&self.columns),

@@ -94,7 +94,11 @@ pub(super) fn statistics(
         let next = nth(&finer[i], rank).0;
         let bits = (digit as u64) << SHIFT | (next as u64) << (SHIFT - DIGIT);
         // Middle of the values that share these bits, except for zero.
-        let half = if bits == 0 { 0 } else { 1 << (SHIFT - DIGIT - 1) };
+        let half = if bits == 0 {
+            0
+        } else {
+            1 << (SHIFT - DIGIT - 1)
+        };
         f64::from_bits(bits | half)
     });
     Ok(Some(RegionStatistics {
@@ -262,10 +266,7 @@ mod tests {
                 assert_eq!(found["num_pixels"], count);
                 for (key, expected) in KEYS.iter().zip(expected) {
                     let value = found[key].as_f64().unwrap();
-                    assert!(
-                        (value - expected).abs() < 1e-5,
-                        "{key}: {value} {expected}"
-                    );
+                    assert!((value - expected).abs() < 1e-5, "{key}: {value} {expected}");
                 }
             }
         }

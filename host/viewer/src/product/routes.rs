@@ -297,7 +297,10 @@ async fn statistics(
     let flag = Arc::new(AtomicBool::new(false));
     let _ended = Ended(Arc::clone(&flag));
     let work = move |_: &Gallery, shown: &Shown| {
-        let place = [row..to_row.min(shown.size[0]), column..to_column.min(shown.size[1])];
+        let place = [
+            row..to_row.min(shown.size[0]),
+            column..to_column.min(shown.size[1]),
+        ];
         if place.iter().any(|range| range.is_empty()) {
             return Ok(Answer::None);
         }

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
 use glam::DVec3;
+use serde::Deserialize;
 use subaperture::geometry::SceneFrame;
 use subaperture::images::{OpenImage, Pixels as Stored};
 use subaperture::io::container::{self, Element};
