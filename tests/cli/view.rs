@@ -417,7 +417,10 @@ fn open_starts_the_default_browser() {
         Served::of(command)
     };
     let recorded = at.join("url");
-    let script = format!("echo \"$@\" > {0}.new && /bin/mv {0}.new {0}", recorded.display());
+    let script = format!(
+        "echo \"$@\" > {0}.new && /bin/mv {0}.new {0}",
+        recorded.display()
+    );
     let shown = served(Some(&script));
     let begun = Instant::now();
     while !recorded.exists() {
@@ -427,12 +430,18 @@ fn open_starts_the_default_browser() {
     let url = format!("http://{}{}/\n", shown.address, shown.secret);
     assert_eq!(fs::read_to_string(&recorded).unwrap(), url);
     drop(shown);
-    for (script, reason) in [(Some("exit 3"), "exit status: 3"), (None, "cannot run xdg-open")] {
+    for (script, reason) in [
+        (Some("exit 3"), "exit status: 3"),
+        (None, "cannot run xdg-open"),
+    ] {
         let mut shown = served(script);
         let stderr = BufReader::new(shown.child.stderr.take().unwrap());
         let mut lines = stderr.lines().map_while(Result::ok);
         let warning = lines.find(|line| line.contains("--open")).unwrap();
-        assert!(warning.contains("warning") && warning.contains(reason), "{warning}");
+        assert!(
+            warning.contains("warning") && warning.contains(reason),
+            "{warning}"
+        );
         assert_eq!(shown.settled()["images"][0]["name"], "image");
         let (code, _) = shown.end("-INT");
         assert_eq!(code, Some(0));

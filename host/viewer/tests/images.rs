@@ -280,16 +280,16 @@ fn statistics_of_a_region_are_those_of_all_its_pixels() {
 /// The state is answered while a client that does not read holds all memory of responses.
 #[test]
 fn state_does_not_wait_for_other_responses() {
-    // A layer of 200 000 points, some megabytes of JSON: more than the buffers of a connection hold.
-    let points: Vec<String> = (0..200_000)
-        .map(|i| format!("[{}.125,{}.25]", i % 911, i % 677))
+    // A layer of 200 000 positions of 17 digits, 7 MB of JSON: more than the buffers of a connection hold.
+    let points: Vec<String> = (1..=200_000)
+        .map(|i| format!("[{0},{0}]", f64::from(i).sqrt()))
         .collect();
     let text = format!(
-        "{{\"type\":\"MultiPoint\",\"coordinates\":[{}]}}",
+        r#"{{"type":"MultiPoint","coordinates":[{}]}}"#,
         points.join(",")
     );
-    let layer =
-        Layer::of_features("l".to_owned(), geojson::parse(text.as_bytes()).unwrap()).unwrap();
+    let features = geojson::parse(text.as_bytes()).unwrap();
+    let layer = Layer::of_features("l".to_owned(), features).unwrap();
     let bounds = Bounds {
         answer_bytes: 1 << 20,
         ..BOUNDS

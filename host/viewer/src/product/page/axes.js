@@ -70,7 +70,7 @@ function drawFrame() {
     if (!direction) continue;
     const angle = Math.atan2(about.right * direction[1], about.up * direction[0]);
     ink.save(); ink.translate(middle, 40);
-    ink.fillStyle = paper; ink.beginPath(); ink.arc(0, 0, 27, 0, 2 * Math.PI); ink.fill();
+    ink.fillStyle = paper; ink.beginPath(); ink.roundRect(-27, -27, 54, 72, 27); ink.fill();
     ink.rotate(angle);
     ink.fillStyle = ink.strokeStyle = text; ink.lineWidth = 2;
     ink.beginPath(); ink.moveTo(0, 20); ink.lineTo(0, -12); ink.stroke();
