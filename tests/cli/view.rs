@@ -162,6 +162,45 @@ fn product_is_served_with_its_layers_until_a_signal() {
     assert_eq!(listing(at), before);
 }
 
+/// The look arrow of a product follows its record's azimuth. Rows of its SICD run away from the radar, whose position the SICD states; its north arrow is the gradient
+/// of the latitudes of its pixels. Both images lie in the ground plane.
+#[test]
+fn arrows_follow_the_records_of_a_product_and_its_sicd() {
+    let folder = folder();
+    let at = folder.path();
+    run(at, "export image --format sicd -o image.nitf").succeeded();
+    let record = fs::read(at.join("image/image.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    let azimuth_deg = record["collection"]["azimuth_deg"].as_f64().unwrap();
+    let served = Served::begin(at, "view image image.nitf");
+    let state = served.settled();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let axes = |i: usize| &state["images"][i]["axes"];
+    // Degrees from ascending columns towards ascending rows.
+    let angle = |direction: &Value| number(&direction[0]).atan2(number(&direction[1])).to_degrees();
+    // The azimuth points from the scene to the antenna. An image of 12 m, seen from its centre, has the direction of its record to a degree.
+    for (i, expected) in [(0, azimuth_deg + 180.0), (1, 90.0)] {
+        let off = (angle(&axes(i)["look"]) - expected) / 360.0;
+        assert!((off - off.round()).abs() * 360.0 < 1.0, "{i}: {}", axes(i));
+        assert!(number(&axes(i)["tilt_deg"]) < 0.01, "{}", axes(i));
+    }
+    assert!(axes(0)["north"].is_null());
+    let latitude_deg = |row: usize, column: usize| {
+        let value: Value =
+            serde_json::from_str(&served.ask(&format!("/value/1/{row}/{column}"))).unwrap();
+        number(&value["latitude_deg"])
+    };
+    let step_m = |k: usize| number(&state["images"][1]["steps_m"][k]);
+    let middle = latitude_deg(40, 40);
+    let along = [
+        (latitude_deg(80, 40) - middle) / step_m(0),
+        (latitude_deg(40, 80) - middle) / step_m(1),
+    ];
+    let off = (angle(&axes(1)["north"]) - along[0].atan2(along[1]).to_degrees()) / 360.0;
+    // Over 4 m of an ellipsoid, read to 1e-9 m.
+    assert!((off - off.round()).abs() * 360.0 < 0.01, "{along:?} {}", axes(1));
+}
+
 /// A single point, so that its maps contain nothing else.
 const ALONE: &str = r#"[scene]
 reference = "0, 0, 0 m"

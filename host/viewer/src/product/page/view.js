@@ -117,6 +117,9 @@ function layerOf(n) {
 const alike = (a, b) => ["rows", "columns", "right", "up"].every((key) => a[key] === b[key])
   && (!a.steps_m || !b.steps_m || ["rows_axis", "columns_axis", "steps_m"].every((key) => String(a[key]) === String(b[key])));
 
+// Fit the image between the axes.
+function fit(animate = true) { map.fitBounds(bounds(image()), { animate, paddingTopLeft: [EDGE_LEFT, 0], paddingBottomRight: [0, EDGE_BOTTOM] }); }
+
 // Show an image, keeping the view if the previous image has the same grid.
 function show(n, from) {
   const about = view.images[n], before = image(), stays = view.placed && from === undefined && alike(about, before);
@@ -128,7 +131,7 @@ function show(n, from) {
     map.options.minZoom = -about.levels - 2; map.options.maxZoom = 6;
     map.setMaxBounds(null);
     if (from) map.setView(from.centre, from.zoom, { animate: false });
-    else map.fitBounds(bounds(about), { animate: false });
+    else fit(false);
     map.setMaxBounds(bounds(about).pad(0.6));
     view.placed = true;
   }
@@ -385,7 +388,7 @@ addEventListener("hashchange", () => { if (view.images.length) fromAddress(); })
 const KEYS = {
   "[": () => choose(view.top - 1, view.span), "]": () => choose(view.top + 1, view.span), "{": () => choose(view.top, view.span - 5), "}": () => choose(view.top, view.span + 5),
   a: () => $("auto").click(), c: colours, p: phase, b: blink, s: () => planes.other && $("swipe").click(), n: () => show((view.shown + 1) % view.images.length),
-  0: () => map.fitBounds(bounds(image())), 1: () => map.setZoom(0), "?": () => $("keys").click(),
+  0: () => fit(), 1: () => map.setZoom(0), "?": () => $("keys").click(),
   ",": () => { if (view.part > 1) { view.partAt = Math.max(0, view.partAt - 100 / (2 * view.part)); part(); } },
   ".": () => { if (view.part > 1) { view.partAt = Math.min(100, view.partAt + 100 / (2 * view.part)); part(); } },
 };
