@@ -177,7 +177,11 @@ fn arrows_follow_the_records_of_a_product_and_its_sicd() {
     let number = |value: &Value| value.as_f64().unwrap();
     let axes = |i: usize| &state["images"][i]["axes"];
     // Degrees from ascending columns towards ascending rows.
-    let angle = |direction: &Value| number(&direction[0]).atan2(number(&direction[1])).to_degrees();
+    let angle = |direction: &Value| {
+        number(&direction[0])
+            .atan2(number(&direction[1]))
+            .to_degrees()
+    };
     // The azimuth points from the scene to the antenna. An image of 12 m, seen from its centre, has the direction of its record to a degree.
     for (i, expected) in [(0, azimuth_deg + 180.0), (1, 90.0)] {
         let off = (angle(&axes(i)["look"]) - expected) / 360.0;
@@ -198,7 +202,11 @@ fn arrows_follow_the_records_of_a_product_and_its_sicd() {
     ];
     let off = (angle(&axes(1)["north"]) - along[0].atan2(along[1]).to_degrees()) / 360.0;
     // Over 4 m of an ellipsoid, read to 1e-9 m.
-    assert!((off - off.round()).abs() * 360.0 < 0.01, "{along:?} {}", axes(1));
+    assert!(
+        (off - off.round()).abs() * 360.0 < 0.01,
+        "{along:?} {}",
+        axes(1)
+    );
 }
 
 /// A single point, so that its maps contain nothing else.

@@ -348,16 +348,17 @@ fn add_cell(
     Ok(true)
 }
 
-/// Pixels of an axis around some of its pixels, as ranges: with margins, continued periodically over the ends; the whole axis if it is shorter than that.
-fn around(within: &Range<usize>, count: usize) -> Vec<Range<usize>> {
+/// Pixels of an axis around some of its pixels, as two ranges, of which one may be empty: with margins, continued periodically over the ends; the whole axis if it
+/// is shorter than that.
+fn around(within: &Range<usize>, count: usize) -> [Range<usize>; 2] {
     if within.len() + 2 * MARGIN >= count {
-        return vec![0..count];
+        return [0..count, 0..0];
     }
     let (start, end) = (within.start, within.end + MARGIN);
     match start.checked_sub(MARGIN) {
-        None => vec![count + start - MARGIN..count, 0..end],
-        Some(start) if end > count => vec![start..count, 0..end - count],
-        Some(start) => vec![start..end],
+        None => [count + start - MARGIN..count, 0..end],
+        Some(start) if end > count => [start..count, 0..end - count],
+        Some(start) => [start..end, 0..0],
     }
 }
 
@@ -366,14 +367,15 @@ fn periodic(
     image: &dyn ImageSource,
     grid: &ImageGrid,
     aperture: &Aperture,
-    around: &[Vec<Range<usize>>; 2],
+    around: &[[Range<usize>; 2]; 2],
 ) -> Result<Image, ImageSourceError> {
     let [rows, columns] = [0, 1].map(|i| around[i].iter().map(Range::len).sum());
     let mut pixels = vec![Complex32::ZERO; rows * columns];
     let mut down = 0;
-    for row_range in &around[0] {
+    let some = |i: usize| around[i].iter().filter(|range| !range.is_empty());
+    for row_range in some(0) {
         let mut across = 0;
-        for column_range in &around[1] {
+        for column_range in some(1) {
             let place = [row_range.clone(), column_range.clone()];
             let mut piece = image.window(&place)?;
             piece.pixels.iter_mut().for_each(make_finite);

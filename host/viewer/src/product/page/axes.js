@@ -88,4 +88,6 @@ function drawFrame() {
 let framing = 0;
 function redrawFrame() { cancelAnimationFrame(framing); framing = requestAnimationFrame(drawFrame); }
 map.on("move zoom resize viewreset", redrawFrame);
+// The map also changes its size with the lines of the header.
+new ResizeObserver(() => map.invalidateSize({ animate: false })).observe(map.getContainer());
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawFrame);
