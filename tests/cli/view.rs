@@ -162,8 +162,8 @@ fn product_is_served_with_its_layers_until_a_signal() {
     assert_eq!(listing(at), before);
 }
 
-/// The look arrow of a product follows its record's azimuth. Rows of its SICD run away from the radar, whose position the SICD states; its north arrow is the gradient
-/// of the latitudes of its pixels. Both images lie in the ground plane.
+/// The look arrow of a product follows its record's azimuth. Rows of its SICD run away from the radar, whose position the SICD states. North arrows are the gradients
+/// of the latitudes of pixels. Both images lie in the ground plane.
 #[test]
 fn arrows_follow_the_records_of_a_product_and_its_sicd() {
     let folder = folder();
@@ -188,25 +188,27 @@ fn arrows_follow_the_records_of_a_product_and_its_sicd() {
         assert!((off - off.round()).abs() * 360.0 < 1.0, "{i}: {}", axes(i));
         assert!(number(&axes(i)["tilt_deg"]) < 0.01, "{}", axes(i));
     }
-    assert!(axes(0)["north"].is_null());
-    let latitude_deg = |row: usize, column: usize| {
-        let value: Value =
-            serde_json::from_str(&served.ask(&format!("/value/1/{row}/{column}"))).unwrap();
+    let latitude_deg = |i: usize, row: usize, column: usize| {
+        let value = served.ask(&format!("/value/{i}/{row}/{column}"));
+        let value: Value = serde_json::from_str(&value).unwrap();
         number(&value["latitude_deg"])
     };
-    let step_m = |k: usize| number(&state["images"][1]["steps_m"][k]);
-    let middle = latitude_deg(40, 40);
-    let along = [
-        (latitude_deg(80, 40) - middle) / step_m(0),
-        (latitude_deg(40, 80) - middle) / step_m(1),
-    ];
-    let off = (angle(&axes(1)["north"]) - along[0].atan2(along[1]).to_degrees()) / 360.0;
-    // Over 4 m of an ellipsoid, read to 1e-9 m.
-    assert!(
-        (off - off.round()).abs() * 360.0 < 0.01,
-        "{along:?} {}",
-        axes(1)
-    );
+    for i in 0..2 {
+        let step_m = |k: usize| number(&state["images"][i]["steps_m"][k]);
+        let middle = latitude_deg(i, 40, 40);
+        let along = [
+            (latitude_deg(i, 80, 40) - middle) / step_m(0),
+            (latitude_deg(i, 40, 80) - middle) / step_m(1),
+        ];
+        let expected = along[0].atan2(along[1]).to_degrees();
+        let off = (angle(&axes(i)["north"]) - expected) / 360.0;
+        // Latitudes have 1e-9 m of roundings, over 4 m.
+        assert!(
+            (off - off.round()).abs() * 360.0 < 0.01,
+            "{i}: {along:?} {}",
+            axes(i)
+        );
+    }
 }
 
 /// A single point, so that its maps contain nothing else.
