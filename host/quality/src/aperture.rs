@@ -2,12 +2,13 @@
 //!
 //! The cross-range spectrum of an image is its aperture. After multiplication of each pixel by the conjugate phase of its path from the aperture's centre, the
 //! contribution of a pulse at angle `a` off the centre has the cross-range spatial frequency `2 a / lambda` everywhere in the image. A sub-aperture is a filter
-//! that passes the frequencies between two bounds. A point that reflects evenly over the aperture keeps its level.
+//! that passes the frequencies between two bounds. A point that reflects evenly over the aperture keeps its level. The first
+//! and the last sub-aperture have no outer bound.
 //!
 //! A sub-aperture is a range of fractions of the aperture, 0 to 1, clockwise about the scene seen from the side of the grid's normal; for a forward-looking
 //! radar, from right to left. The image does not contain the time order.
 //!
-//! **Filter** The strip of frequencies between two bounds, convolved with a Gaussian of standard deviation `1 / (2 pi sigma)`, `sigma` = [`MARGIN`]` / 5` pixels:
+//! **Filter** The strip of frequencies between two bounds, convolved with a Gaussian of standard deviation `1 / (2 pi sigma)`, `sigma` = [`MARGIN`] / 5 pixels:
 //! the impulse response is that of the strip times a Gaussian window, and is below 1e-7 of its peak from [`MARGIN`] pixels on. The cross-range direction is that
 //! of nodes every 512 pixels; between nodes, the four filtered images are interpolated. A pixel's value therefore depends on the image alone: windows of any size
 //! and position agree to float32 rounding, and windows side by side have no seam. The image is continued periodically over its edges.
@@ -63,7 +64,7 @@ enum Mapping {
         /// Bandwidth of the whole aperture, cycles per metre.
         width: f64,
     },
-    /// Along columns.
+    /// Along columns, about the mean frequency.
     Columns {
         /// Bandwidth of the whole aperture, cycles per pixel.
         width: f64,
@@ -348,7 +349,7 @@ fn add_cell(
     Ok(true)
 }
 
-/// Pixels of an axis around some of its pixels, as two ranges, of which one may be empty: with margins, continued periodically over the ends; the whole axis if it
+/// Pixels of an axis around some of its pixels, as two ranges (the second may be empty): with margins, continued periodically over the ends; the whole axis if it
 /// is shorter than that.
 fn around(within: &Range<usize>, count: usize) -> [Range<usize>; 2] {
     if within.len() + 2 * MARGIN >= count {

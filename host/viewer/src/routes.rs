@@ -44,7 +44,7 @@ impl Encoder {
         encoded.clone()
     }
 
-    /// Encoded image; `None` if there is none yet.
+    /// Encoded image; `None` before the first.
     async fn picture(self: Arc<Self>) -> Option<Bytes> {
         let _permit = self.pictures.acquire().await.ok()?;
         let (picture, revision) = self.live.picture();
