@@ -87,7 +87,8 @@ function drawFrame() {
 }
 let framing = 0;
 function redrawFrame() { cancelAnimationFrame(framing); framing = requestAnimationFrame(drawFrame); }
-map.on("move zoom resize viewreset", redrawFrame);
+map.on("move zoom viewreset", redrawFrame);
+map.on("resize", drawFrame);
 // The map also changes its size with the lines of the header.
 new ResizeObserver(() => map.invalidateSize({ animate: false })).observe(map.getContainer());
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redrawFrame);
