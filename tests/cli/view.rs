@@ -20,11 +20,13 @@ struct Served {
 
 impl Served {
     fn begin(folder: &Path, line: &str) -> Self {
-        let mut child = command(folder, line.split_whitespace())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        let mut command = command(folder, line.split_whitespace());
+        command.stderr(Stdio::null());
+        Self::of(command)
+    }
+
+    fn of(mut command: Command) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut url = String::new();
         let mut lines = BufReader::new(child.stdout.take().unwrap());
         lines.read_line(&mut url).unwrap();
@@ -158,6 +160,55 @@ fn product_is_served_with_its_layers_until_a_signal() {
         );
     }
     assert_eq!(listing(at), before);
+}
+
+/// The look arrow of a product follows its record's azimuth. Rows of its SICD run away from the radar, whose position the SICD states. North arrows are the gradients
+/// of the latitudes of pixels. Both images lie in the ground plane.
+#[test]
+fn arrows_follow_the_records_of_a_product_and_its_sicd() {
+    let folder = folder();
+    let at = folder.path();
+    run(at, "export image --format sicd -o image.nitf").succeeded();
+    let record = fs::read(at.join("image/image.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    let azimuth_deg = record["collection"]["azimuth_deg"].as_f64().unwrap();
+    let served = Served::begin(at, "view image image.nitf");
+    let state = served.settled();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let axes = |i: usize| &state["images"][i]["axes"];
+    // Degrees from ascending columns towards ascending rows.
+    let angle = |direction: &Value| {
+        number(&direction[0])
+            .atan2(number(&direction[1]))
+            .to_degrees()
+    };
+    // The azimuth points from the scene to the antenna. An image of 12 m, seen from its centre, has the direction of its record to a degree.
+    for (i, expected) in [(0, azimuth_deg + 180.0), (1, 90.0)] {
+        let off = (angle(&axes(i)["look"]) - expected) / 360.0;
+        assert!((off - off.round()).abs() * 360.0 < 1.0, "{i}: {}", axes(i));
+        assert!(number(&axes(i)["tilt_deg"]) < 0.01, "{}", axes(i));
+    }
+    let latitude_deg = |i: usize, row: usize, column: usize| {
+        let value = served.ask(&format!("/value/{i}/{row}/{column}"));
+        let value: Value = serde_json::from_str(&value).unwrap();
+        number(&value["latitude_deg"])
+    };
+    for i in 0..2 {
+        let step_m = |k: usize| number(&state["images"][i]["steps_m"][k]);
+        let middle = latitude_deg(i, 40, 40);
+        let along = [
+            (latitude_deg(i, 80, 40) - middle) / step_m(0),
+            (latitude_deg(i, 40, 80) - middle) / step_m(1),
+        ];
+        let expected = along[0].atan2(along[1]).to_degrees();
+        let off = (angle(&axes(i)["north"]) - expected) / 360.0;
+        // Latitudes have 1e-9 m of roundings, over 4 m.
+        assert!(
+            (off - off.round()).abs() * 360.0 < 0.01,
+            "{i}: {along:?} {}",
+            axes(i)
+        );
+    }
 }
 
 /// A single point, so that its maps contain nothing else.
@@ -326,13 +377,14 @@ fn memory_holds_under_fifty_clients() {
                 scope.spawn(move || {
                     for n in 0..12 {
                         let image = (client + n) % 2;
-                        let path = match (client + n) % 7 {
+                        let path = match (client + n) % 8 {
                             0 => format!("/tile/{image}/3/0/0"),
                             1 => format!("/tile/{image}/{}/{}/1", n % 3, client % 3),
                             2 => format!("/phase/{image}/{}/2", client % 5),
                             3 => format!("/point/{image}/833/1000/20"),
                             4 => format!("/look/{image}/0/500/1/1/1"),
                             5 => format!("/doppler/0/{n}/{image}/800/900"),
+                            6 => format!("/statistics/{image}/100/{n}/900/1900"),
                             _ => format!("/cut/{image}/0/0/1600/1900"),
                         };
                         served.ask(&path);
@@ -389,6 +441,60 @@ fn slow_clients_do_not_close_the_viewer() {
         slow.push(stream);
     }
     assert_eq!(served.settled()["images"][0]["name"], "image");
+}
+
+/// `--open` runs the system's opener with the printed URL. If the opener fails or is missing, the page is served with a warning.
+#[cfg(target_os = "linux")]
+#[test]
+fn open_starts_the_default_browser() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let folder = folder();
+    let at = folder.path();
+    let opener = at.join("bin/xdg-open");
+    fs::create_dir(at.join("bin")).unwrap();
+    let served = |script: Option<&str>| {
+        match script {
+            Some(script) => {
+                fs::write(&opener, format!("#!/bin/sh\n{script}\n")).unwrap();
+                fs::set_permissions(&opener, fs::Permissions::from_mode(0o755)).unwrap();
+            }
+            None => fs::remove_file(&opener).unwrap(),
+        }
+        let mut command = command(at, ["view", "image", "--open"]);
+        command.env("PATH", at.join("bin")).stderr(Stdio::piped());
+        Served::of(command)
+    };
+    let recorded = at.join("url");
+    let script = format!(
+        "echo \"$@\" > {0}.new && /bin/mv {0}.new {0}",
+        recorded.display()
+    );
+    let shown = served(Some(&script));
+    let begun = Instant::now();
+    while !recorded.exists() {
+        assert!(begun.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let url = format!("http://{}{}/\n", shown.address, shown.secret);
+    assert_eq!(fs::read_to_string(&recorded).unwrap(), url);
+    drop(shown);
+    for (script, reason) in [
+        (Some("exit 3"), "exit status: 3"),
+        (None, "cannot run xdg-open"),
+    ] {
+        let mut shown = served(script);
+        let stderr = BufReader::new(shown.child.stderr.take().unwrap());
+        let mut lines = stderr.lines().map_while(Result::ok);
+        let warning = lines.find(|line| line.contains("--open")).unwrap();
+        assert!(
+            warning.contains("warning") && warning.contains(reason),
+            "{warning}"
+        );
+        assert_eq!(shown.settled()["images"][0]["name"], "image");
+        let (code, _) = shown.end("-INT");
+        assert_eq!(code, Some(0));
+    }
 }
 
 /// Other users of this machine can reach the port, but see no data without the secret.

@@ -31,8 +31,9 @@
 //! address. When the server is full, the oldest connection that has not yet sent the secret is closed. If all have sent
 //! it, new connections wait. A request header is limited to 16 KiB and 10 s, and a connection is closed after 30 s
 //! without traffic. A slow client receives fewer events, each with all that it missed and that the board still has:
-//! nothing is queued for it, and it does not affect the capture. Memory use is one message per client, 3 kB per
-//! waterfall row, and the image.
+//! nothing is queued for it, and it does not affect the capture. Images and events are encoded on one thread each, apart from the thread that
+//! answers requests. Memory use is one message per client, 3 kB per waterfall row, the image, and its encoded copies: one per image that is
+//! still being sent.
 #![forbid(unsafe_code)]
 
 mod admission;

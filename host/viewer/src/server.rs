@@ -11,7 +11,7 @@ use tokio::sync::oneshot;
 use crate::LiveState;
 use crate::connections;
 use crate::product::{Gallery, product_routes};
-use crate::routes::routes;
+use crate::routes::{CAPTURE_THREADS, routes};
 use crate::secret::Secret;
 
 /// Error starting a page server.
@@ -48,7 +48,7 @@ impl Server {
     /// # Errors
     /// [`ServeError`] if the address cannot be bound or the server cannot start.
     pub fn start(address: SocketAddr, board: Arc<LiveState>) -> Result<Self, ServeError> {
-        Self::serve(address, routes(board), None)
+        Self::serve(address, routes(board), CAPTURE_THREADS)
     }
 
     /// Serve images at `address`. Port 0 selects a free port.
@@ -57,26 +57,23 @@ impl Server {
     /// [`ServeError`] if the address cannot be bound or the server cannot start.
     pub fn show(address: SocketAddr, gallery: Arc<Gallery>) -> Result<Self, ServeError> {
         gallery.begin()?;
-        let computing = gallery.bounds.computing.max(1);
-        Self::serve(address, product_routes(gallery), Some(computing))
+        // One thread in addition for the state, which waits for no tile.
+        let computing = gallery.bounds.computing.max(1) + 1;
+        Self::serve(address, product_routes(gallery), computing)
     }
 
-    /// Start the server. `computing` limits the number of threads that compute responses.
-    fn serve(
-        address: SocketAddr,
-        routes: Router,
-        computing: Option<usize>,
-    ) -> Result<Self, ServeError> {
+    /// Start the server with `computing` threads for responses that take more than a millisecond.
+    fn serve(address: SocketAddr, routes: Router, computing: usize) -> Result<Self, ServeError> {
         let fault = |source| ServeError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
         let address = listener.local_addr().map_err(fault)?;
         let secret = Secret::new()?;
         let mut runtime = tokio::runtime::Builder::new_current_thread();
-        runtime.enable_io().enable_time();
-        if let Some(most) = computing {
-            runtime.max_blocking_threads(most);
-        }
+        runtime
+            .enable_io()
+            .enable_time()
+            .max_blocking_threads(computing);
         let runtime = runtime.build()?;
         let (stop, stopped) = oneshot::channel();
         let known = secret.clone();

@@ -237,6 +237,8 @@ fn page_follows_capture_and_shows_levels_and_losses() {
         "{wide} {paper}"
     );
     keep(&browser, "dark");
+    browser.press("\u{e00c}");
+    browser.wait("document.getElementById('help').hidden");
 
     running.board.end("all sweeps are taken");
     browser.wait("document.body.dataset.state === 'ended'");

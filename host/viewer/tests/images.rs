@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use num_complex::Complex32;
 use serde_json::{Value, json};
+use subaperture_io::geojson;
 use subaperture_io::tiles::TileStore;
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, ImageSource, Tiling};
@@ -31,7 +32,7 @@ pub(crate) const ROWS: usize = 2100;
 pub(crate) const COLUMNS: usize = 2600;
 pub(crate) const BRIGHT: [usize; 2] = [1500, 700];
 
-fn value(row: usize, column: usize) -> Complex32 {
+pub(crate) fn value(row: usize, column: usize) -> Complex32 {
     if [row, column] == BRIGHT {
         return Complex32::new(100.0, 0.0);
     }
@@ -239,6 +240,91 @@ fn levels_at_the_start_are_those_of_the_picture() {
     assert_eq!(first + counts.len() as f64 - 1.0, db(last).floor());
 }
 
+/// Statistics over all pixels of a region, against plain sums of the formula of its pixels; a region beyond the image is clipped.
+#[test]
+fn statistics_of_a_region_are_those_of_all_its_pixels() {
+    let server = serve(vec![on_earth()], Vec::new());
+    let found = json_at(&server, "/statistics/0/1400/300/9999/1201");
+    let (mut powers, mut levels) = (Vec::new(), 0.0);
+    for row in 1400..ROWS {
+        for column in 300..1201 {
+            let power = f64::from(value(row, column).norm_sqr());
+            levels += 10.0 * power.log10();
+            powers.push(power);
+        }
+    }
+    powers.sort_by(f64::total_cmp);
+    let count = powers.len();
+    let mean = powers.iter().sum::<f64>() / count as f64;
+    let variance = powers.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / count as f64;
+    let db = |p: f64| 10.0 * p.log10();
+    assert_eq!(found["num_pixels"], count);
+    for (key, expected) in [
+        ("mean_db", db(mean)),
+        ("standard_deviation_db", db(variance.sqrt())),
+        ("looks", mean * mean / variance),
+        ("minimum_db", db(powers[0])),
+        (
+            "median_db",
+            db((powers[(count - 1) / 2] + powers[count / 2]) / 2.0),
+        ),
+        ("maximum_db", 40.0),
+        ("mean_level_db", levels / count as f64),
+    ] {
+        let value = found[key].as_f64().unwrap();
+        // The median is exact to 8e-6 dB.
+        assert!((value - expected).abs() < 2e-5, "{key}: {value} {expected}");
+    }
+}
+
+/// The state is answered while a client that does not read holds all memory of responses.
+#[test]
+fn state_does_not_wait_for_other_responses() {
+    // A layer of 200 000 positions of 17 digits, 7 MB of JSON: more than the buffers of a connection hold.
+    let points: Vec<String> = (1..=200_000)
+        .map(|i| format!("[{0},{0}]", f64::from(i).sqrt()))
+        .collect();
+    let text = format!(
+        r#"{{"type":"MultiPoint","coordinates":[{}]}}"#,
+        points.join(",")
+    );
+    let features = geojson::parse(text.as_bytes()).unwrap();
+    let layer = Layer::of_features("l".to_owned(), features).unwrap();
+    let bounds = Bounds {
+        answer_bytes: 1 << 20,
+        ..BOUNDS
+    };
+    let mut plain = on_earth();
+    plain.frame = SceneFrame::Local;
+    let gallery = Arc::new(Gallery::new(vec![plain], vec![layer], bounds));
+    let server = Server::show(([127, 0, 0, 1], 0).into(), gallery).unwrap();
+    settled(&server);
+    let mut slow = TcpStream::connect(server.address()).unwrap();
+    let path = secret(&server, "/layer/0/0");
+    write!(slow, "GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
+    // Its response has begun: it holds the memory of all.
+    slow.read_exact(&mut [0; 12]).unwrap();
+    assert_eq!(json_at(&server, "/state")["images"][0]["name"], "earth <b>");
+    // A tile waits until the client has read its response.
+    let mut waiting = TcpStream::connect(server.address()).unwrap();
+    waiting
+        .set_read_timeout(Some(Duration::from_millis(300)))
+        .unwrap();
+    let path = secret(&server, "/tile/0/0/0/0");
+    write!(
+        waiting,
+        "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
+    assert!(waiting.read(&mut [0; 12]).is_err());
+    assert_eq!(json_at(&server, "/state")["images"][0]["settled"], true);
+    drop(slow);
+    waiting
+        .set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    waiting.read_exact(&mut [0; 12]).unwrap();
+}
+
 /// Unknown paths, foreign host names and file paths are refused.
 #[test]
 fn unknown_paths_and_hosts_are_refused() {
@@ -251,6 +337,8 @@ fn unknown_paths_and_hosts_are_refused() {
         "/view.js",
         "/histogram.js",
         "/measure.js",
+        "/axes.js",
+        "/region.js",
         "/leaflet.js",
         "/leaflet.css",
         "/licences",
@@ -280,6 +368,9 @@ fn unknown_paths_and_hosts_are_refused() {
         "/look/0/0/500/0/0/0",
         "/look/0/500/500/0/0/0",
         "/cut/0/0/0/nan/0",
+        "/statistics/0/10/10/10/20",
+        "/statistics/0/2100/0/2200/20",
+        "/statistics/1/0/0/10/10",
         "/Cargo.toml",
     ] {
         let (head, _) = answer(&server, path, "localhost");

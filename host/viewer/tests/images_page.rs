@@ -13,7 +13,7 @@ use subaperture_viewer::product::{Layer, Pixels, Product};
 use tempfile::TempDir;
 
 use crate::driver::Browser;
-use crate::images::{BRIGHT, COLUMNS, ROWS, image, on_earth, serve};
+use crate::images::{BRIGHT, COLUMNS, ROWS, image, on_earth, serve, value};
 
 /// Peak resident memory of this process, bytes.
 #[cfg(target_os = "linux")]
@@ -241,6 +241,206 @@ fn page_displays_compares_and_measures_images() {
         browser.run("return performance.getEntriesByType('resource').every((e) => e.name.startsWith(location.origin))"),
         true
     );
+}
+
+/// Drag with the left mouse button between two points of the window. `modifiers`: 8 is Shift.
+fn drag(browser: &Browser, [from, to]: [[f64; 2]; 2], modifiers: u8) {
+    let mouse = |kind: &str, [x, y]: [f64; 2], buttons: u8| {
+        let button = if kind == "mouseMoved" && buttons == 0 {
+            "none"
+        } else {
+            "left"
+        };
+        browser.command(
+            "Input.dispatchMouseEvent",
+            &json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1, "modifiers": modifiers }),
+        );
+    };
+    mouse("mouseMoved", from, 0);
+    mouse("mousePressed", from, 1);
+    for k in 1..=4 {
+        let part = f64::from(k) / 4.0;
+        mouse(
+            "mouseMoved",
+            [0, 1].map(|i| from[i] + part * (to[i] - from[i])),
+            1,
+        );
+    }
+    mouse("mouseReleased", to, 0);
+}
+
+/// Scale bar, axes and arrows, statistics of a dragged region, the picture of the view, and Escape.
+#[test]
+fn page_shows_axes_measures_regions_and_saves_pictures() {
+    let Some(browser) = Browser::start(1280, 900) else {
+        println!("skipped: chromium or chromedriver not found");
+        return;
+    };
+    let mut shown = on_earth();
+    shown.name = "runs/first/image.npy".to_owned();
+    // From the west: the radar looks east, to the right.
+    shown.antenna_m = Some(DVec3::new(-1e4, 0.0, 5e3));
+    let server = serve(vec![shown], Vec::new());
+    browser.open(&server.url());
+    browser.wait(
+        "document.body.dataset.state === 'ready' && view.painted > 3 && view.drawn === view.wanted",
+    );
+    keep(&browser, "axes");
+    // At zoom 1:1 a pixel of 0.5 m is a pixel of the screen. Pixel (1050, 1300) is at the origin.
+    let frame = |zoom: i32| {
+        browser.run(&format!(
+            "map.setView([1050.5, 1300.5], {zoom}, {{ animate: false }}); drawFrame(); return 1"
+        ));
+        let bar = browser.run("return JSON.parse(frame.dataset.bar)");
+        let label = browser.run("return frame.getAttribute('aria-label')");
+        (bar, label.as_str().unwrap().to_owned())
+    };
+    for (zoom, bar, text) in [
+        (0, json!([50, 100]), "50 m"),
+        (-2, json!([200, 100]), "200 m"),
+        (3, json!([5, 80]), "5 m"),
+        (6, json!([1, 128]), "1 m"),
+    ] {
+        let (found, label) = frame(zoom);
+        assert_eq!(found, bar);
+        assert!(label.contains(&format!("scale bar of {text};")), "{label}");
+        assert!(
+            label.contains("north 0°") && label.contains("look direction 90°"),
+            "{label}"
+        );
+    }
+    let (_, label) = frame(0);
+    let size = browser.run("return [map.getSize().x, map.getSize().y]");
+    let [wide, tall] = [0, 1].map(|i| size[i].as_f64().unwrap());
+    // The axes begin 52 px from the left and 20 px from the bottom; labels have no decimals here.
+    let across = [-(wide / 2.0 - 52.0) / 2.0, wide / 4.0].map(|x| format!("{x:.0}"));
+    let down = [-(tall / 2.0 - 20.0) / 2.0, tall / 4.0].map(|y| format!("{y:.0}"));
+    let expected = format!(
+        "y (m) from {} to {}; x (m) from {} to {};",
+        down[0], down[1], across[0], across[1]
+    );
+    assert!(label.starts_with(&expected), "{label}: {expected}");
+
+    // Drag with Shift from 100 px left and 60 px above the centre to 50 px right and 40 px below.
+    let corner = browser
+        .run("const box = map.getContainer().getBoundingClientRect(); return [box.left, box.top]");
+    let at = |x: f64, y: f64| {
+        let corner = [0, 1].map(|i| corner[i].as_f64().unwrap());
+        [
+            (corner[0] + wide / 2.0 + x).floor(),
+            (corner[1] + tall / 2.0 + y).floor(),
+        ]
+    };
+    let measured = || {
+        browser.wait("!document.getElementById('numbers').hidden");
+        let text = browser.text("message");
+        let numbers = text
+            .split(|c: char| !c.is_ascii_digit())
+            .filter(|word| !word.is_empty());
+        let numbers: Vec<usize> = numbers.map(|word| word.parse().unwrap()).collect();
+        <[usize; 4]>::try_from(numbers).unwrap()
+    };
+    drag(&browser, [at(-100.0, -60.0), at(50.0, 40.0)], 8);
+    let [first, last, left, right] = measured();
+    for (found, expected) in [(first, 1010), (last, 1110), (left, 1200), (right, 1350)] {
+        assert!(found.abs_diff(expected) <= 1, "{}", browser.text("message"));
+    }
+    let cell = |row: usize| {
+        browser.run(&format!(
+            "return document.getElementById('numbers').tBodies[0].rows[{row}].cells[1].textContent"
+        ))
+    };
+    let (mut sum, mut count) = (0.0, 0);
+    for row in first..=last {
+        for column in left..=right {
+            sum += f64::from(value(row, column).norm_sqr());
+            count += 1;
+        }
+    }
+    assert_eq!(
+        cell(0).as_str().unwrap().replace(' ', ""),
+        count.to_string()
+    );
+    assert_eq!(
+        cell(1),
+        format!("{:.2} dB", 10.0 * (sum / f64::from(count)).log10())
+    );
+    assert_eq!(
+        browser.run("return [map.getCenter().lat, map.getCenter().lng]"),
+        json!([1050.5, 1300.5])
+    );
+    keep(&browser, "region");
+    // Escape closes the results and the key help, also while a slider has the focus.
+    browser.press("?");
+    browser.run("document.getElementById('top').focus(); return 1");
+    browser.press("\u{e00c}");
+    let closed = "document.getElementById('numbers').hidden && document.getElementById('help').hidden && !document.getElementById('message').textContent && !measured.group.getLayers().length";
+    assert_eq!(browser.run(&format!("return Boolean({closed})")), true);
+    // By the button, without Shift: dragging draws, and does not pan until Escape.
+    browser.run("document.getElementById('region').click(); return 1");
+    drag(&browser, [at(10.0, 10.0), at(-30.0, -50.0)], 0);
+    assert!(measured()[0].abs_diff(1040) <= 1);
+    // Two clicks select corners.
+    browser.run("pick(L.latLng(20.5, 30.5)); pick(L.latLng(10.5, 40.5)); return 1");
+    browser.wait("document.getElementById('message').textContent.startsWith('rows 10 to 20, columns 30 to 40')");
+    browser.press("\u{e00c}");
+    assert_eq!(
+        browser.run(&format!("return Boolean({closed}) && !measured.mode")),
+        true
+    );
+    drag(&browser, [at(0.0, 0.0), at(-40.0, -30.0)], 0);
+    browser.wait("map.getCenter().lng > 1320");
+
+    // The picture has the colours of the screen: the only pixel above the upper level, and the ramp around it.
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().to_str().unwrap();
+    browser.command(
+        "Browser.setDownloadBehavior",
+        &json!({ "behavior": "allow", "downloadPath": path }),
+    );
+    let [row, column] = BRIGHT.map(|at| at as f64 + 0.5);
+    browser.run(&format!(
+        "choose(0, 40); map.setView([{row}, {column}], 0, {{ animate: false }}); return 1"
+    ));
+    browser.wait("view.drawn === view.wanted");
+    browser.press("w");
+    let begun = Instant::now();
+    let file = folder.path().join("image.png");
+    while !file.exists() {
+        assert!(begun.elapsed().as_secs() < 20, "no picture");
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&file).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(
+        (f64::from(info.width), f64::from(info.height)),
+        (wide, tall)
+    );
+    let colour = |x: usize, y: usize| &pixels[4 * (y * info.width as usize + x)..][..3];
+    let inner = |y: &usize| (90..tall as usize - 80).contains(y);
+    let all = (0..tall as usize)
+        .filter(inner)
+        .flat_map(|y| (60..wide as usize).map(move |x| (x, y)));
+    let bright: Vec<(usize, usize)> = all
+        .filter(|&(x, y)| colour(x, y) == [255, 150, 30])
+        .collect();
+    let [(x, y)] = bright[..] else {
+        panic!("{bright:?}");
+    };
+    let off = [x as f64 - wide / 2.0, y as f64 - tall / 2.0];
+    // The centre of the map is a corner of a pixel of the screen, and tiles are placed at whole pixels.
+    assert!(off.iter().all(|off| off.abs() <= 2.0), "{off:?}");
+    for off in [-300i32, -40, 1, 250] {
+        let column = (BRIGHT[1] as i32 + off) as usize;
+        let level = (10.0 * (10.0 * f64::from(value(100, column).norm_sqr()).log10())).round();
+        let grey = ((level + 400.0) * 255.0 / 400.0).round() as u8;
+        for down in [-200i32, -1, 0, 150] {
+            let found = colour((x as i32 + off) as usize, (y as i32 + down) as usize);
+            assert_eq!(found, [grey; 3], "{off} {down}");
+        }
+    }
 }
 
 fn keep(browser: &Browser, name: &str) {

@@ -12,7 +12,7 @@ use clap::{Args as Group, ValueHint};
     no request is answered, not even from other users of this machine. On the page, ? lists all keys. The part of the address after # is\n\
     the view; append it to the address of a later run to restore it.\n\n\
     Example:\n  \
-    subap view before after --layer detections.geojson --port 8080"
+    subap view before after --layer detections.geojson --open"
 )]
 pub(crate) struct View {
     /// Images: folders of products, complete or still being formed in tiles, complex64 arrays (.npy) or SICD
@@ -32,6 +32,10 @@ pub(crate) struct View {
     /// Number of pulses per sub-CPI of maps computed from a recording
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = super::values::positive)]
     pub(crate) sub_cpi: usize,
+
+    /// Open the page in the default browser. The address is an argument of the browser's process, which other users of this machine may be able to list
+    #[arg(long)]
+    pub(crate) open: bool,
 
     /// Port of 127.0.0.1 to serve the page at [default: a free one]
     #[arg(long, value_name = "PORT", conflicts_with = "listen")]

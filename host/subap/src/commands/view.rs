@@ -1,5 +1,6 @@
 //! `subap view`: show images in a browser on this computer.
 
+mod browser;
 mod maps;
 mod sources;
 
@@ -12,17 +13,19 @@ use anyhow::{Context, bail};
 use serde_json::json;
 use subaperture::io::{geojson, track_csv};
 use subaperture::viewer::Server;
-use subaperture::viewer::product::{Bounds, Gallery, Layer};
+use subaperture::viewer::product::{Bounds, Gallery, Layer, MAX_STATE_BYTES};
 
 use crate::args::View;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
 
+use browser::Browser;
+
 /// Maximum memory of a request during computation, bytes.
 const COMPUTING_BYTES: u64 = 32 << 20;
 /// Memory of the coarse overview of each image, bytes.
 const GLANCE_BYTES: u64 = 2 << 20;
-/// Memory of the server's threads and their allocator arenas, bytes.
+/// Memory of the server's threads (connections, overviews, state) and their allocator arenas, bytes.
 const SERVER_BYTES: u64 = 2 << 20;
 /// Memory of connections with their read buffers, bytes.
 const CONNECTIONS_BYTES: u64 = 2 << 20;
@@ -83,7 +86,11 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     messages::note(
         "open this URL in a browser and keep it private: its last part is the access key; Ctrl-C stops the server",
     );
+    let mut browser = typed.open.then(|| Browser::open(&server.url())).flatten();
     while !interrupt::pressed() {
+        if browser.as_mut().is_some_and(Browser::has_ended) {
+            browser = None;
+        }
         thread::sleep(EVERY);
     }
     Ok(())
@@ -99,7 +106,7 @@ fn bounds(
 ) -> anyhow::Result<Bounds> {
     // The share of pictures is for levels, which are those of a picture.
     let all = session.memory_bytes + session.memory.picture_bytes;
-    let taken_bytes = GLANCE_BYTES * images + CONNECTIONS_BYTES + SERVER_BYTES;
+    let taken_bytes = (GLANCE_BYTES + MAX_STATE_BYTES) * images + CONNECTIONS_BYTES + SERVER_BYTES;
     let rest = all.saturating_sub(taken_bytes.saturating_add(held_bytes));
     if rest < MIN_OVERVIEW_BYTES {
         let least_bytes = session.memory.total_bytes + MIN_OVERVIEW_BYTES - rest

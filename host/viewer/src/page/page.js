@@ -281,7 +281,7 @@ document.onkeydown = (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const key = { " ": actions.pause, c: actions.colours, "+": () => actions.span(1), "=": () => actions.span(1), "-": () => actions.span(-1),
     ArrowLeft: () => actions.cursor(event.shiftKey ? -10 : -1), ArrowRight: () => actions.cursor(event.shiftKey ? 10 : 1),
-    Home: () => { view.cursor = null; draw(); }, "?": actions.keys }[event.key];
+    Home: () => { view.cursor = null; draw(); }, "?": actions.keys, Escape: () => { if (!$("help").hidden) actions.keys(); } }[event.key];
   if (!key || (event.key === " " && event.target.tagName === "BUTTON")) return;
   event.preventDefault(); key();
 };

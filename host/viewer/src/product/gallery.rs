@@ -12,23 +12,27 @@ use tokio::sync::Semaphore;
 
 use super::shown::Shown;
 use super::{DopplerMaps, Layer, Product, doppler, look};
+use crate::MAX_CONNECTIONS;
 
 /// Interval at which an incomplete image is checked for new tiles.
 const EVERY: Duration = Duration::from_millis(700);
+
+/// Memory of the states of one image being sent, bytes: 4 KiB to every client.
+pub const MAX_STATE_BYTES: u64 = (MAX_CONNECTIONS as u64) << 12;
 
 /// Limits of memory and computation.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Memory of all overviews together, bytes. An overview of one tile is kept in any case.
     pub overview_bytes: u64,
-    /// Maximum number of requests computed at a time.
+    /// Maximum number of requests computed at a time, one thread each. One more thread encodes the state.
     pub computing: usize,
     /// Memory of one request while it is computed, bytes, in addition to some megabytes for a tile.
     pub request_bytes: u64,
     /// Memory of drawing a picture with the same automatic levels, bytes; taken for one image at a time. `None`: levels of a coarser
     /// overview.
     pub picture_bytes: Option<u64>,
-    /// Memory of all responses being sent, bytes. A larger response is sent alone.
+    /// Memory of all responses being sent, bytes, in addition to [`MAX_STATE_BYTES`] per image. A larger response is sent alone.
     pub answer_bytes: u64,
 }
 
@@ -46,6 +50,8 @@ pub struct Gallery {
     pub(super) computing: Arc<Semaphore>,
     /// One permit per kibibyte of [`Bounds::answer_bytes`].
     pub(super) answers: Arc<Semaphore>,
+    /// One permit for the encoding of the state.
+    pub(super) encoding: Semaphore,
     pub(crate) bounds: Bounds,
     begun: AtomicBool,
 }
@@ -75,6 +81,7 @@ impl Gallery {
             maps: Vec::new(),
             computing: Arc::new(Semaphore::new(bounds.computing.max(1))),
             answers: Arc::new(Semaphore::new(bounds.answer_kib() as usize)),
+            encoding: Semaphore::new(1),
             bounds,
             begun: AtomicBool::new(false),
         }

@@ -50,7 +50,7 @@ fn add_geodetic(fields: &mut Value, product: &Product, position: DVec3) {
 }
 
 /// Geodetic position of a point in the grid's plane.
-fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
+pub(super) fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
     let on_ground = match product.slant {
         true => on_ground(product, position)?,
         false => position,

@@ -1,6 +1,7 @@
 //! HTTP routes of the image viewer.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use axum::Router;
 use axum::body::Bytes;
@@ -14,7 +15,7 @@ use tokio::sync::OwnedSemaphorePermit;
 
 use super::shown::Shown;
 use super::tile::encode;
-use super::{Gallery, cut, doppler, look, point};
+use super::{Gallery, cut, doppler, look, point, region};
 use crate::guard::{colours, file};
 
 type All = State<Arc<Gallery>>;
@@ -43,8 +44,16 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
             get(|| file(SCRIPT, include_str!("page/histogram.js"))),
         )
         .route(
+            "/axes.js",
+            get(|| file(SCRIPT, include_str!("page/axes.js"))),
+        )
+        .route(
             "/measure.js",
             get(|| file(SCRIPT, include_str!("page/measure.js"))),
+        )
+        .route(
+            "/region.js",
+            get(|| file(SCRIPT, include_str!("page/region.js"))),
         )
         .route(
             "/doppler.js",
@@ -74,6 +83,10 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
         .route(
             "/cut/{image}/{row}/{column}/{to_row}/{to_column}",
             get(along),
+        )
+        .route(
+            "/statistics/{image}/{row}/{column}/{to_row}/{to_column}",
+            get(statistics),
         )
         .route("/point/{image}/{row}/{column}/{search}", get(response))
         .route(
@@ -146,6 +159,11 @@ impl AsRef<[u8]> for BytesInFlight {
 }
 
 impl Sent {
+    /// Make the response at once. Only for short ones: their memory is bounded by the number of connections.
+    fn at_once(self) -> Response {
+        (self.status, [(header::CONTENT_TYPE, self.kind)], self.bytes).into_response()
+    }
+
     /// Make the response as soon as memory for it is available.
     async fn response(self, gallery: &Gallery) -> Response {
         let kib = u32::try_from(self.bytes.len() >> 10).unwrap_or(u32::MAX);
@@ -171,25 +189,35 @@ async fn compute(
         return StatusCode::SERVICE_UNAVAILABLE.into_response();
     };
     let all = Arc::clone(&gallery);
+    // The permit belongs to the computation, also if the client closes the connection before it ends.
     let done = tokio::task::spawn_blocking(move || {
         let answer = match gallery.shown.get(image) {
             Some(shown) => work(&gallery, shown),
             None => Ok(Answer::None),
         };
-        answer.map(Answer::sent)
+        (answer.map(Answer::sent), place)
     });
     // The permit is held until the response has its memory, since the result waits for it.
-    let answer = match done.await {
-        Ok(Ok(sent)) => sent.response(&all).await,
-        Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+    match done.await {
+        Ok((Ok(sent), _place)) => sent.response(&all).await,
+        Ok((Err(error), _place)) => {
+            (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response()
+        }
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
-    };
-    drop(place);
-    answer
+    }
 }
 
+/// State of all images. It waits neither for tiles being computed nor for tiles being sent.
 async fn state(State(all): All) -> Response {
-    Answer::Json(all.state()).sent().response(&all).await
+    let Ok(_permit) = all.encoding.acquire().await else {
+        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    };
+    let gallery = Arc::clone(&all);
+    let done = tokio::task::spawn_blocking(move || Answer::Json(gallery.state()).sent());
+    match done.await {
+        Ok(sent) => sent.at_once(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
 }
 
 async fn tile(
@@ -249,6 +277,36 @@ async fn along(
     let work = move |_: &Gallery, shown: &Shown| match near {
         true => cut::along(&shown.product.pixels, ends).map(Answer::Json),
         false => Ok(Answer::None),
+    };
+    compute(all, image, work).await
+}
+
+/// Sets its flag when dropped: the client has closed the connection, or has its response.
+struct Ended(Arc<AtomicBool>);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+async fn statistics(
+    State(all): All,
+    Path((image, row, column, to_row, to_column)): Path<(usize, usize, usize, usize, usize)>,
+) -> Response {
+    let flag = Arc::new(AtomicBool::new(false));
+    let _ended = Ended(Arc::clone(&flag));
+    let work = move |_: &Gallery, shown: &Shown| {
+        let place = [
+            row..to_row.min(shown.size[0]),
+            column..to_column.min(shown.size[1]),
+        ];
+        if place.iter().any(|range| range.is_empty()) {
+            return Ok(Answer::None);
+        }
+        let stop = || flag.load(Ordering::Relaxed);
+        let found = region::statistics(&shown.product.pixels, &place, &stop)?;
+        Ok(found.map_or(Answer::None, |found| Answer::Json(found.to_json())))
     };
     compute(all, image, work).await
 }

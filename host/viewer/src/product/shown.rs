@@ -8,6 +8,7 @@ use subaperture_model::image::{ImageSource, ImageSourceError, power};
 use subaperture_plot::{PictureCells, automatic_levels_db};
 
 use super::Product;
+use super::axes::Axes;
 use super::histogram::Histogram;
 use super::overview::{Overview, coarsest, size_at};
 use super::pixels::{Glance, Piece};
@@ -26,6 +27,8 @@ pub(super) struct State {
     pub(super) revision: u64,
     /// Number of pixels in the overview.
     pub(super) taken: usize,
+    /// Maximum power of these pixels.
+    peak: f64,
     /// Whether tiles are available from the overview.
     pub(super) ready: bool,
     /// Whether the image will not change any more.
@@ -41,18 +44,27 @@ pub(super) struct State {
 pub(super) struct Shown {
     pub(super) product: Product,
     pub(super) size: [usize; 2],
+    /// Finest level of the overview.
+    finest: u32,
+    axes: Axes,
     glance: OnceLock<Glance>,
     overview: RwLock<Overview>,
     state: Mutex<State>,
 }
 
+/// Automatic levels and the histogram; `None` if no power is positive.
+fn levels_of(powers: &[f64]) -> Option<([f64; 2], Option<Histogram>)> {
+    Some((automatic_levels_db(powers)?, Histogram::of(powers)))
+}
+
 impl State {
-    /// Set the automatic levels and the histogram, if a power is positive.
-    fn set_levels(&mut self, powers: &[f64]) {
-        if let Some(scale) = automatic_levels_db(powers) {
+    /// Count a change of the image, with new levels if there are any.
+    fn revise(&mut self, levels: Option<([f64; 2], Option<Histogram>)>) {
+        if let Some((scale, histogram)) = levels {
             self.scale = Some(scale);
-            self.histogram = Histogram::of(powers);
+            self.histogram = histogram;
         }
+        self.revision += 1;
     }
 }
 
@@ -60,11 +72,14 @@ impl Shown {
     pub(super) fn new(product: Product, overview_bytes: u64) -> Self {
         let (rows, columns) = product.pixels.size();
         let size = [rows, columns];
+        let overview = Overview::new(size, overview_bytes);
         Self {
+            axes: Axes::of(&product),
             product,
             size,
+            finest: overview.finest(),
             glance: OnceLock::new(),
-            overview: RwLock::new(Overview::new(size, overview_bytes)),
+            overview: RwLock::new(overview),
             state: Mutex::default(),
         }
     }
@@ -86,9 +101,9 @@ impl Shown {
         let glance = self.product.pixels.glance()?;
         let powers: Vec<f64> = glance.image.pixels.iter().map(|&z| power(z)).collect();
         let _ = self.glance.set(glance);
-        let mut state = self.state();
-        state.set_levels(&powers);
-        state.revision += 1;
+        // The state is not locked while levels are sorted.
+        let levels = levels_of(&powers);
+        self.state().revise(levels);
         Ok(())
     }
 
@@ -123,8 +138,11 @@ impl Shown {
                 .write()
                 .unwrap_or_else(PoisonError::into_inner);
             overview.add(&place, &part);
+            let peak = overview.peak();
             drop(overview);
-            self.state().taken += place[0].len() * place[1].len();
+            let mut state = self.state();
+            state.taken += place[0].len() * place[1].len();
+            state.peak = peak;
         }
         has.extend(&pieces);
         let mut overview = self
@@ -137,10 +155,10 @@ impl Shown {
             None => overview.small(SCALE_SIDE),
         };
         drop(overview);
+        let levels = levels_of(&powers);
         let mut state = self.state();
         state.ready = true;
-        state.set_levels(&powers);
-        state.revision += 1;
+        state.revise(levels);
         Ok(true)
     }
 
@@ -195,16 +213,13 @@ impl Shown {
         // Metres per pixel; at mid-range for a polar grid.
         let middle = grid.rows.start + grid.rows.step * grid.rows.count as f64 / 2.0;
         let across = grid.columns.step * if grid.polar { middle.abs() } else { 1.0 };
-        let overview = self.overview.read().unwrap_or_else(PoisonError::into_inner);
-        let (peak, finest) = (overview.peak(), overview.finest());
-        drop(overview);
         let state = self.state();
         json!({
             "name": product.name,
             "rows": self.size[0],
             "columns": self.size[1],
             "levels": coarsest(self.size),
-            "finest_kept": finest,
+            "finest_kept": self.finest,
             "top_rows": size_at(self.size, coarsest(self.size)),
             "right": right,
             "up": up,
@@ -212,6 +227,7 @@ impl Shown {
             "polar": grid.polar,
             "rows_axis": [grid.rows.start, grid.rows.step],
             "columns_axis": [grid.columns.start, grid.columns.step],
+            "axes": self.axes.to_json(),
             "on_earth": product.frame != subaperture_model::geometry::SceneFrame::Local,
             "aperture": product.aperture.is_some(),
             "revision": state.revision,
@@ -220,7 +236,7 @@ impl Shown {
             "settled": state.settled,
             "scale": state.scale,
             "histogram": state.histogram.as_ref().map(Histogram::to_json),
-            "peak_db": (peak > 0.0).then(|| 10.0 * peak.log10()),
+            "peak_db": (state.peak > 0.0).then(|| 10.0 * state.peak.log10()),
             "fault": state.fault,
         })
     }

@@ -2,11 +2,15 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde::Deserialize;
 use subaperture::geometry::SceneFrame;
 use subaperture::images::{OpenImage, Pixels as Stored};
+use subaperture::io::container::{self, Element};
 use subaperture::io::product as stored_product;
+use subaperture::io::xml::DEFAULT_MEMORY_BYTES;
 use subaperture::quality::response::{Carrier, Geometry};
+use subaperture::sicd::SicdFile;
 use subaperture::viewer::product::{Pixels, Product};
 
 use crate::commands::stored;
@@ -22,6 +26,13 @@ pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
     let grid = image.grid().map(|(grid, frame)| (grid.clone(), frame));
     let folder = image.folder().map(Path::to_owned);
     let OpenImage { pixels, record, .. } = image;
+    let antenna_m = match &pixels {
+        Stored::Sicd(file) => sicd_antenna_m(file, grid.as_ref().and_then(|(_, frame)| *frame)),
+        _ => record.as_ref().and_then(|record| {
+            let seen = Geometry::deserialize(&record["collection"]).ok()?;
+            Some(Carrier::of(&seen).antenna_m)
+        }),
+    };
     let whole = |parts| Pixels::whole(parts);
     let is_product = matches!(pixels, Stored::Product(_));
     let pixels = match pixels {
@@ -38,6 +49,7 @@ pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
         shown.frame = frame.unwrap_or(SceneFrame::Local);
         shown.slant = rows_down;
     }
+    shown.antenna_m = antenna_m;
     let (Some(folder), Some(record), true) = (folder, record, is_product) else {
         return Ok(shown);
     };
@@ -48,4 +60,11 @@ pub(super) fn open(session: &Session, path: &Path) -> anyhow::Result<Product> {
         stored_product::verify(&folder, &record).map_err(|error| error.to_string())
     }));
     Ok(shown)
+}
+
+/// Antenna position of a SICD at the aperture's centre (`SCPCOA/ARPPos`), in a scene frame.
+fn sicd_antenna_m(file: &SicdFile, frame: Option<SceneFrame>) -> Option<DVec3> {
+    let document = container::parse(file.xml(), DEFAULT_MEMORY_BYTES).ok()?;
+    let position = Element::root(&document).find(&["SCPCOA", "ARPPos"])?;
+    Some(frame?.from_ecf_m(position.xyz().ok()?))
 }

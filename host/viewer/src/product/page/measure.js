@@ -1,13 +1,17 @@
 "use strict";
-// Measurements: distances, cuts along a line, and point responses.
+// Measurements: distances, cuts along a line, point responses, and tables of numbers.
 const measured = { mode: null, from: null, group: L.layerGroup().addTo(map), curves: [] };
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 function mode(what) {
   measured.mode = measured.mode === what ? null : what;
   measured.from = null;
-  for (const each of ["cut", "point", "doppler"]) $(each).setAttribute("aria-pressed", measured.mode === each);
+  for (const each of ["cut", "point", "region", "doppler"]) $(each).setAttribute("aria-pressed", measured.mode === each);
   map.getContainer().style.cursor = measured.mode ? "crosshair" : "";
+  // In this mode, dragging draws a rectangle.
+  map.dragging[measured.mode === "region" ? "disable" : "enable"]();
+  map.getContainer().style.touchAction = measured.mode === "region" ? "none" : "";
+  if (measured.mode === "region") report("drag a rectangle, or select two corners: click, or press Enter at the crosshair");
   if (measured.mode === "cut") report("select the start of the line: click, or press Enter at the crosshair");
   if (measured.mode === "doppler") report("select the centre of the map: click, or press Enter at the crosshair");
   if (measured.mode === "point") report("select a point: click, or press Enter at the crosshair");
@@ -16,9 +20,12 @@ function report(text, isWrong) { $("message").textContent = text; $("message").c
 function clearAll() {
   measured.group.clearLayers(); measured.curves = []; measured.from = null;
   $("chart").hidden = $("numbers").hidden = true;
+  region.abort?.abort();
   report("");
   if (measured.mode) mode(measured.mode);
 }
+// Close all panels and end all measurements.
+function closeAll() { clearAll(); forgetDoppler(); showHelp(false); keepAddress(); }
 
 // Row and column at a map position. Pixel r covers r to r + 1, with its centre at r + 0.5.
 const pixelAt = (latlng) => [latlng.lat - 0.5, latlng.lng - 0.5];
@@ -57,6 +64,17 @@ async function pick(latlng) {
       const ends = await Promise.all([from, at].map(async (end) => (await fetch(`value/${n}/${end.map(Math.round).join("/")}`)).json().catch(() => ({}))));
       if (ends.every((end) => end.latitude_deg !== undefined)) report(`${$("message").textContent}: ${ends.map(degrees).join(" to ")}`);
     } catch { report("the cut could not be read", true); }
+  } else if (measured.mode === "region") {
+    if (!measured.from) {
+      measured.group.clearLayers();
+      measured.from = [at, latlng];
+      L.circleMarker(latlng, { radius: 4, color: "#e69f00" }).addTo(measured.group);
+      report("select the opposite corner");
+      return;
+    }
+    const first = measured.from[1];
+    measured.from = null;
+    statistics(...regionOf(first, latlng));
   } else if (measured.mode === "doppler") {
     lookAt(at.map(Math.round));
   } else if (measured.mode === "point") {
@@ -82,17 +100,23 @@ function response(found) {
     const turning = found.polar && cut.along === "x", unit = found.in_pixels ? "px" : turning ? "°" : "m", factor = turning ? 180 / Math.PI : 1;
     return { ...cut, name: axes[cut.along] ?? cut.along.replace("-", " "), unit, factor };
   });
-  const head = $("numbers").tHead, body = $("numbers").tBodies[0];
-  const row = (kind, cells) => { const line = document.createElement("tr"); cells.forEach((text, i) => { const cell = document.createElement(i === 0 || kind === "th" ? "th" : "td"); cell.scope = i === 0 && kind !== "th" ? "row" : "col"; cell.textContent = text; line.append(cell); }); return line; };
-  head.replaceChildren(row("th", ["along", ...cuts.map((cut) => cut.name)]));
   const db = (x) => (x === null || x === undefined ? "–" : `${x.toFixed(1)} dB`);
-  body.replaceChildren(
-    row("td", ["3 dB width", ...cuts.map((cut) => (cut.width_3db === null ? "–" : `${(cut.width_3db * cut.factor).toPrecision(3)} ${cut.unit}`))]),
-    row("td", ["peak sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.pslr_db))]),
-    row("td", ["integrated sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.islr_db))]));
-  $("numbers").hidden = false;
+  table("point response", ["along", ...cuts.map((cut) => cut.name)], [
+    ["3 dB width", ...cuts.map((cut) => (cut.width_3db === null ? "–" : `${(cut.width_3db * cut.factor).toPrecision(3)} ${cut.unit}`))],
+    ["peak sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.pslr_db))],
+    ["integrated sidelobe ratio", ...cuts.map((cut) => db(cut.null_rule.islr_db))]]);
   measured.curves = cuts.map((cut) => ({ name: `${cut.name} (${cut.unit})`, x: cut.curve.offsets.map((x) => x * cut.factor), y: cut.curve.levels_db }));
   chart(cuts[0].unit);
+}
+
+// Show a table: a row of headings, and rows that begin with a heading.
+function table(caption, headings, rows) {
+  const row = (kind, cells) => { const line = document.createElement("tr"); cells.forEach((text, i) => { const cell = document.createElement(i === 0 || kind === "th" ? "th" : "td"); cell.scope = i === 0 && kind !== "th" ? "row" : "col"; cell.textContent = text; line.append(cell); }); return line; };
+  const all = $("numbers");
+  all.caption.textContent = caption;
+  all.tHead.replaceChildren(row("th", headings));
+  all.tBodies[0].replaceChildren(...rows.map((cells) => row("td", cells)));
+  all.hidden = false;
 }
 
 // Axis ticks at round values, about `about` of them.
@@ -138,6 +162,6 @@ function chart(unit) {
 on("cut", "click", () => mode("cut"));
 on("point", "click", () => mode("point"));
 on("clear", "click", clearAll);
-map.on("click", (event) => measured.mode && pick(event.latlng));
-Object.assign(KEYS, { d: () => mode("cut"), r: () => mode("point"), Escape: clearAll });
+map.on("click", (event) => measured.mode && !region.dragged && pick(event.latlng));
+Object.assign(KEYS, { d: () => mode("cut"), r: () => mode("point"), Escape: closeAll });
 map.getContainer().addEventListener("keydown", (event) => { if (event.key === "Enter" && measured.mode) { event.preventDefault(); pick(map.getCenter()); } });

@@ -94,6 +94,8 @@ const Levels = L.GridLayer.extend({
     if (cells.some((level) => level !== NONE)) view.painted++;
   },
   each(what) { for (const key in this._tiles) what(this._tiles[key].el); },
+  // Tiles of the present zoom.
+  current(what) { for (const key in this._tiles) if (this._tiles[key].current) what(this._tiles[key].el); },
   repaint() { this.each((canvas) => this.paint(canvas)); },
   // Reload the displayed tiles; the old contents remain until then.
   again() { this.each((canvas) => this.load(canvas)); },
@@ -115,6 +117,9 @@ function layerOf(n) {
 const alike = (a, b) => ["rows", "columns", "right", "up"].every((key) => a[key] === b[key])
   && (!a.steps_m || !b.steps_m || ["rows_axis", "columns_axis", "steps_m"].every((key) => String(a[key]) === String(b[key])));
 
+// Fit the image between the axes.
+function fit(animate = true) { map.fitBounds(bounds(image()), { animate, paddingTopLeft: [EDGE_LEFT, 0], paddingBottomRight: [0, EDGE_BOTTOM] }); }
+
 // Show an image, keeping the view if the previous image has the same grid.
 function show(n, from) {
   const about = view.images[n], before = image(), stays = view.placed && from === undefined && alike(about, before);
@@ -126,7 +131,7 @@ function show(n, from) {
     map.options.minZoom = -about.levels - 2; map.options.maxZoom = 6;
     map.setMaxBounds(null);
     if (from) map.setView(from.centre, from.zoom, { animate: false });
-    else map.fitBounds(bounds(about), { animate: false });
+    else fit(false);
     map.setMaxBounds(bounds(about).pad(0.6));
     view.placed = true;
   }
@@ -137,7 +142,7 @@ function show(n, from) {
   $("name").textContent = about.name;
   document.title = `${about.name} – Subaperture`;
   $("aperture-section").hidden = !about.aperture;
-  levels(); notes(); drawLayers(); keepAddress();
+  levels(); notes(); drawLayers(); redrawFrame(); keepAddress();
 }
 
 function beside(n) {
@@ -218,7 +223,7 @@ function notes() {
   const looked = Math.round(-map.getZoom()) <= MOST_LOOK;
   $("part-note").hidden = view.part === 1 || looked;
   $("part-note").textContent = "zoom in: sub-apertures need at most 4 x 4 pixels per cell";
-  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Computed from the image spectrum, tile by tile, with sharp edges: an approximation of the image formed from those pulses alone."; }
+  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Filtered from the image's spectrum: an approximation of the image formed from those pulses alone."; }
 }
 
 // The fragment of the address holds the view.
@@ -370,7 +375,8 @@ on("map-name", "change", () => { view.map = $("map-name").value; levels(); keepA
 on("phase", "click", phase);
 on("part", "change", () => { view.part = +$("part").value; part(); });
 on("part-at", "input", () => { view.partAt = +$("part-at").value; part(); });
-on("keys", "click", () => { $("help").hidden = !$("help").hidden; $("keys").setAttribute("aria-expanded", !$("help").hidden); });
+function showHelp(shown) { $("help").hidden = !shown; $("keys").setAttribute("aria-expanded", shown); }
+on("keys", "click", () => showHelp($("help").hidden));
 // Whether the crosshair is visible: the map has keyboard focus.
 const byKeys = () => map.getContainer().matches(":focus-visible");
 map.on("mousemove", (event) => readout(event.latlng));
@@ -382,12 +388,13 @@ addEventListener("hashchange", () => { if (view.images.length) fromAddress(); })
 const KEYS = {
   "[": () => choose(view.top - 1, view.span), "]": () => choose(view.top + 1, view.span), "{": () => choose(view.top, view.span - 5), "}": () => choose(view.top, view.span + 5),
   a: () => $("auto").click(), c: colours, p: phase, b: blink, s: () => planes.other && $("swipe").click(), n: () => show((view.shown + 1) % view.images.length),
-  0: () => map.fitBounds(bounds(image())), 1: () => map.setZoom(0), "?": () => $("keys").click(),
+  0: () => fit(), 1: () => map.setZoom(0), "?": () => $("keys").click(),
   ",": () => { if (view.part > 1) { view.partAt = Math.max(0, view.partAt - 100 / (2 * view.part)); part(); } },
   ".": () => { if (view.part > 1) { view.partAt = Math.min(100, view.partAt + 100 / (2 * view.part)); part(); } },
 };
 document.addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, input:not([type=checkbox])") || !view.images.length) return;
+  const typing = event.key !== "Escape" && event.target.matches("select, input:not([type=checkbox])");
+  if (event.ctrlKey || event.metaKey || event.altKey || typing || !view.images.length) return;
   const what = KEYS[event.key];
   if (what) { event.preventDefault(); what(); }
 });
