@@ -29,6 +29,7 @@ static STATE: Mutex<State> = Mutex::new(State {
     verbosity: 0,
     warnings: Vec::new(),
     said: Vec::new(),
+    timings: Vec::new(),
     part_missed: false,
     bound_is_missed: false,
     has_result: false,
@@ -45,6 +46,8 @@ struct State {
     warnings: Vec<String>,
     /// Distinct warnings shown so far.
     said: Vec<String>,
+    /// Duration of each piece of work, in order.
+    timings: Vec<(String, Duration)>,
     /// Whether a result of the current step exceeds its bound.
     part_missed: bool,
     bound_is_missed: bool,
@@ -201,11 +204,26 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
     state.log("progress", text, more);
 }
 
-/// Log the duration of a piece of work.
+/// Log the duration of a piece of work, and keep it for [`times`].
 pub(crate) fn timing(work: &str, elapsed: Duration) {
     let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
-    state().log("timing", &text, more);
+    let mut state = state();
+    state.log("timing", &text, more);
+    state.timings.push((work.to_owned(), elapsed));
+}
+
+/// Seconds since the start (`total`), and those of each piece of work so far.
+pub(crate) fn times() -> Value {
+    let state = state();
+    let mut sums = Map::new();
+    for (work, elapsed) in &state.timings {
+        let before = sums.get(work).and_then(Value::as_f64).unwrap_or(0.0);
+        sums.insert(work.clone(), json!(before + elapsed.as_secs_f64()));
+    }
+    let total = state.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+    sums.insert("total".to_owned(), json!(total.as_secs_f64()));
+    Value::Object(sums)
 }
 
 /// All warnings so far of the current step.

@@ -121,7 +121,7 @@ fn found(
         Err(error) => return Err(error),
     };
     let movers = track::movers_record(&found);
-    if session.tells() {
+    if session.prints_text() {
         for mover in &found.movers {
             text::say(track::mover_line(mover))?;
         }
@@ -146,7 +146,7 @@ fn found(
         Err(error) => return Err(error),
     };
     let movers = track::movers_record(&found);
-    if session.tells() {
+    if session.prints_text() {
         for line in track_fusion::lines(&both) {
             text::say(line)?;
         }
