@@ -452,7 +452,7 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
     let mut stderr = child.stderr.take().unwrap();
     let (mut printed, mut byte) = (Vec::new(), [0]);
     // This line is printed after the handler is installed.
-    while !String::from_utf8_lossy(&printed).contains(" for the work\n") {
+    while !String::from_utf8_lossy(&printed).contains(" for images and samples\n") {
         assert_eq!(
             stderr.read(&mut byte).unwrap(),
             1,

@@ -28,7 +28,7 @@ static STATE: Mutex<State> = Mutex::new(State {
     quiet: false,
     verbosity: 0,
     warnings: Vec::new(),
-    said: Vec::new(),
+    shown: Vec::new(),
     timings: Vec::new(),
     part_missed: false,
     bound_is_missed: false,
@@ -45,7 +45,7 @@ struct State {
     /// Distinct warnings of the current step, in order.
     warnings: Vec<String>,
     /// Distinct warnings shown so far.
-    said: Vec<String>,
+    shown: Vec<String>,
     /// Duration of each piece of work, in order.
     timings: Vec<(String, Duration)>,
     /// Whether a result of the current step exceeds its bound.
@@ -110,10 +110,10 @@ pub(crate) fn error(text: &str) {
 /// Warn of a limitation of a result. A warning is shown once, and kept for the records.
 pub(crate) fn warning(text: impl Into<String>) {
     let (mut state, text) = (state(), text.into());
-    if !state.said.contains(&text) {
+    if !state.shown.contains(&text) {
         state.print(&format!("warning: {text}"));
         state.log("warning", &text, Value::Null);
-        state.said.push(text.clone());
+        state.shown.push(text.clone());
     }
     if !state.warnings.contains(&text) {
         state.warnings.push(text);

@@ -55,7 +55,7 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
 }
 
 /// Estimate a correction, write the files and return the record.
-pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
+pub(crate) fn estimate(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
     let start = Instant::now();
     let (found, history) = sharpened(session, typed)?.expect("not a dry run");
     record(session, typed, &history, &found, start)

@@ -61,7 +61,11 @@ impl Unpacked {
             return Err(format!(
                 "subap demo with the archive as root folder: {}, overview.png {}: {stderr}",
                 output.status,
-                if overview.is_file() { "written" } else { "missing" }
+                if overview.is_file() {
+                    "written"
+                } else {
+                    "missing"
+                }
             ));
         }
         Ok(Some(stdout))

@@ -26,7 +26,7 @@ pub(super) fn open(
     let named = || format!("--track {source}");
     let (mut fixes, movers) = match source {
         TrackSource::File(path) => (track_csv::read(path).with_context(named)?, Value::Null),
-        TrackSource::Echoes | TrackSource::Fused => found(session, input, source, logs)?,
+        TrackSource::Echoes | TrackSource::Fused => estimated(session, input, source, logs)?,
     };
     let reading = session.progress("reading");
     let mut left = Options {
@@ -85,7 +85,7 @@ pub(super) fn open(
 }
 
 /// Track estimated from the recording's echoes, optionally with navigation, and the movers.
-fn found(
+fn estimated(
     session: &Session,
     input: &Input,
     source: &TrackSource,
