@@ -97,6 +97,22 @@ fn focus_summary_matches_the_record() {
     assert_focus_summary(&got, &record("tiles"));
     let store = json!({ "path": "tiles/image.zarr", "kind": "image" });
     assert_eq!(got["files"][0], store);
+    // A part of the tiles has neither record nor picture yet.
+    let grid = "--grid x=-30:30:0.2,y=-30:30:0.2";
+    let line = format!("plan focus scene.cphd -a bp {grid} -o plan.json");
+    object(folder, &line, "subaperture-plan");
+    let mut parts = Vec::new();
+    for part in ["1/2", "2/2"] {
+        let line = format!("focus scene.cphd --plan plan.json --tiles {part} --out parts");
+        parts.push(object(folder, &line, "subaperture-focus"));
+    }
+    let tiles = &parts[0]["tiles"];
+    assert_eq!(parts[0]["complete"], false);
+    assert!(tiles["formed"].as_u64().unwrap() < tiles["count"].as_u64().unwrap());
+    let store = json!({ "path": "parts/image.zarr", "kind": "image" });
+    assert_eq!(parts[0]["files"], json!([store]));
+    assert_eq!(parts[1]["files"][0], store);
+    assert_focus_summary(&parts[1], &record("parts"));
 }
 
 const GRID: &str = "--grid x=-5:5:0.5,y=-5:5:0.5";

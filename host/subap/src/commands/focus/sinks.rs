@@ -13,7 +13,7 @@ use subaperture::io::atomic::WriteError;
 use subaperture::io::claim::OutputClaims;
 use subaperture::io::product::PendingProduct;
 use subaperture::io::product::record::Brightest;
-use subaperture::io::tiles::{self, Claimed, TileStore};
+use subaperture::io::tiles::{Claimed, TileStore};
 
 use super::summary::describe;
 use crate::args::{Focus, Part};
@@ -219,13 +219,12 @@ impl ImageSink for StoreSink<'_> {
         if marks.len() < self.num_tiles {
             let (there, all, part) = (marks.len(), self.num_tiles, self.part);
             if self.session.json() {
-                let store = self.store.folder().join(tiles::NAME);
                 let part = json!({
                     "complete": false,
                     "part": part.to_string(),
                     "tiles": { "formed": there, "count": all },
                     "times_s": messages::times(),
-                    "files": [OutputFile::new(&store, "image")],
+                    "files": [OutputFile::new(self.store.folder(), "image")],
                 });
                 text::say_json("focus", part).map_err(io::Error::other)?;
             }
