@@ -14,7 +14,7 @@ use crate::memory::{self, measured, peak_of};
 const BUDGETS: [u32; 2] = [26, 64];
 
 /// Commands with quick runs of each. `%` is the budget, which makes the names of outputs unique.
-const COMMANDS: [(&str, &[&str]); 31] = [
+pub(crate) const COMMANDS: [(&str, &[&str]); 31] = [
     (
         "focus",
         &["focus few.cphd --grid x=-20:20:0.1,y=-20:20:0.1 --allow-error -o out --force"],
@@ -151,7 +151,7 @@ fn every_command_is_in_the_table() {
 }
 
 /// A folder with the inputs of all runs in the table.
-fn workplace() -> tempfile::TempDir {
+pub(crate) fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("few.toml"), memory::SCENARIO).unwrap();

@@ -480,7 +480,7 @@ fn focus_writes_same_products_as_export() {
         &format!("focus space.cphd {grid} --product png --json --out whole"),
     );
     let printed = json.succeeded();
-    assert!(printed.contains("\"products\"") && printed.contains("map.png"));
+    assert!(printed.contains("\"files\"") && printed.contains("whole/map.png"));
     // A file at the target is reported before the computation, as is a scene without a position on the Earth.
     fs::write(at.join("tiles/map.kmz"), "somebody's").unwrap();
     run(

@@ -234,7 +234,7 @@ fn walk_is_imaged_while_its_track_is_estimated() {
     // The first and the last sweep extend beyond the first and last pose.
     assert!(count("sweeps") >= 190 && count("skipped") == 0);
     assert_eq!(count("sweeps") + count("left_out"), 200);
-    let length_m = result["image"]["way"]["length_m"].as_f64().unwrap();
+    let length_m = result["image"]["track"]["length_m"].as_f64().unwrap();
     assert!((4.5..6.0).contains(&length_m), "{length_m}");
     let formed = npy::read(&at.join("image/image.npy")).unwrap();
     let formed_grid: ImageGrid = grid.parse().unwrap();

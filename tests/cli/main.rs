@@ -36,6 +36,7 @@ mod picture;
 mod plan_focus;
 mod plan_radar;
 mod quality;
+mod quiet;
 mod rail_scan;
 mod recordings;
 mod results;

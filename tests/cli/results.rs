@@ -189,7 +189,13 @@ fn images_are_bit_identical_for_any_thread_count() {
                 "focus scene.cphd -q --out {algorithm}{threads} -a {algorithm} --threads {threads} \
                  --grid x=-6:6:0.25,y=-5:5:0.25"
             );
-            assert_eq!(run(folder.path(), &line).succeeded(), "", "-q is quiet");
+            let ran = run(folder.path(), &line);
+            let text = ran.succeeded();
+            assert!(
+                text.starts_with(&format!("{algorithm}{threads}: 48 x 40 pixels")),
+                "{text}"
+            );
+            assert_eq!(ran.stderr, "", "-q is quiet");
         }
         let image = |threads| {
             fs::read(

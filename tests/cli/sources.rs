@@ -387,7 +387,7 @@ fn options_of_other_formers_are_refused() {
             };
             let line = format!("focus a.mat --out d -a {} {typed} {value}", entry.name);
             let expected = format!(
-                "{typed} says nothing to --algorithm {}: leave it out",
+                "{typed} has no effect with --algorithm {}: leave it out",
                 entry.name
             );
             run(folder.path(), &line).failed(2, &[&expected]);

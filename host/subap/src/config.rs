@@ -141,8 +141,13 @@ impl Session {
         self.json && !self.silent
     }
 
-    /// Whether to report written files in a line or two; such reports are not results.
-    pub(crate) fn tells(&self) -> bool {
+    /// Whether results are printed as text.
+    pub(crate) fn prints_text(&self) -> bool {
+        !(self.json || self.silent)
+    }
+
+    /// Whether progress is shown on standard error.
+    pub(crate) fn shows_progress(&self) -> bool {
         !(self.quiet || self.json || self.silent)
     }
 

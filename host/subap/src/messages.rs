@@ -28,7 +28,8 @@ static STATE: Mutex<State> = Mutex::new(State {
     quiet: false,
     verbosity: 0,
     warnings: Vec::new(),
-    said: Vec::new(),
+    shown: Vec::new(),
+    timings: Vec::new(),
     part_missed: false,
     bound_is_missed: false,
     has_result: false,
@@ -44,7 +45,9 @@ struct State {
     /// Distinct warnings of the current step, in order.
     warnings: Vec<String>,
     /// Distinct warnings shown so far.
-    said: Vec<String>,
+    shown: Vec<String>,
+    /// Duration of each piece of work, in order.
+    timings: Vec<(String, Duration)>,
     /// Whether a result of the current step exceeds its bound.
     part_missed: bool,
     bound_is_missed: bool,
@@ -107,10 +110,10 @@ pub(crate) fn error(text: &str) {
 /// Warn of a limitation of a result. A warning is shown once, and kept for the records.
 pub(crate) fn warning(text: impl Into<String>) {
     let (mut state, text) = (state(), text.into());
-    if !state.said.contains(&text) {
+    if !state.shown.contains(&text) {
         state.print(&format!("warning: {text}"));
         state.log("warning", &text, Value::Null);
-        state.said.push(text.clone());
+        state.shown.push(text.clone());
     }
     if !state.warnings.contains(&text) {
         state.warnings.push(text);
@@ -201,11 +204,26 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
     state.log("progress", text, more);
 }
 
-/// Log the duration of a piece of work.
+/// Log the duration of a piece of work, and keep it for [`times`].
 pub(crate) fn timing(work: &str, elapsed: Duration) {
     let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
-    state().log("timing", &text, more);
+    let mut state = state();
+    state.log("timing", &text, more);
+    state.timings.push((work.to_owned(), elapsed));
+}
+
+/// Seconds since the start (`total`), and those of each piece of work so far.
+pub(crate) fn times() -> Value {
+    let state = state();
+    let mut sums = Map::new();
+    for (work, elapsed) in &state.timings {
+        let before = sums.get(work).and_then(Value::as_f64).unwrap_or(0.0);
+        sums.insert(work.clone(), json!(before + elapsed.as_secs_f64()));
+    }
+    let total = state.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+    sums.insert("total".to_owned(), json!(total.as_secs_f64()));
+    Value::Object(sums)
 }
 
 /// All warnings so far of the current step.

@@ -80,7 +80,7 @@ impl Progress {
     }
 
     /// Change the label of the bar.
-    pub(crate) fn tell(&self, label: String) {
+    pub(crate) fn set_label(&self, label: String) {
         self.stage.bar.set_message(label.clone());
         self.stage.lock().label = label;
     }
@@ -96,7 +96,7 @@ impl Progress {
         self.stage.bar.set_position(0);
         self.stage.bar.reset_eta();
         drop(state);
-        self.tell(label);
+        self.set_label(label);
     }
 
     /// Remove the bar from the screen.

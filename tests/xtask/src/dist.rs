@@ -1,7 +1,10 @@
 //! Release archives: `cargo xtask dist` writes one `.tar.gz` for each target, and their SHA-256 sums, to `target/dist`.
 //!
 //! An archive holds the static command, man pages, shell completions, licences (those of every dependency included), README and CHANGELOG. Man
-//! pages and completions are written by the command itself, by the build for this machine's processor.
+//! pages and completions are written by the command itself, by the build for this machine's processor. Finished archives are unpacked and checked,
+//! and `subap demo` runs in the one for this machine, without any other file.
+
+mod check;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -15,6 +18,7 @@ use subaperture_xtask::{link_alone, root, target_folder};
 use crate::checks::cargo;
 use crate::guide::subcommands;
 use crate::prerequisites::{Need, Talk, ensure};
+use check::Unpacked;
 
 /// Static Linux builds, linked by Rust's own linker and musl: no cross toolchain is needed.
 const TARGETS: [&str; 2] = ["x86_64-unknown-linux-musl", "aarch64-unknown-linux-musl"];
@@ -34,7 +38,10 @@ const DOCUMENTS: [&str; 5] = [
     "LICENSE-FONTS",
 ];
 
-/// Build every archive.
+/// Licences of the dependencies.
+const LICENCES: &str = "LICENSES-DEPENDENCIES.txt";
+
+/// Build and check every archive.
 ///
 /// # Errors
 /// The command that failed, or the file that could not be written.
@@ -67,10 +74,7 @@ pub(crate) fn build() -> Result<(), String> {
             copy(&root().join(document), &folder.join(document))?;
         }
         let licences = third_party_licences(&metadata, target)?;
-        write(
-            &folder.join("LICENSES-DEPENDENCIES.txt"),
-            licences.as_bytes(),
-        )?;
+        write(&folder.join(LICENCES), licences.as_bytes())?;
         let man = folder.join("man/man1");
         create(&man)?;
         man_pages(native, &[], &man)?;
@@ -90,6 +94,8 @@ pub(crate) fn build() -> Result<(), String> {
             "-czf",
         ]);
         run(tar.args([&archive, &name]).current_dir(&place))?;
+        let is_native = program == native;
+        check(&place, &archive, native, is_native)?;
         archives.push(archive);
     }
     let sums = run(Command::new("sha256sum")
@@ -98,6 +104,24 @@ pub(crate) fn build() -> Result<(), String> {
     write(&place.join("SHA256SUMS"), &sums)?;
     for archive in archives {
         println!("{}", place.join(archive).display());
+    }
+    Ok(())
+}
+
+/// Unpack an archive in `place` and check it; `native` is the program for this machine.
+fn check(place: &Path, archive: &str, native: &Path, is_native: bool) -> Result<(), String> {
+    let unpacked = Unpacked::new(&place.join(archive), place.join("root"))?;
+    let pages = unpacked.check_files(native)?;
+    println!("{archive}: {pages} man pages, completions, documents and licences are complete");
+    if !is_native {
+        println!("{archive}: subap demo not run: it is for another processor");
+        return Ok(());
+    }
+    match unpacked.demo()? {
+        Some(output) => println!("{archive}: subap demo without any other file:\n{output}"),
+        None => println!(
+            "{archive}: subap demo SKIPPED: this user may change the root folder neither with chroot nor with unshare -r"
+        ),
     }
     Ok(())
 }

@@ -102,7 +102,7 @@ fn place_of_job<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Geodetic>, 
 pub(crate) struct Export {
     /// Image: folder of a product (image.json and image.npy) or its image.json; for maps also SICD (.nitf); for --format zarr images of any
     /// format, several if they share a grid
-    #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::DirPath)]
+    #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) images: Vec<PathBuf>,
 
     /// Format to write [default: by the extension of FILE: .nitf SICD, .tif, .kmz or .png a map, .zarr a stack]

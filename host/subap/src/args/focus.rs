@@ -206,7 +206,7 @@ pub(crate) struct TargetMotion {
     pub(crate) velocity: Option<DVec3>,
 }
 
-/// Settings on which the pixels of an image depend, besides the recording: the input of a plan.
+/// Settings that determine the pixels of an image of a recording: the input of a plan.
 #[derive(Debug, Group)]
 pub(crate) struct Imaging {
     #[command(flatten)]

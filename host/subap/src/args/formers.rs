@@ -231,7 +231,7 @@ impl FormerOptions {
             Usage(match error {
                 OptionError::NotOf { former, option } => {
                     let option = typed(&option);
-                    format!("{option} says nothing to --algorithm {former}: leave it out")
+                    format!("{option} has no effect with --algorithm {former}: leave it out")
                 }
                 OptionError::SaysNothing {
                     option,
@@ -239,7 +239,7 @@ impl FormerOptions {
                     word,
                 } => {
                     let [option, other] = [option, other].map(typed);
-                    format!("{option} says nothing to {other} {word}: leave it out")
+                    format!("{option} has no effect with {other} {word}: leave it out")
                 }
                 OptionError::Needs {
                     option,

@@ -346,8 +346,12 @@ const GLOBAL_HIDDEN: usize = 4;
 
 #[cfg(test)]
 mod tests {
+    use std::any::TypeId;
+    use std::path::PathBuf;
+
     use super::*;
-    use clap::Parser;
+    use crate::args::{GeoidSource, TrackSource};
+    use clap::{Arg, Parser, ValueHint};
 
     /// Full names of all commands below `command`, groups included.
     fn names(command: &Command, before: &str) -> Vec<String> {
@@ -358,6 +362,44 @@ mod tests {
             std::iter::once(name).chain(more)
         });
         each.collect()
+    }
+
+    /// Arguments of `command` and of all commands below it, each with the name of its command.
+    fn arguments(command: &Command) -> Vec<(String, &Arg)> {
+        let name = command.get_name();
+        let own = command.get_arguments();
+        let own = own.map(|arg| (format!("{name} {}", arg.get_id()), arg));
+        own.chain(command.get_subcommands().flat_map(arguments))
+            .collect()
+    }
+
+    /// Shells complete names of files only where the argument states that it takes a path.
+    #[test]
+    fn every_path_has_a_hint_for_completions() {
+        let paths = [
+            TypeId::of::<PathBuf>(),
+            TypeId::of::<TrackSource>(),
+            TypeId::of::<GeoidSource>(),
+        ];
+        let command = Args::command();
+        let mut count = 0;
+        for (name, arg) in arguments(&command) {
+            let values = arg.get_value_parser().type_id();
+            let hint = arg.get_value_hint();
+            if !paths.iter().any(|path| values == *path) {
+                // A value that only contains a path, such as dem:FILE, cannot be completed as one.
+                assert_eq!(hint, ValueHint::Unknown, "{name}");
+                continue;
+            }
+            count += 1;
+            let value = arg.get_value_names().map_or("", |names| names[0].as_str());
+            match value {
+                "DIR" => assert_eq!(hint, ValueHint::DirPath, "{name}"),
+                "IMAGE" | "OTHER" | "A" | "B" => assert_eq!(hint, ValueHint::AnyPath, "{name}"),
+                _ => assert_eq!(hint, ValueHint::FilePath, "{name}"),
+            }
+        }
+        assert!(count > 60, "{count}");
     }
 
     #[test]

@@ -98,7 +98,7 @@ pub(crate) struct PlanModule {
 #[command(
     override_usage = "subap plan radar [OPTIONS] <INPUT>...\n       subap plan radar [OPTIONS] <OPTIONS OF A PASS>",
     mut_arg("files", |files| files.required(false).conflicts_with_all(PASS)),
-    group(ArgGroup::new("what").required(true).multiple(true).args(["files", "beamwidth"]).args(PASS)),
+    group(ArgGroup::new("radar").required(true).multiple(true).args(["files", "beamwidth"]).args(PASS)),
 )]
 pub(crate) struct PlanRadar {
     #[command(flatten)]

@@ -127,7 +127,7 @@ fn vary(text: &str) -> Result<Vary, String> {
     let [start, stop, step] = parts[..] else {
         return Err(wanted.to_owned());
     };
-    // The longest beginning that is a number; what follows is the unit.
+    // The longest prefix that is a number; the rest is the unit.
     let end = (1..=step.len())
         .rev()
         .filter(|&end| step.is_char_boundary(end))

@@ -24,6 +24,7 @@ use crate::ahead::Ahead;
 use crate::args::{self, Autofocus};
 use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
+use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Dynamic range of the picture, dB.
@@ -36,16 +37,25 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
         return Ok(());
     };
     if session.json() {
-        return text::say_json(
-            "autofocus",
-            record(session, typed, &history, &found, start)?,
-        );
+        let mut record = record(session, typed, &history, &found, start)?;
+        let correction = match correction_is_phase(typed, &found) {
+            true => "phase correction",
+            false => "track",
+        };
+        let out = typed
+            .out
+            .iter()
+            .map(|path| OutputFile::new(path, correction));
+        let picture = typed.picture.iter();
+        let picture = picture.map(|path| OutputFile::new(path, "picture"));
+        record["files"] = json!(out.chain(picture).collect::<Vec<_>>());
+        return text::say_json("autofocus", record);
     }
     report(session, typed, &found, start)
 }
 
 /// Estimate a correction, write the files and return the record.
-pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
+pub(crate) fn estimate(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
     let start = Instant::now();
     let (found, history) = sharpened(session, typed)?.expect("not a dry run");
     record(session, typed, &history, &found, start)
@@ -315,7 +325,7 @@ fn report(
     let Some(path) = &typed.out else {
         return Ok(());
     };
-    if session.tells() {
+    if session.prints_text() {
         let path = path.display();
         text::say(match correction_is_phase(typed, found) {
             true => format!("written to {path}: apply it with subap focus --phase {path}"),

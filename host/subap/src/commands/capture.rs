@@ -17,6 +17,7 @@ use subaperture::radio::{Ranges, Transceiver};
 use crate::args::Capture;
 use crate::config::Session;
 use crate::failure::{InterruptedWithSteps, Usage};
+use crate::files::OutputFile;
 use crate::progress::Progress;
 use crate::{interrupt, messages, text, watch};
 
@@ -62,7 +63,7 @@ pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
         Ok(captured(session, radio, &experiment.plan, &out)?)
     });
     let summary = captured??;
-    tell(session, &experiment.plan, &summary, &out)?;
+    report(session, &experiment.plan, &summary, &out)?;
     end(&experiment.plan, summary, &out)
 }
 
@@ -96,7 +97,7 @@ fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
         if sweep != Some(step.sweep) {
             (sweep, taken) = (Some(step.sweep), 0);
             if plan.sweeps == 0 {
-                progress.tell(format!("sweep {}", step.sweep + 1));
+                progress.set_label(format!("sweep {}", step.sweep + 1));
             }
         }
         taken += 1;
@@ -105,6 +106,16 @@ fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
             progress.progress(done / (plan.sweeps as f64 * steps));
         }
     }
+}
+
+/// Both files of a SigMF recording.
+fn recording_files(out: &Path) -> [OutputFile; 2] {
+    let meta = meta(out);
+    let data = meta.with_extension("sigmf-data");
+    [
+        OutputFile::new(&meta, "recording"),
+        OutputFile::new(&data, "samples"),
+    ]
 }
 
 /// Path of the SigMF metadata file of a recording.
@@ -224,7 +235,7 @@ pub(super) fn warn(summary: &Summary) {
 }
 
 /// Report the finished capture.
-pub(super) fn tell(
+pub(super) fn report(
     session: &Session,
     plan: &Plan,
     summary: &Summary,
@@ -234,7 +245,7 @@ pub(super) fn tell(
     if session.json() {
         return text::say_json("capture", record(plan, summary, out));
     }
-    if !session.tells() {
+    if !session.prints_text() {
         return Ok(());
     }
     let queue = format!(
@@ -289,7 +300,6 @@ pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
     };
     let set = &summary.set;
     json!({
-        "recording": meta(out).display().to_string(),
         "ended": ended(summary),
         "carriers": { "start_hz": plan.start_hz, "step_hz": plan.step_hz(), "count": plan.steps, "taken": plan.carriers_taken() },
         "steps": summary.steps,
@@ -307,6 +317,7 @@ pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
             "transmit_gain_db": set.transmit_gain_db,
             "receive_gain_db": set.receive_gain_db,
         },
+        "files": recording_files(out),
     })
 }
 

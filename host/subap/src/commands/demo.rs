@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
+use serde_json::json;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
@@ -200,12 +201,12 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     }
     if session.json() {
         let mut table = report.to_json();
-        table["folder"] = typed.out.display().to_string().into();
+        table["files"] = json!(writing::written(&typed.out, &outcomes));
         table["run"] = record_of_run(session, start.elapsed());
         return text::say_json("demo", table);
     }
     text::say(report.to_text())?;
-    if session.tells() {
+    if session.prints_text() {
         text::say(format!(
             "{}: images, differences, overview.png, errors.md, errors.json in {}",
             typed.out.display(),

@@ -17,6 +17,7 @@ use super::stored;
 use crate::args::{Export, ImageFormat, Mapping, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
+use crate::files::OutputFile;
 use crate::text;
 use maps::MapFormat;
 
@@ -59,9 +60,11 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     export.claim(&mut claims)?;
     let written = export.write(session)?;
     if session.json() {
-        return text::say_json(written.name, written.about);
+        let mut about = written.about;
+        about["files"] = json!(written.files);
+        return text::say_json(written.name, about);
     }
-    if session.tells() {
+    if session.prints_text() {
         text::say(written.line)?;
     }
     Ok(())
@@ -146,27 +149,36 @@ struct One<'a> {
 }
 
 /// Result of writing one format.
-struct Written {
-    /// Key in the JSON record.
+pub(crate) struct Written {
+    /// Schema of the JSON result.
     name: &'static str,
+    /// JSON result without its files.
     about: Value,
+    /// The output file, then its sidecars.
+    pub(crate) files: Vec<OutputFile>,
     /// Line printed for the user.
     line: String,
 }
 
 impl Written {
     /// Output file in the image's own pixel grid.
-    fn file(out: &Path, bytes: u64) -> Self {
-        let path = out.display().to_string();
+    fn file(one: &One, bytes: u64) -> Self {
+        let file = one.file();
         Self {
             name: "export",
-            about: json!({ "path": path, "bytes": bytes }),
-            line: path,
+            about: json!({ "bytes": bytes }),
+            line: file.path().to_owned(),
+            files: vec![file],
         }
     }
 }
 
 impl One<'_> {
+    /// The output file with its kind.
+    fn file(&self) -> OutputFile {
+        OutputFile::new(self.out, self.format.name())
+    }
+
     /// Check that the options apply to the format.
     fn check(&self) -> Result<(), Usage> {
         match self.format {
@@ -248,8 +260,8 @@ impl Products<'_> {
         }
     }
 
-    /// Write all formats of the complete image. Returns their paths.
-    pub(crate) fn write(&self, session: &Session) -> anyhow::Result<Vec<PathBuf>> {
+    /// Write all formats of the complete image.
+    pub(crate) fn write(&self, session: &Session) -> anyhow::Result<Vec<Written>> {
         let one = |&format: &ImageFormat| {
             self.with(format, |one| {
                 one.write(session).with_context(|| {
@@ -258,8 +270,7 @@ impl Products<'_> {
                         self.folder.display(),
                         format.name()
                     )
-                })?;
-                Ok(one.out.to_owned())
+                })
             })
         };
         self.formats.iter().map(one).collect()

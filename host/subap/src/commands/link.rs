@@ -26,6 +26,7 @@ use crate::advice;
 use crate::args::Link;
 use crate::config::{Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
+use crate::files::OutputFile;
 use crate::progress::Progress;
 use crate::{interrupt, messages, text};
 
@@ -75,11 +76,11 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
 /// Check that a program is given only for an emulated module.
 fn check_firmware(typed: &Link) -> Result<(), Usage> {
     if typed.firmware.is_some() && !matches!(typed.place, ModuleAddress::Emulate(_)) {
-        let what = format!(
+        let fault = format!(
             "--firmware applies to an emulated module; {} runs its own: leave it out",
             typed.place
         );
-        return Err(Usage(what));
+        return Err(Usage(fault));
     }
     Ok(())
 }
@@ -112,7 +113,6 @@ fn report(
     let path = typed.out.display().to_string();
     if session.json() {
         let mut report = json!({
-            "path": path,
             "maps": maps,
             "ending": ending_name(&outcome.ending, maps < outcome.counts.maps_wanted),
             "counters": outcome.counts.to_json(),
@@ -121,8 +121,15 @@ fn report(
         if let Some((same, different)) = compared {
             report["verified"] = json!({ "same": same, "different": different });
         }
+        let mut files = Vec::new();
+        if maps > 0 {
+            files.push(OutputFile::new(&typed.out, "maps"));
+        }
+        let picture = typed.picture.iter().filter(|path| path.exists());
+        files.extend(picture.map(|path| OutputFile::new(path, "picture")));
+        report["files"] = json!(files);
         text::say_json("link", report)?;
-    } else if session.tells() && maps > 0 {
+    } else if session.prints_text() && maps > 0 {
         text::say(format!("{path}: {maps} maps in {}", text::duration(taken)))?;
         text::say(outcome.counts.to_string())?;
     }
@@ -267,7 +274,7 @@ impl SessionObserver for Watching {
         self.last = Some((now, bytes_out, bytes_in));
         let rate = |now: u64, before: u64| (now - before) as f64 / passed_s / 1e3;
         let damaged = counts.frames_from_module.damaged + counts.frames_to_module.damaged;
-        self.bar.tell(format!(
+        self.bar.set_label(format!(
             "{} of {} maps, {:.0} kB/s sent, {:.0} kB/s received, {damaged} damaged frames, {} lost maps",
             counts.maps_taken,
             counts.maps_wanted,

@@ -14,10 +14,11 @@ use subaperture::radio::experiment::{self, Experiment};
 use subaperture::radio::live::SweepAssembler;
 use subaperture::radio::sigmf::Setup;
 
-use super::capture::{end, record, tell, warn};
+use super::capture::{self, end, record, warn};
 use crate::args::Live;
 use crate::config::{Session, command_line, record_of_run};
 use crate::failure::Usage;
+use crate::files;
 use crate::watch::{Watched, imaged};
 use crate::{messages, text};
 
@@ -104,7 +105,7 @@ fn report(
 ) -> anyhow::Result<()> {
     let (plan, summary) = (&experiment.plan, &watched.summary);
     let Some(imaging) = &watched.imaging else {
-        return tell(session, plan, summary, out);
+        return capture::report(session, plan, summary, out);
     };
     let (left_out, why) = imaging.left_out();
     if let Some(why) = why {
@@ -129,10 +130,16 @@ fn report(
         warn(summary);
         let mut value = record(plan, summary, out);
         value["image"] = image;
+        if let (Some(folder), Some(files)) = (&typed.image, value["files"].as_array_mut()) {
+            let mut image = files::of_image(folder, product::NAMES[0]);
+            // No picture is drawn of no sweeps.
+            image.retain(|file| Path::new(file.path()).exists());
+            files.extend(image.iter().map(|file| json!(file)));
+        }
         return text::say_json("capture", value);
     }
-    tell(session, plan, summary, out)?;
-    if !session.tells() {
+    capture::report(session, plan, summary, out)?;
+    if !session.prints_text() {
         return Ok(());
     }
     let error_db = imaging.live().accuracy().predicted_db();
@@ -188,7 +195,7 @@ fn record_of_image(imaging: &Imaging, skipped: u64) -> Value {
         "skipped": skipped,
         "predicted_error_db": imaging.live().accuracy().predicted_db(),
         "brightest": brightest,
-        "way": imaging.found().map(|track| json!({
+        "track": imaging.found().map(|track| json!({
             "length_m": track.length_m,
             "targets": track.going.targets,
             "blind": track.going.blind,

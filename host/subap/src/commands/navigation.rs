@@ -14,6 +14,7 @@ use subaperture::track::Fix;
 
 use crate::args::Navigation;
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::{messages, text};
 
 /// Maximum number of gaps listed individually.
@@ -38,12 +39,17 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
         _ => None,
     };
     if session.json() {
-        return text::say_json("navigation", record(&log, &coverage, track.as_ref()));
+        let mut record = record(&log, &coverage, track.as_ref());
+        let out = typed.out.iter().map(|path| OutputFile::new(path, "track"));
+        let picture = picture.iter();
+        let picture = picture.map(|path| OutputFile::new(path, "picture"));
+        record["files"] = json!(out.chain(picture).collect::<Vec<_>>());
+        return text::say_json("navigation", record);
     }
     for line in lines(&log) {
         text::say(line)?;
     }
-    if let (Some(track), true) = (track, session.tells()) {
+    if let (Some(track), true) = (track, session.prints_text()) {
         text::say(format!("{}: {} positions", track.out, track.fixes))?;
     }
     Ok(())
@@ -328,6 +334,6 @@ fn record(log: &Log, coverage: &[Coverage], track: Option<&Track>) -> Value {
         "bytes": account.bytes,
         "notes": account.notes,
         "doubts": account.doubts,
-        "track": track.map(|track| json!({ "path": track.out, "fixes": track.fixes, "attitudes": track.attitudes })),
+        "track": track.map(|track| json!({ "fixes": track.fixes, "attitudes": track.attitudes })),
     })
 }

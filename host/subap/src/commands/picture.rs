@@ -16,6 +16,7 @@ use subaperture::quality::polarisation::{Sum, pauli};
 use super::stored;
 use crate::args::{ColourMap, Picture};
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::text;
 
 /// Read one image, or several on a common grid, and draw the picture.
@@ -100,13 +101,13 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
         return text::say_json(
             "picture",
             json!({
-                "path": path,
+                "files": [OutputFile::new(&typed.out, "picture")],
                 "looks": [rows, columns],
                 "pixel": [shown.rows.step, shown.columns.step],
             }),
         );
     }
-    if session.tells() {
+    if session.prints_text() {
         text::say(match typed.looks {
             Some(_) => format!("{path}: pixels of {pixel}"),
             None => path,

@@ -16,8 +16,10 @@ use subaperture::radio::sigmf::{Recording, Setup};
 
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{args, interrupt, messages, text};
+use crate::{args, files, interrupt, messages, text};
 
+/// Names of the pictures; the waterfall is drawn of two or more sweeps.
+const PLOTS: [&str; 2] = ["profile.png", "waterfall.png"];
 /// Dynamic range of the pictures, dB.
 const SPAN_DB: f64 = 60.0;
 /// Maximum number of rows of a waterfall; of more sweeps, some are skipped.
@@ -103,10 +105,12 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
     let mut inputs = vec![typed.recording.clone()];
     inputs.extend(typed.calibration.clone());
     let mut claims = session.claims(&typed.writing, &inputs);
+    let names = match sweeps.len() {
+        1 => &PLOTS[..1],
+        _ => &PLOTS[..],
+    };
     if let Some(folder) = &typed.out {
-        let names = ["profile.png", "waterfall.png"];
-        let count = 1 + usize::from(sweeps.len() > 1);
-        claims.folder(folder, &names[..count])?;
+        claims.folder(folder, names)?;
     }
     let (sweep, profile) = processing.profile(&mut recording, typed.sweep)?;
     let peaks = processing.peaks(&profile);
@@ -114,16 +118,20 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
         let title = format!("{}, sweep {}", setup.name, typed.sweep);
         let chart = chart(&profile, title);
         let mut files = FileSet::new();
-        files.write_bytes(&folder.join("profile.png"), &lines(&chart)?)?;
+        files.write_bytes(&folder.join(PLOTS[0]), &lines(&chart)?)?;
         if sweeps.len() > 1 {
             let drawn = waterfall(session, &mut processing, &mut recording, &sweeps)?;
-            files.write_bytes(&folder.join("waterfall.png"), &drawn)?;
+            files.write_bytes(&folder.join(PLOTS[1]), &drawn)?;
         }
         interrupt::check()?;
         files.commit()?;
     }
     let levels = |z: f64| 20.0 * z.log10();
     if session.json() {
+        let plots = typed
+            .out
+            .iter()
+            .flat_map(|folder| files::pictures(folder, names));
         return text::say_json(
             "profile",
             json!({
@@ -145,6 +153,7 @@ pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()
                         level_db.is_finite().then_some(level_db)
                     }).collect::<Vec<_>>(),
                 },
+                "files": plots.collect::<Vec<_>>(),
             }),
         );
     }

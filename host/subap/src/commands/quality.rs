@@ -9,7 +9,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use subaperture::geometry::Extent;
 use subaperture::image::Comparison;
 use subaperture::io::claim::OutputClaims;
@@ -25,7 +25,7 @@ use subaperture::quality::{PairError, PixelMap};
 use crate::args::Quality;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{interrupt, messages, text};
+use crate::{files, interrupt, messages, text};
 use from::From;
 use source::{Both, Source};
 use theory::{Basis, Theory};
@@ -121,12 +121,10 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         against,
     };
     measuring.finish();
-    if session.json() {
-        text::say_json("quality", &report)?;
-    } else {
+    if !session.json() {
         print(&report, &source)?;
     }
-    match &typed.plots {
+    let names = match &typed.plots {
         Some(folder) => {
             let mut claims = session.claims(
                 &typed.writing,
@@ -142,11 +140,17 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
                 &report,
                 &source,
                 session.memory.picture_bytes,
-            )?;
-            Ok(())
+            )?
         }
-        None => Ok(()),
+        None => Vec::new(),
+    };
+    if session.json() {
+        let mut report = serde_json::to_value(&report)?;
+        let folder = typed.plots.as_deref().unwrap_or(Path::new(""));
+        report["files"] = json!(files::pictures(folder, names));
+        text::say_json("quality", report)?;
     }
+    Ok(())
 }
 
 /// Measure the given or the strongest points and draw them into the folder `plots` without printing. Returns the JSON report

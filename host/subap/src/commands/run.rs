@@ -33,15 +33,18 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context;
+use clap::ValueEnum;
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::OutputClaims;
+use subaperture::io::tiles;
 use subaperture::job::{FinishedStage, JobText, NAME, RunReason, State, stamp};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 
-use crate::args::{Run, Writing};
+use crate::args::{ImageFormat, Run, Writing};
 use crate::config::Session;
 use crate::failure::InterruptedJob;
+use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 use chain::{Link, REPORT, Stage};
 use job::Job;
@@ -187,12 +190,12 @@ fn check_place(text: &JobText, job: &Job, frame: &SceneFrame) -> anyhow::Result<
     match (placed, job.products.place, frame) {
         (Some(format), None, SceneFrame::Local) => {
             let products = text.values().section("products");
-            let what = format!(
+            let fault = format!(
                 "{} needs the position of the scene on the Earth, which the recording does not state: give that of the scene's origin, as \
                  place = \"39.78, -84.08, 230\"",
                 format.name()
             );
-            Err(text.explain(vec![products.fault("formats", what)]).into())
+            Err(text.explain(vec![products.fault("formats", fault)]).into())
         }
         _ => Ok(()),
     }
@@ -231,7 +234,7 @@ fn run_stage(
             }
         }
         messages::part();
-        if session.tells() {
+        if session.prints_text() {
             text::say(format!("{name:<10} up to date"))?;
         }
         return Ok(StageOutcome {
@@ -268,7 +271,7 @@ fn run_stage(
         bound_missed: part.bound_missed,
     });
     state.write(out)?;
-    if session.tells() {
+    if session.prints_text() {
         text::say(format!(
             "{name:<10} done in {} ({why})",
             text::duration(begun.elapsed())
@@ -279,6 +282,24 @@ fn run_stage(
         why: Some(why),
         seconds,
     })
+}
+
+/// Kind of an output of a job by its name.
+fn kind(name: &str) -> &'static str {
+    let mut formats = ImageFormat::value_variants().iter();
+    if let Some(format) = formats.find(|format| format.file_name() == name) {
+        return format.name();
+    }
+    let (_, extension) = name.rsplit_once('.').unwrap_or_default();
+    match (name, extension) {
+        (tiles::NAME, _) => "image",
+        (job::CORRECTION, _) => "phase correction",
+        ("map.json", _) | (_, "pgw" | "prj") => "sidecar",
+        (_, "csv") => "track",
+        (_, "png") => "picture",
+        (_, "html") => "report",
+        _ => "record",
+    }
 }
 
 /// Print the stages and the path of the report.
@@ -301,18 +322,16 @@ fn print(
                 })
             })
             .collect();
-        let products = state.made(Stage::Products.name());
+        let made = outcomes.iter().filter_map(|stage| state.made(stage.name));
+        let files = made
+            .flat_map(|made| &made.outputs)
+            .map(|output| OutputFile::new(&job.out.join(&output.path), kind(&output.path)));
         return text::say_json(
             "run",
-            json!({
-                "folder": job.out.display().to_string(),
-                "report": page.display().to_string(),
-                "stages": stages,
-                "products": products.map_or(&[][..], |made| &made.outputs),
-            }),
+            json!({ "stages": stages, "files": files.collect::<Vec<_>>() }),
         );
     }
-    if session.tells() {
+    if session.prints_text() {
         text::say(page.display().to_string())?;
     }
     Ok(())

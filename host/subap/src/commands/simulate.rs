@@ -1,6 +1,6 @@
 //! `subap simulate`: simulate a collection as CPHD 1.1 or as raw echoes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -19,6 +19,7 @@ use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 use crate::ahead::{Ahead, reading};
 use crate::args::{DeclaredSurface, SignalDomain, Simulate};
 use crate::config::{Session, record_of_run};
+use crate::files::OutputFile;
 use crate::{messages, text};
 
 /// Write the files, complete or not at all, or print information about scenarios.
@@ -219,6 +220,9 @@ struct Written {
     files: FileSet,
     records: Vec<Value>,
     lines: Vec<String>,
+    outputs: Vec<OutputFile>,
+    /// Possible files of raw data: which of them exist depends on the radar.
+    echoes: Vec<PathBuf>,
 }
 
 impl Written {
@@ -249,6 +253,11 @@ impl Written {
             }
         }
         progress.finish();
+        let ids: Vec<&str> = raw.iter().map(|raw| raw.id.as_str()).collect();
+        self.echoes = recording::names(&ids)
+            .iter()
+            .map(|name| folder.join(name))
+            .collect();
         for raw in &raw {
             let collection = raw.echoes.collection();
             let (pulses, samples) = (collection.pulses.len(), collection.waveform.num_samples());
@@ -272,6 +281,7 @@ impl Written {
         let progress = session.progress("simulating");
         cphd::add_to(&mut self.files, out, channels, &options(typed), &progress)?;
         progress.finish();
+        self.outputs.push(OutputFile::new(out, "phase history"));
         for channel in channels {
             if channel.antennas.is_some() && !cphd::describes_antennas(channel) {
                 messages::warning(format!(
@@ -295,13 +305,23 @@ impl Written {
     }
 
     /// Rename all files into place and report them.
-    fn commit(self, session: &Session, start: Instant) -> anyhow::Result<()> {
+    fn commit(mut self, session: &Session, start: Instant) -> anyhow::Result<()> {
         self.files.commit()?;
         if session.json() {
             let run = record_of_run(session, start.elapsed());
-            return text::say_json("simulate", json!({ "run": run, "written": self.records }));
+            for path in self.echoes.iter().filter(|path| path.exists()) {
+                let kind = match path.extension() {
+                    Some(end) if end == "toml" => "recording",
+                    _ => "array",
+                };
+                self.outputs.push(OutputFile::new(path, kind));
+            }
+            return text::say_json(
+                "simulate",
+                json!({ "run": run, "written": self.records, "files": self.outputs }),
+            );
         }
-        if session.tells() {
+        if session.prints_text() {
             for line in self.lines {
                 text::say(line)?;
             }

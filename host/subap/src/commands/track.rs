@@ -20,6 +20,7 @@ use subaperture::track_fusion::FusedTrack;
 use super::track_fusion;
 use crate::args::Track;
 use crate::config::{Session, note_inferred};
+use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Number of error ellipses in the picture.
@@ -279,8 +280,6 @@ fn report(
         return text::say_json(
             "track",
             json!({
-                "track": typed.out.display().to_string(),
-                "picture": picture.display().to_string(),
                 "pulses": seen.times_s.len(),
                 "poses": found.moments.len(),
                 "channels": seen.channels,
@@ -298,10 +297,11 @@ fn report(
                     "pulses": place.pulses,
                     "position_m": place.position_m.to_array(),
                 })).collect::<Vec<_>>(),
+                "files": [OutputFile::new(&typed.out, "track"), OutputFile::new(picture, "picture")],
             }),
         );
     }
-    if !session.tells() {
+    if !session.prints_text() {
         return Ok(());
     }
     text::say(format!(

@@ -26,7 +26,7 @@ pub(super) fn of(
     about: &About,
     logs: &Logs,
 ) -> anyhow::Result<FusedTrack> {
-    let said = match logs.navigation.is_empty() {
+    let navigation = match logs.navigation.is_empty() {
         true => Navigation::of_recording(found),
         false => of_logs(session, about, logs)?,
     };
@@ -34,7 +34,7 @@ pub(super) fn of(
     let mounting = Mounting {
         arm_m: logs.lever_arm.unwrap_or_default(),
     };
-    let track = FusedTrack::new(found, &said, &mounting, &progress);
+    let track = FusedTrack::new(found, &navigation, &mounting, &progress);
     interrupt::check()?;
     let track = track?;
     progress.finish();

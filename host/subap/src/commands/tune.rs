@@ -23,6 +23,7 @@ use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
+use crate::files::OutputFile;
 use crate::{interrupt, messages, text};
 
 /// Maximum number of keys varied together: each triples the number of neighbours of the best value.
@@ -83,9 +84,10 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     interrupt::check()?;
     let record = record(session, typed, &found, &recording, start)?;
     let mut files = FileSet::new();
+    let mut outputs = Vec::new();
     if let Some(folder) = &typed.out {
         let tuned = varied.history(&found.best)?;
-        pictures::add_to(
+        outputs = pictures::add_to(
             &mut files,
             session,
             typed,
@@ -113,6 +115,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     };
     files.commit()?;
     if session.json() {
+        let mut record = record;
+        outputs.extend(file.map(|path| OutputFile::new(&path, "recording")));
+        record["files"] = json!(outputs);
         return text::say_json("tune", record);
     }
     text::say(match file {

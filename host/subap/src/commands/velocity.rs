@@ -8,6 +8,7 @@ use subaperture::focus::moving::{VelocityPlane, default_velocities, velocity_res
 use subaperture::focus::{Formed, ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Image, power};
+use subaperture::io::product;
 use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::planner::forecast::cost;
 use subaperture::plot::{Panel, ShownAxis};
@@ -17,7 +18,7 @@ use crate::ahead::Ahead;
 use crate::args::Velocity;
 use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
-use crate::{interrupt, messages, text};
+use crate::{files, interrupt, messages, text};
 
 /// Form the plane and write its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
@@ -87,9 +88,11 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     };
     forming::write(session, &typed.out, &formed.image, &panel, &metadata)?;
     if session.json() {
+        let mut metadata = metadata;
+        metadata["files"] = json!(files::of_image(&typed.out, product::NAMES[0]));
         return text::say_json("velocity-plane", metadata);
     }
-    if !session.tells() {
+    if !session.prints_text() {
         return Ok(());
     }
     text::say(format!(

@@ -19,7 +19,7 @@ const FRAME: Duration = Duration::from_millis(200);
 /// Show the state until the capture has ended.
 pub(super) fn show(session: &Session, board: &LiveState, in_place: bool, ended: &AtomicBool) {
     let terminal = Term::stderr();
-    match in_place && session.tells() && terminal.is_term() {
+    match in_place && session.shows_progress() && terminal.is_term() {
         true => draw(board, &terminal, ended),
         false => show_lines(session, board, ended),
     }
@@ -66,7 +66,7 @@ fn show_lines(session: &Session, board: &LiveState, ended: &AtomicBool) {
     let mut seen = 0;
     while changed(board, &mut seen, ended) {
         let (status, _) = board.status();
-        progress.tell(line(&status, board.latest_row().as_deref()));
+        progress.set_label(line(&status, board.latest_row().as_deref()));
         if let Some(done) = done(&status) {
             progress.progress(done);
         }

@@ -1,11 +1,12 @@
 //! Output files of the demonstration: a folder for each image, the differences, the overview and the table.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::json;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::product::Product;
+use subaperture::io::product::{self, Product};
 use subaperture::io::together::FileSet;
 use subaperture::plot::{self, Colours, Panel, PlotError, Scale};
 use subaperture::signal::window::Window;
@@ -14,6 +15,7 @@ use subaperture::simulate::Preset;
 use super::{GRID, Outcome, report};
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
+use crate::files::{self, OutputFile};
 use crate::interrupt;
 
 /// Columns of images in the overview: half of all images.
@@ -101,6 +103,20 @@ pub(super) fn write(
     let table = serde_json::to_vec_pretty(&table)?;
     files.write_bytes(&typed.out.join("errors.json"), &table)?;
     Ok(files.commit()?)
+}
+
+/// All files that [`write`] writes to `folder`.
+pub(super) fn written(folder: &Path, outcomes: &[Outcome]) -> Vec<OutputFile> {
+    let formed = outcomes.iter().map(|outcome| outcome.trial.folder);
+    let images = std::iter::once("exact").chain(formed.clone());
+    let images = images.flat_map(|name| files::of_image(&folder.join(name), product::NAMES[0]));
+    let pictures = formed.map(|name| format!("difference-{name}.png"));
+    let pictures = pictures.chain(["overview.png".to_owned()]);
+    let mut all: Vec<OutputFile> = images.collect();
+    all.extend(files::pictures(folder, pictures));
+    all.push(OutputFile::new(&folder.join("errors.md"), "report"));
+    all.push(OutputFile::new(&folder.join("errors.json"), "record"));
+    all
 }
 
 /// Overview page: rows of images, each above the row of their differences.

@@ -19,6 +19,7 @@ use super::{One, Written};
 use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
 use crate::config::Session;
 use crate::failure::Usage;
+use crate::files::OutputFile;
 use crate::{log, messages};
 
 /// Map formats of `subap export`.
@@ -314,15 +315,13 @@ impl<'a> Wanted<'a> {
     }
 
     fn written(&self, ortho: &Ortho) -> Written {
-        let path = |path: &Path| path.display().to_string();
         let out = self.one.out;
         let sidecars = self.format.sidecars(out);
+        let sidecars = sidecars.iter().map(|path| OutputFile::new(path, "sidecar"));
         let raster = ortho.raster();
         Written {
             name: "map",
             about: json!({
-                "path": path(out),
-                "sidecars": sidecars.iter().map(|p| path(p)).collect::<Vec<_>>(),
                 "epsg": raster.projection.epsg(),
                 "rows": raster.rows,
                 "columns": raster.columns,
@@ -331,9 +330,10 @@ impl<'a> Wanted<'a> {
                 "oversampling": ortho.oversampling(),
                 "resampling_error_db": ortho.error_db(),
             }),
+            files: std::iter::once(self.one.file()).chain(sidecars).collect(),
             line: format!(
                 "{}: {} x {} pixels of {}, EPSG:{}",
-                path(out),
+                out.display(),
                 raster.rows,
                 raster.columns,
                 subaperture::quantity::metres(raster.pixel_m),

@@ -41,7 +41,7 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     interrupt::check()?;
     wrote.map_err(with_advice)?;
     writing.finish();
-    Ok(Written::file(one.out, sicd.bytes()))
+    Ok(Written::file(one, sicd.bytes()))
 }
 
 /// Position and time to assume where the recording does not state them.

@@ -51,5 +51,5 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     interrupt::check()?;
     wrote.map_err(with_advice)?;
     writing.finish();
-    Ok(Written::file(one.out, sidd.bytes()))
+    Ok(Written::file(one, sidd.bytes()))
 }

@@ -90,7 +90,8 @@ pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
     let count = opened.len();
     Ok(Written {
         name: "export",
-        about: json!({ "path": path, "bytes": stack.bytes(), "images": count }),
+        about: json!({ "bytes": stack.bytes(), "images": count }),
+        files: vec![one.file()],
         line: format!(
             "{path}: {count} x {} x {} pixels",
             grid.rows.count, grid.columns.count

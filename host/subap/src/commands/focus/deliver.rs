@@ -1,8 +1,8 @@
 //! Writing of a complete image with its record and picture, and the summary printed for it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use subaperture::image::{Image, ImageSource};
 use subaperture::io::product::{self, CompleteProduct, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
@@ -10,8 +10,9 @@ use subaperture::plot::{self, Panel, Source};
 
 use super::record::Record;
 use crate::args::Focus;
+use crate::commands::export::Written;
 use crate::config::Session;
-use crate::{interrupt, text};
+use crate::{files, interrupt, messages, text};
 
 /// Pixels of a complete image.
 pub(super) enum Whole<'a> {
@@ -38,13 +39,21 @@ impl Whole<'_> {
 }
 
 impl Whole<'_> {
-    /// Write the record and picture of the image. Returns the record.
+    /// Name of the image in its folder.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Memory(_) | Self::Array(_) => product::NAMES[0],
+            Self::Tiles(_) => tiles::NAME,
+        }
+    }
+
+    /// Write the record and picture of the image.
     fn write_metadata(
         self,
         out: &Path,
         mut metadata: Value,
         quicklook: &[u8],
-    ) -> anyhow::Result<Value> {
+    ) -> anyhow::Result<()> {
         match self {
             Self::Memory(image) => Product {
                 image,
@@ -63,7 +72,7 @@ impl Whole<'_> {
                 .write(out)?;
             }
         }
-        Ok(metadata)
+        Ok(())
     }
 }
 
@@ -90,15 +99,52 @@ pub(super) fn deliver(
         )?)
     };
     let out = &typed.out;
-    let metadata = if let Whole::Memory(image) = &image {
-        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
+    let name = image.name();
+    if let Whole::Memory(image) = &image {
+        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?;
     } else {
         let quicklook = &draw()?;
-        image.write_metadata(out, record.to_json(title), quicklook)?
-    };
+        image.write_metadata(out, record.to_json(title), quicklook)?;
+    }
     writing.finish();
     let products = super::products(typed).write(session)?;
-    report(session, typed, record, metadata, &products)
+    if session.json() {
+        return text::say_json("focus", summary(typed, record, name, &products));
+    }
+    report(session, typed, record, &products)
+}
+
+/// The result as JSON. All settings and figures are in the record, which is among its files.
+fn summary(typed: &Focus, record: &Record, image: &str, products: &[Written]) -> Value {
+    let Record {
+        settings,
+        grid,
+        check,
+        ..
+    } = record;
+    let resolved = &settings["resolved"];
+    let former = resolved["former"]
+        .as_str()
+        .or(settings["algorithm"].as_str());
+    let mut files = files::of_image(&typed.out, image);
+    files.extend(products.iter().flat_map(|product| product.files.clone()));
+    // A requested check has more pixels than the comparison of every image.
+    let measured = match check {
+        Some(check) => json!(check.relative_to_image_db),
+        None => resolved["sampled_error_db"].clone(),
+    };
+    json!({
+        "former": former,
+        "grid": {
+            "kind": if grid.polar { "polar" } else { "cartesian" },
+            "columns": { "count": grid.columns.count, "step": grid.columns.step },
+            "rows": { "count": grid.rows.count, "step": grid.rows.step },
+        },
+        "predicted_error_db": resolved["predicted_error_db"],
+        "measured_error_db": measured,
+        "times_s": messages::times(),
+        "files": files,
+    })
 }
 
 /// Report the output in a few lines.
@@ -106,18 +152,9 @@ fn report(
     session: &Session,
     typed: &Focus,
     record: &Record,
-    mut metadata: Value,
-    products: &[PathBuf],
+    products: &[Written],
 ) -> anyhow::Result<()> {
-    if session.json() {
-        metadata["folder"] = typed.out.display().to_string().into();
-        if !products.is_empty() {
-            let paths = products.iter().map(|path| path.display().to_string());
-            metadata["products"] = paths.collect::<Vec<_>>().into();
-        }
-        return text::say_json("image", metadata);
-    }
-    if !session.tells() {
+    if !session.prints_text() {
         return Ok(());
     }
     text::say(format!(
@@ -138,8 +175,8 @@ fn report(
         }
         None => "no brightest point: the image is zero".to_owned(),
     })?;
-    for path in products {
-        text::say(path.display().to_string())?;
+    for product in products {
+        text::say(product.files[0].path())?;
     }
     Ok(())
 }

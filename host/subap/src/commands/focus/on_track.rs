@@ -26,7 +26,7 @@ pub(super) fn open(
     let named = || format!("--track {source}");
     let (mut fixes, movers) = match source {
         TrackSource::File(path) => (track_csv::read(path).with_context(named)?, Value::Null),
-        TrackSource::Echoes | TrackSource::Fused => found(session, input, source, logs)?,
+        TrackSource::Echoes | TrackSource::Fused => estimated(session, input, source, logs)?,
     };
     let reading = session.progress("reading");
     let mut left = Options {
@@ -85,7 +85,7 @@ pub(super) fn open(
 }
 
 /// Track estimated from the recording's echoes, optionally with navigation, and the movers.
-fn found(
+fn estimated(
     session: &Session,
     input: &Input,
     source: &TrackSource,
@@ -121,7 +121,7 @@ fn found(
         Err(error) => return Err(error),
     };
     let movers = track::movers_record(&found);
-    if session.tells() {
+    if session.prints_text() {
         for mover in &found.movers {
             text::say(track::mover_line(mover))?;
         }
@@ -146,7 +146,7 @@ fn found(
         Err(error) => return Err(error),
     };
     let movers = track::movers_record(&found);
-    if session.tells() {
+    if session.prints_text() {
         for line in track_fusion::lines(&both) {
             text::say(line)?;
         }

@@ -1,9 +1,10 @@
 //! Sinks of an image that is formed tile by tile: one array, or a store that several processes fill.
 
+use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 use subaperture::focus::plan::{ImageSink, Sink};
 use subaperture::focus::{Plan, StageCost, Tile, TileRecord};
 use subaperture::geometry::ImageGrid;
@@ -17,6 +18,7 @@ use subaperture::io::tiles::{Claimed, TileStore};
 use super::summary::describe;
 use crate::args::{Focus, Part};
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::{messages, stages, text};
 
 /// Maximum share of the tiles formed in one pass over the pulses, so that a killed run loses little.
@@ -215,8 +217,18 @@ impl ImageSink for StoreSink<'_> {
         self.filling = None;
         let marks = self.store.done()?;
         if marks.len() < self.num_tiles {
-            if self.session.tells() {
-                let (there, all, part) = (marks.len(), self.num_tiles, self.part);
+            let (there, all, part) = (marks.len(), self.num_tiles, self.part);
+            if self.session.json() {
+                let part = json!({
+                    "complete": false,
+                    "part": part.to_string(),
+                    "tiles": { "formed": there, "count": all },
+                    "times_s": messages::times(),
+                    "files": [OutputFile::new(self.store.folder(), "image")],
+                });
+                text::say_json("focus", part).map_err(io::Error::other)?;
+            }
+            if self.session.prints_text() {
                 text::say(format!(
                     "{}: part {part} is complete; {there} of {all} tiles are formed, other processes form the rest",
                     self.store.folder().display()

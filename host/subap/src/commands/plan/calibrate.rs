@@ -9,6 +9,7 @@ use subaperture::io::ours::Kind;
 
 use crate::args::PlanCalibrate;
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::text;
 
 /// Measure the timing model and write it.
@@ -24,10 +25,10 @@ pub(super) fn run(session: &Session, typed: &PlanCalibrate) -> anyhow::Result<()
         file.write_all(text_of_model.as_bytes())
     })?;
     if session.json() {
-        let file = typed.out.display().to_string();
-        return text::say_json("time-model", json!({ "file": file, "model": model }));
+        let files = [OutputFile::new(&typed.out, "timing model")];
+        return text::say_json("time-model", json!({ "files": files, "model": model }));
     }
-    if session.tells() {
+    if session.prints_text() {
         let out = typed.out.display();
         text::say(format!(
             "{out}: timing model of this computer; use it with subap focus or subap plan focus --model {out}"

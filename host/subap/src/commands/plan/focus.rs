@@ -11,6 +11,7 @@ use crate::commands::air::Recorded;
 use crate::commands::focus::{summary, tiled};
 use crate::commands::{forming, surface};
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::stages::duration;
 use crate::text;
 
@@ -37,7 +38,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
         return text::say_json(
             "plan",
             json!({
-                "file": typed.out.display().to_string(),
+                "files": [OutputFile::new(&typed.out, "plan")],
                 "former": plan.former,
                 "planned_error_db": plan.planned_db,
                 "choices": plan.summary,
@@ -68,7 +69,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
         "memory",
         text::bytes(plan.tile_bytes.into()),
     ))?;
-    if session.tells() {
+    if session.prints_text() {
         text::say(format!(
             "{}: plan; execute it with subap focus INPUT --plan {} -o DIR",
             typed.out.display(),

@@ -19,7 +19,11 @@ use subaperture::signal::window::Window;
 
 use crate::args::PlanRadar;
 use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::files;
 use crate::text::{self, Fact, bytes, metres};
+
+/// Names of the pictures.
+const PLOTS: [&str; 2] = ["response.png", "ambiguity.png"];
 
 /// Number of pixels along a side of the picture.
 const PICTURE: usize = 401;
@@ -58,17 +62,21 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let plan = RadarPlan::new(&collection, &request)?;
     if let Some(folder) = &typed.plots {
         let mut claims = session.claims(&typed.writing, &typed.input.files);
-        claims.folder(folder, ["response.png", "ambiguity.png"])?;
+        claims.folder(folder, PLOTS)?;
         let response = plot(&collection, &grid, &plan)?;
         let ambiguity = plot_ambiguity(&pulse(typed, &plan))?;
         let mut files = FileSet::new();
-        files.write_bytes(&folder.join("response.png"), &response)?;
-        files.write_bytes(&folder.join("ambiguity.png"), &ambiguity)?;
+        files.write_bytes(&folder.join(PLOTS[0]), &response)?;
+        files.write_bytes(&folder.join(PLOTS[1]), &ambiguity)?;
         files.commit()?;
     }
     planning.finish();
     if session.json() {
-        return text::say_json("radar-plan", &plan);
+        let mut plan = serde_json::to_value(&plan)?;
+        let folder = typed.plots.iter();
+        let plots = folder.flat_map(|folder| files::pictures(folder, PLOTS));
+        plan["files"] = serde_json::json!(plots.collect::<Vec<_>>());
+        return text::say_json("radar-plan", plan);
     }
     text::say(to_text(&plan))?;
     Ok(())

@@ -91,7 +91,7 @@ impl<'a> From<'a> {
         source: &'a Source,
     ) -> anyhow::Result<Self> {
         let Some(metadata) = &source.metadata else {
-            let fault = "--from needs an image that says how it was formed: give the folder that subap focus wrote, not its \
+            let fault = "--from needs an image with the record of its settings: give the folder that subap focus wrote, not its \
                         image.npy";
             return Err(Usage(fault.to_owned()).into());
         };

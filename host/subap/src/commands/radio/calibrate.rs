@@ -10,6 +10,7 @@ use subaperture::radio::sigmf::{Recording, Setup};
 use crate::args::Calibrate;
 use crate::config::Session;
 use crate::failure::Usage;
+use crate::files::OutputFile;
 use crate::{log, text};
 
 pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
@@ -71,13 +72,13 @@ pub(super) fn run(session: &Session, typed: &Calibrate) -> anyhow::Result<()> {
         return text::say_json(
             "calibration",
             json!({
-                "file": typed.out.display().to_string(),
+                "files": [OutputFile::new(&typed.out, "calibration")],
                 "date": calibration.date,
                 "receivers": each.collect::<Vec<_>>(),
             }),
         );
     }
-    if session.tells() {
+    if session.prints_text() {
         for (receiver, delay_m, level_db) in found {
             text::say(format!(
                 "{}: range bias of receiver {receiver}: {delay_m:.3} m; reflector level {} relative to the reference",

@@ -9,6 +9,7 @@ use subaperture::radio::profile::{self, Calibration};
 
 use crate::args::Convert;
 use crate::config::Session;
+use crate::files::OutputFile;
 use crate::{messages, text};
 
 pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
@@ -69,7 +70,7 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
         return text::say_json(
             "conversion",
             json!({
-                "path": typed.out.display().to_string(),
+                "files": [OutputFile::new(&typed.out, "phase history")],
                 "channels": channels.len(),
                 "pulses": pulses,
                 "samples": frequencies,
@@ -77,7 +78,7 @@ pub(super) fn run(session: &Session, typed: &Convert) -> anyhow::Result<()> {
             }),
         );
     }
-    if session.tells() {
+    if session.prints_text() {
         let of = match channels.len() {
             1 => "one receiver".to_owned(),
             count => format!("{count} receivers"),

@@ -48,8 +48,8 @@ impl Job {
             None => path.with_extension(""),
         };
         if out == path {
-            let what = "the name of this file has no extension that the name of the output folder could omit: name the folder, as out = \"my-job\"";
-            return Err(vec![Fault::new(&text.values().at, what)]);
+            let fault = "the name of this file has no extension that the name of the output folder could omit: name the folder, as out = \"my-job\"";
+            return Err(vec![Fault::new(&text.values().at, fault)]);
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let name = sections.top.name.clone().unwrap_or(stem.into_owned());

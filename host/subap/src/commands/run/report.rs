@@ -53,7 +53,7 @@ pub(super) fn run_stage(
     };
     let why = state.why(out, &basis, &[last.name()])?;
     let Some(mut why) = why else {
-        if session.tells() {
+        if session.prints_text() {
             text::say(format!("{REPORT:<10} up to date"))?;
         }
         return Ok(StageOutcome {
@@ -92,7 +92,7 @@ pub(super) fn run_stage(
         bound_missed: false,
     });
     state.write(out)?;
-    if session.tells() {
+    if session.prints_text() {
         text::say(format!(
             "{REPORT:<10} done in {} ({why})",
             text::duration(begun.elapsed())

@@ -147,8 +147,8 @@ impl Sections {
         let values = job.values();
         let mut faults = Vec::new();
         if let (Some(_), Some(autofocus)) = (&self.track, values.optional_section("autofocus")) {
-            let what = "autofocus is of the positions as recorded, and [track] replaces them: leave one of the two out";
-            faults.push(Fault::new(&autofocus.at, what));
+            let fault = "autofocus is of the positions as recorded, and [track] replaces them: leave one of the two out";
+            faults.push(Fault::new(&autofocus.at, fault));
         }
         let input = values.section("input");
         if self.input.channel.is_some() && self.input.channels.is_some() {
@@ -158,12 +158,12 @@ impl Sections {
             && track.source != Source::File
             && self.input.files.len() != 1
         {
-            let what = "a track is estimated from one recording: name one file, or take a [track] of source \"file\"";
-            faults.push(input.fault("files", what));
+            let fault = "a track is estimated from one recording: name one file, or take a [track] of source \"file\"";
+            faults.push(input.fault("files", fault));
         }
         if self.former.forming.squint.is_some() && self.former.forming.beam.is_none() {
-            let what = "'squint' needs 'beam': write for example beam = \"auto\"";
-            faults.push(values.section("former").fault("squint", what));
+            let fault = "'squint' needs 'beam': write for example beam = \"auto\"";
+            faults.push(values.section("former").fault("squint", fault));
         }
         faults
     }

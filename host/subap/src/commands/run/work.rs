@@ -97,7 +97,10 @@ impl Worker<'_> {
             }
             Stage::Autofocus => {
                 let autofocus = job.autofocus.as_ref().expect(missing);
-                self.record(AUTOFOCUS_JSON, autofocus::found(self.session, autofocus)?)?;
+                self.record(
+                    AUTOFOCUS_JSON,
+                    autofocus::estimate(self.session, autofocus)?,
+                )?;
                 Ok(names(&[CORRECTION, AUTOFOCUS_PNG, AUTOFOCUS_JSON]))
             }
             Stage::Focus => {

@@ -15,9 +15,10 @@ use subaperture::plot::{self, Chart, Colours, Curve, HeatMap, Panel};
 use super::{figure, less_is_better, measure_name, rounded};
 use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::files::OutputFile;
 use crate::interrupt;
 
-/// Add all files to a set; `histories` are the recording as described, if possible, and as tuned.
+/// Add all files to a set and return them; `histories` are the recording as described, if possible, and as tuned.
 pub(super) fn add_to(
     files: &mut FileSet,
     session: &Session,
@@ -26,8 +27,17 @@ pub(super) fn add_to(
     record: &Value,
     found: &Tuned,
     histories: [&Result<InMemory, ReadError>; 2],
-) -> anyhow::Result<()> {
-    let mut put = |name: &str, bytes: &[u8]| files.write_bytes(&folder.join(name), bytes);
+) -> anyhow::Result<Vec<OutputFile>> {
+    let mut written = Vec::new();
+    let mut put = |name: &str, bytes: &[u8]| {
+        let path = folder.join(name);
+        let kind = match name {
+            "tune.json" => "record",
+            _ => "picture",
+        };
+        written.push(OutputFile::new(&path, kind));
+        files.write_bytes(&path, bytes)
+    };
     put("tune.json", &serde_json::to_vec_pretty(record)?)?;
     for (vary, (scan, &best)) in typed.vary.iter().zip(found.scans.iter().zip(&found.best)) {
         let label = match vary.unit.as_str() {
@@ -88,7 +98,7 @@ pub(super) fn add_to(
         put("image.png", &plot::panels(&panels, 2)?)?;
     }
     interrupt::check()?;
-    Ok(())
+    Ok(written)
 }
 
 fn image(
