@@ -203,7 +203,7 @@ pub fn parts_of(
     Ok(Some(shown))
 }
 
-/// Replace a non-finite pixel by 0; it would spoil the whole patch.
+/// Replace a non-finite pixel by 0, since it would affect the whole patch.
 fn make_finite(z: &mut Complex32) {
     if !z.is_finite() {
         *z = Complex32::ZERO;
