@@ -164,7 +164,7 @@ fn invalid_arrays_are_named() {
         (
             without("antenna_m"),
             [
-                "where the antennas were is missing",
+                "antenna positions are missing",
                 "'transmitter_m' and 'receiver_m'",
             ],
         ),
@@ -175,11 +175,14 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("samples", "<f8", "(3, 2)", vec![0.0; 6]),
-            ["array 'samples' is real", "complex"],
+            ["array 'samples': expected complex", "found real"],
         ),
         (
             with("samples", "<c16", "(6,)", vec![0.0; 12]),
-            ["array 'samples' has shape (6)", "pulses x frequencies"],
+            [
+                "array 'samples': expected shape pulses x frequencies",
+                "found (6)",
+            ],
         ),
         (
             with("samples", "<c16", "(3, 2)", vec![f64::NAN; 12]),
@@ -195,7 +198,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("receiver_m", "<f8", "(3, 3)", vec![0.0; 9]),
-            ["both 'antenna_m' and", "leave out"],
+            ["both 'antenna_m' and", "remove one"],
         ),
         (
             with("frequency_hz", "<f8", "(2,)", vec![1.0, 1.1]),
@@ -203,7 +206,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("step_hz", "<f8", "(1,)", vec![1e6]),
-            ["both 'frequency_hz' and", "leave out"],
+            ["both 'frequency_hz' and", "remove one"],
         ),
         (
             with("sign", "<f8", "(1,)", vec![2.0]),
@@ -226,7 +229,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("extent_m", "<f8", "(4,)", vec![1.0, 0.0, 0.0, 1.0]),
-            ["array 'extent_m'", "least and greatest x"],
+            ["array 'extent_m'", "minimum and maximum x"],
         ),
         (
             with("origin_deg_m", "<f8", "(3,)", vec![147.0, 0.0, 0.0]),

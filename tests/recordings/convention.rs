@@ -380,7 +380,7 @@ fn noise_and_silence_are_refused() {
     ))
     .unwrap_err();
     assert!(
-        error.contains("no image can decide it (expected antennas that move by at least 4 wavelengths, found less)"),
+        error.contains("it cannot be inferred (expected antennas that move by at least 4 wavelengths, found less)"),
         "{error}"
     );
 }

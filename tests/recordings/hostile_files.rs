@@ -170,26 +170,14 @@ fn impossible_grid_of_a_product_is_refused() {
     });
     product_with(folder.path(), &good).unwrap();
     for (pointer, value, part) in [
-        (
-            "/x_axis",
-            json!([2.0, 0.0, 0.0]),
-            "not orthogonal unit vectors",
-        ),
-        (
-            "/y_axis",
-            json!([1.0, 0.0, 0.0]),
-            "not orthogonal unit vectors",
-        ),
+        ("/x_axis", json!([2.0, 0.0, 0.0]), "orthogonal unit vectors"),
+        ("/y_axis", json!([1.0, 0.0, 0.0]), "orthogonal unit vectors"),
         (
             "/y_axis",
             json!([0.0, 1e200, 1e200]),
-            "not orthogonal unit vectors",
+            "orthogonal unit vectors",
         ),
-        (
-            "/x_axis",
-            json!([0.0, 0.0, 0.0]),
-            "not orthogonal unit vectors",
-        ),
+        ("/x_axis", json!([0.0, 0.0, 0.0]), "orthogonal unit vectors"),
         (
             "/origin_m",
             json!([1e300, 0.0, 0.0]),
