@@ -143,7 +143,7 @@ fn npy_reader_rejects_other_types_and_damage() {
         ),
         (
             "{'descr': '<c8', 'fortran_order': False, 'shape': (2, 4), }",
-            "need 64 bytes",
+            "expected 64 bytes",
         ),
         (
             "{'descr': '<c8', 'fortran_order': False, 'shape': (4294967296, 4294967296), }",

@@ -160,7 +160,7 @@ fn invalid_arrays_are_named() {
         message(&arrays)
     };
     for (found, parts) in [
-        (without("samples"), ["no phase history", "'samples'"]),
+        (without("samples"), ["not a phase history", "'samples'"]),
         (
             without("antenna_m"),
             [
@@ -190,7 +190,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("antenna_m", "<f8", "(4, 3)", vec![0.0; 12]),
-            ["array 'antenna_m' has shape (4, 3)", "(3, 3)"],
+            ["array 'antenna_m': expected shape", "found (4, 3)"],
         ),
         (
             with("antenna_m", "<f8", "(3, 3)", vec![f64::INFINITY; 9]),
@@ -214,16 +214,19 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("time_s", "<f8", "(3,)", vec![0.0, 2.0, 1.0]),
-            ["array 'time_s': pulse 2 is earlier", "order of time"],
+            [
+                "array 'time_s': pulse 2 is earlier",
+                "sort the pulses by time",
+            ],
         ),
         (
             without("sign"),
-            ["the phase is not stated", "give 'sign', -1 or 1"],
+            ["the phase convention is not stated", "give 'sign', -1 or 1"],
         ),
         (
             without("reference_path_m"),
             [
-                "the phase is not stated",
+                "the phase convention is not stated",
                 "give 'reference_path_m' (0 for raw echoes)",
             ],
         ),

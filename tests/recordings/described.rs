@@ -284,7 +284,7 @@ fn each_error_states_its_line() {
             "range_bias = \"14 cm\"",
             "pulses = \"moving\"\nmoving_above = \"1 km/s\"",
             9,
-            "no pulse",
+            "does not move in any pulse",
         ),
         (
             "range_bias = \"14 cm\"",

@@ -239,8 +239,12 @@ fn faults_are_named() {
         let file = assemble("1.1.0", &xml.replace(from, to), &good.pvp(), &good.signal);
         assert_refused(&file, part);
     };
-    changed(">FX<", ">XF<", "CPHD/Global/DomainType: 'XF'");
-    changed("<SGN>-1", "<SGN>0", "CPHD/Global/SGN: '0'");
+    changed(
+        ">FX<",
+        ">XF<",
+        "CPHD/Global/DomainType: expected FX or TOA, found 'XF'",
+    );
+    changed("<SGN>-1", "<SGN>0", "found '0'");
     changed(
         ">CF8<",
         ">CF16<",
@@ -257,7 +261,7 @@ fn faults_are_named() {
         "<NumVectors>4",
         "does not fit the PVP block",
     );
-    changed("<NumVectors>3", "<NumVectors>-3", "NumVectors: '-3'");
+    changed("<NumVectors>3", "<NumVectors>-3", "found '-3'");
     changed("<NumSamples>4", "<NumSamples>0", "NumSamples: 0");
     changed(
         "<NumSamples>4",
@@ -297,7 +301,7 @@ fn faults_are_named() {
     changed(
         "<RefChId>only",
         "<RefChId>other",
-        "CPHD/Channel/RefChId: no channel 'other'",
+        "CPHD/Channel/RefChId: unknown channel 'other'",
     );
     changed("<Y>1</Y>", "<Y>2</Y>", "not orthogonal unit vectors");
     changed("<X>6378137</X>", "<X>1</X>", "not a place near the Earth");
@@ -386,11 +390,11 @@ fn wrong_header_values_are_named() {
         [&good[..at], to.as_bytes(), &good[at + from.len()..]].concat()
     };
     assert_refused(b"", "the file is empty");
-    assert_refused(b"MATLAB 5.0 MAT-file", "starts with 'CPHD/1.1.0'");
-    assert_refused(&text("CPHD/1.1.0", "CPHD/2.0.0"), "version '2.0.0'");
+    assert_refused(b"MATLAB 5.0 MAT-file", "expected 'CPHD/1.1.0' at the start");
+    assert_refused(&text("CPHD/1.1.0", "CPHD/2.0.0"), "found '2.0.0'");
     assert_refused(
         &text("PVP_BLOCK_SIZE", "PVP_BLICK_SIZE"),
-        "no PVP_BLOCK_SIZE",
+        "required key PVP_BLOCK_SIZE is missing",
     );
     assert_refused(
         &text(
