@@ -194,7 +194,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("antenna_m", "<f8", "(3, 3)", vec![f64::INFINITY; 9]),
-            ["array 'antenna_m': value 0", "finite"],
+            ["array 'antenna_m': expected finite", "index 0"],
         ),
         (
             with("receiver_m", "<f8", "(3, 3)", vec![0.0; 9]),
@@ -202,7 +202,7 @@ fn invalid_arrays_are_named() {
         ),
         (
             with("frequency_hz", "<f8", "(2,)", vec![1.0, 1.1]),
-            ["array 'frequency_hz' starts at 1", "GHz"],
+            ["array 'frequency_hz': expected hertz", "GHz"],
         ),
         (
             with("step_hz", "<f8", "(1,)", vec![1e6]),

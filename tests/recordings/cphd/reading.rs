@@ -304,7 +304,11 @@ fn faults_are_named() {
         "CPHD/Channel/RefChId: unknown channel 'other'",
     );
     changed("<Y>1</Y>", "<Y>2</Y>", "not orthogonal unit vectors");
-    changed("<X>6378137</X>", "<X>1</X>", "not a place near the Earth");
+    changed(
+        "<X>6378137</X>",
+        "<X>1</X>",
+        "expected a position near the Earth",
+    );
     changed(
         "<X>6378137</X>",
         "<X>inf</X>",
